@@ -47,5 +47,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """List the public names alone."""
+    """List only the public names."""
     return sorted([*__all__, "__version__"])

@@ -13,35 +13,36 @@ from numpy.typing import ArrayLike, NDArray
 
 from truepose.exceptions import InputError, choose, shortened
 
-Array = NDArray[Any]  #: of numbers, mostly; of flags or words where it is said
+Array = NDArray[Any]  #: of numbers unless documented otherwise (flags, words)
 Errors = Literal["raise", "nan"]
 Level = Literal["ideal", "full"]
 
 
 def check_real(values: Any, name: str) -> None:
-    """Refuse what would lose its mask or its imaginary part on its way into the core.
+    """Refuse values with units, masks or imaginary parts, which the core would drop.
 
     Raises
     ------
     InputError
         A masked array, or a list of them; complex numbers.
     """
-    if hasattr(values, "to_base_units"):  # pint, and those alike
+    if hasattr(values, "to_base_units"):  # pint and similar packages
         raise InputError(f"{name}: has units ({values.units}): pass x.to_base_units().magnitude")
     if isinstance(values, str | Path):
-        raise InputError(f"{name} = {shortened(repr(values))}: must be numbers, not a text")
+        raise InputError(f"{name} = {shortened(repr(values))}: must be numbers, not text")
     parts = values if isinstance(values, list | tuple) else (values,)
     parts = [part for part in parts if isinstance(part, np.ndarray | np.generic)]
     if any(isinstance(part, np.ma.MaskedArray) for part in parts):
-        raise InputError(f"{name}: a masked array: fill what is masked (NaN), or leave it out")
+        raise InputError(f"{name}: a masked array: fill the masked values (NaN) or drop them")
     if any(map(np.iscomplexobj, parts)):
         raise InputError(f"{name}: complex numbers: must be real")
 
 
 def columns_of(table: Any) -> list[Any] | None:
-    """Names of a table's columns; None where it has none.
+    """Return the names of a table's columns; None without names.
 
-    A dict of columns, a list of dicts, a table of pandas, polars or pyarrow, a structured array.
+    A table is a dict of columns, a list of dicts, of pandas, polars or pyarrow, or a structured
+    array.
 
     Examples
     --------
@@ -74,7 +75,7 @@ def numbers_of(values: ArrayLike, name: str) -> Array:
     >>> import numpy as np
     >>> numbers_of(np.ma.masked_invalid([0.1, np.nan]), "x")
     Traceback (most recent call last):
-    truepose.exceptions.InputError: x: a masked array: fill what is masked (NaN), or leave it out
+    truepose.exceptions.InputError: x: a masked array: fill the masked values (NaN) or drop them
     """
     check_real(values, name)
     try:
@@ -84,7 +85,7 @@ def numbers_of(values: ArrayLike, name: str) -> Array:
 
 
 def require(value: object, kind: type, name: str, instead: str) -> None:
-    """Raise InputError unless an argument is of a kind; `instead` says how to get one.
+    """Raise InputError unless an argument has a type; `instead` tells how to get one.
 
     Examples
     --------
@@ -97,7 +98,7 @@ def require(value: object, kind: type, name: str, instead: str) -> None:
 
 
 def check_seed(seed: int) -> int:
-    """Return a seed that the core's generator takes."""
+    """Return a seed that is valid for the core's generator."""
     if not (isinstance(seed, (int, np.integer)) and 0 <= seed < 2**64):
         raise InputError(f"seed = {seed!r}: must be a whole number from 0 to 2^64 - 1")
     return int(seed)
@@ -110,7 +111,7 @@ def fraction(name: str, value: float) -> None:
 
 
 def selected(what: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names that these names and globs select, in their order; "all" or "none" alone.
+    """Return the names selected by names and globs, in their order; "all" or "none" alone.
 
     Examples
     --------

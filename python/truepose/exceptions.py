@@ -1,4 +1,4 @@
-"""Errors, and how their messages are worded."""
+"""Exceptions and helpers for their messages."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import difflib
 import unicodedata
 from collections.abc import Iterable
 
-_SHOWN = 20  # choices listed before the rest is only counted
+_SHOWN = 20  # choices listed; the others are counted
 _LONG = 80  # characters of a value that are shown
 
 
 def shortened(text: str, most: int = _LONG) -> str:
-    """Return a value's text, or as much of it as a line can bear."""
+    """Return a text cut to at most `most` characters."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
@@ -20,7 +20,7 @@ class TrueposeError(Exception):
 
 
 class RobotFileError(TrueposeError):
-    """A robot file that cannot be read, or describes no robot."""
+    """A robot file that cannot be read or does not describe a robot."""
 
 
 class PoseError(TrueposeError):
@@ -32,7 +32,7 @@ class InputError(TrueposeError, ValueError):
 
 
 def one_line(text: object, most: int = 2000) -> str:
-    r"""Text as a terminal may be given it: one line, nothing in it that would be obeyed.
+    r"""Return a text safe for a terminal: one line, control characters escaped.
 
     Examples
     --------
@@ -44,12 +44,12 @@ def one_line(text: object, most: int = 2000) -> str:
 
 
 def controls(text: str) -> bool:
-    """Whether a name holds control characters, which no name may: also those of direction."""
+    """Return whether a name holds control characters (also of direction), which are not allowed."""
     return any(unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp") for c in text)
 
 
 def choose(what: str, value: object, choices: Iterable[str]) -> str:
-    """One line that says what `value` should have been: the nearest choice, then the choices."""
+    """Return one line on an unknown `value`: the nearest choice, then all choices."""
     choices, value = list(choices), shortened(str(value))
     same = [choice for choice in choices if choice.lower() == value.lower()]
     stem = value.rpartition(".")[0] + "."  # a parameter's: of its chain, bar or sensor

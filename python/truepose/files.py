@@ -1,8 +1,8 @@
 """Reading of regular files, atomic writing of results.
 
-Every file that truepose writes goes through :func:`write`: beside its place first, then renamed.
-A file that is there is replaced by force only; one that is read by the same command, is read-only
-or is no regular file, never.
+Every file that truepose writes goes through :func:`write`: a draft beside it is renamed. An
+existing file is replaced only by force; never if it is read-only, not a regular file, or an input of
+the same command.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 #: Formats of pictures, by the file's ending, and the key of their metadata that holds the mark.
 PICTURES = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}
-#: Endings that options of commands take, by the kind of file; of other kinds any.
+#: Allowed endings of command options by kind of file; other kinds have any.
 ENDINGS = {
     "picture": tuple(PICTURES),
     "report": (".html", ".htm"),
@@ -37,16 +37,16 @@ ENDINGS = {
 
 
 def contents(path: Path, most: int = -1) -> bytes:
-    """Read a file, of a long one `most` bytes; OSError where it is no regular file."""
+    """Read a file, at most `most` bytes; OSError if it is not a regular file."""
     mode = path.stat().st_mode
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # of a folder the system says so itself
-        raise OSError(0, "it is no regular file", str(path))
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # open() itself refuses a folder
+        raise OSError(0, "it is not a regular file", str(path))
     with path.open("rb") as file:
         return file.read(most)
 
 
 def mark(kind: str) -> str:
-    """Words by which a file says that truepose wrote it, and what: "report", "picture", "log"."""
+    """Return the text that marks a file as written by truepose: "report", "picture", "log"."""
     return f"written by truepose: {kind}"
 
 
@@ -55,8 +55,8 @@ class Output:
     """A file to be written."""
 
     path: Path
-    kind: str  #: of result: says which endings an option may have
-    option: str = ""  #: by which it was asked for, for messages
+    kind: str  #: of result, which determines the allowed endings
+    option: str = ""  #: of the command, for messages
 
     def __str__(self) -> str:
         return f"{self.option} {self.path}".lstrip()
@@ -65,25 +65,25 @@ class Output:
 def check(
     outputs: Iterable[Output], inputs: Iterable[str | Path] = (), force: bool = False
 ) -> list[Path]:
-    """Check that files may be written, best before any work is done for them.
+    """Check that files may be written; call it before the work for them.
 
     Parameters
     ----------
     outputs : iterable of Output
     inputs : iterable of path
-        Files that are read for the outputs' sake: never replaced.
+        Files that the same command reads: never replaced.
     force : bool
-        Replace files that are there.
+        Replace existing files.
 
     Returns
     -------
     list of Path
-        Where each will stand: symbolic links are followed.
+        Path of each file, symbolic links followed.
 
     Raises
     ------
     InputError
-        An output has another format's ending or may not be written, or two are the same file.
+        An output has a wrong ending or cannot be written, or two outputs are the same file.
     """
     outputs, read = list(outputs), list[os.stat_result]()
     for path in inputs:
@@ -103,11 +103,11 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
             there = os.stat(output.path)
         except FileNotFoundError:
             there = None
-            os.stat(place.parent)  # says itself that there is no such folder
+            os.stat(place.parent)  # raises if there is no such folder
         why = _why_not(place, there, read)
     except OSError as error:
         why = error.strerror or str(error)
-    except ValueError as error:  # a NUL in its name
+    except ValueError as error:  # a NUL in the name
         why = str(error)
     if why:
         raise InputError(f"{output}: cannot be written: {why}")
@@ -115,7 +115,7 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
     if output.option and known and output.path.suffix.lower() not in known:
         raise InputError(f"{output}: " + choose("ending", output.path.suffix, known))
     if there and not force:
-        raise InputError(f"{output}: is there already; --force (force=True) replaces it")
+        raise InputError(f"{output}: exists; --force (force=True) replaces it")
     return place
 
 
@@ -125,7 +125,7 @@ def _why_not(place: Path, there: os.stat_result | None, read: list[os.stat_resul
     if stat.S_ISDIR(there.st_mode):
         return "it is a folder"
     if not stat.S_ISREG(there.st_mode):
-        return "it is no regular file"
+        return "it is not a regular file"
     if any(os.path.samestat(there, one) for one in read):
         return "it is read by the same command"
     if not (there.st_mode & 0o222 and os.access(place, os.W_OK)):
@@ -136,9 +136,9 @@ def _why_not(place: Path, there: os.stat_result | None, read: list[os.stat_resul
 def write(
     contents: Mapping[Output, str | bytes], inputs: Iterable[str | Path] = (), force: bool = False
 ) -> None:
-    """Write files, after :func:`check`: whoever reads one sees the old contents or the new ones.
+    """Write files atomically after :func:`check`: a reader sees the old or the new contents.
 
-    Where one cannot be written, an InputError says why, and what was there is untouched.
+    If one cannot be written, an InputError states why, and existing files stay unchanged.
     """
     places = check(contents, inputs, force)
     drafts = [place.with_name(f".truepose-{uuid.uuid4().hex}") for place in places]
@@ -165,7 +165,7 @@ _UNFINISHED: list[Path] = []
 
 @contextlib.contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Let a file, or a folder and all in it, be there only as long as it is worked on."""
+    """Remove a file, or a folder with its contents, at the end of the block."""
     _UNFINISHED.append(path)
     try:
         yield path
@@ -175,7 +175,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 def clear() -> None:
-    """Remove everything unfinished: the last deed of a program that is told to end at once."""
+    """Remove all unfinished files, before a program that was told to stop ends."""
     for path in reversed(_UNFINISHED):
         _remove(path)
 
@@ -193,7 +193,7 @@ def replace_file(
 
 
 def picture(figure: Figure, ending: str, dpi: int = 150) -> bytes:
-    """Draw a figure as PNG, SVG or PDF: the same figure, the same bytes."""
+    """Render a figure as PNG, SVG or PDF; the bytes are reproducible."""
     import matplotlib as mpl
 
     ending = ending.lower()
@@ -201,6 +201,6 @@ def picture(figure: Figure, ending: str, dpi: int = 150) -> bytes:
     metadata |= {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     drawn = io.BytesIO()
     with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "truepose"}):
-        warnings.filterwarnings("ignore", "Glyph")  # of a name in letters that no font here has
+        warnings.filterwarnings("ignore", "Glyph")  # letters of a name missing in the fonts
         figure.savefig(drawn, format=ending[1:], metadata=metadata, dpi=dpi)
     return drawn.getvalue()

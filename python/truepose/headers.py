@@ -13,7 +13,7 @@ def get_include() -> str:
     Raises
     ------
     TrueposeError
-        Where the package runs from its source tree: the headers are laid beside it on installation.
+        The package runs from its source tree; the headers exist only after installation.
     """
     return _installed(_DATA / "include")
 
@@ -21,18 +21,18 @@ def get_include() -> str:
 def get_cmake_dir() -> str:
     """Return the folder of trueposeConfig.cmake, for ``cmake -Dtruepose_DIR=...``.
 
-    A build by scikit-build-core that requires truepose finds it without.
+    A scikit-build-core build that requires truepose does not need it.
 
     Raises
     ------
     TrueposeError
-        As of :func:`get_include`.
+        As for :func:`get_include`.
     """
     return _installed(_DATA / "share" / "cmake" / "truepose")
 
 
 def _installed(folder: Path) -> str:
-    """Return the folder's path, which is there once the package is installed."""
+    """Return the folder's path; it exists once the package is installed."""
     if not folder.is_dir():
         raise TrueposeError(f"no C++ headers in {folder}: install truepose (pip install .)")
     return str(folder)

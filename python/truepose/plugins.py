@@ -1,4 +1,4 @@
-"""Entry points by which integrations add commands, log formats and clusters.
+"""Entry points with which integrations add commands, log formats and clusters.
 
 Groups: ``truepose.commands`` (a function or a typer app; ``export.NAME`` adds to a group),
 ``truepose.log_formats`` (a module with ``MAGIC``, ``read`` and ``write``; named by its ending) and

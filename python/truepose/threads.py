@@ -10,17 +10,16 @@ from truepose import _core
 
 
 def cores() -> int:
-    """Cores that this process may use: fewer than the machine has under taskset."""
+    """Return the number of cores that this process may use (taskset limits it)."""
     on_linux = hasattr(os, "sched_getaffinity")
     return len(os.sched_getaffinity(0)) if on_linux else os.cpu_count() or 1
 
 
 def each(work: Callable, items: Iterable) -> Iterator:
-    """Results of work(item) in the order of the items, on all cores.
+    """Yield work(item) in the order of the items, computed on all cores.
 
-    Threads are enough: the core works without the interpreter's lock. A signal reaches the thread
-    that waits here; on Ctrl-C it tells the core's loops in the others to end, and does not wait for
-    items that nobody has begun.
+    Threads suffice because the core releases the interpreter's lock. The waiting thread receives
+    signals; on Ctrl-C it stops the core's loops in the others and drops items not yet started.
 
     Examples
     --------

@@ -46,7 +46,7 @@ MISTAKES = {
     "nothing for a pose": (lambda: H4.ikm(None), r"must be \(\.\.\., 4\) for h4"),
     "poses in columns": (lambda: H4.ikm(np.zeros((4, 10))), r"shape \(4, 10\), must be"),
     "complex poses": (lambda: H4.ikm(np.array(X, complex)), "must be real"),
-    "a masked pose": (lambda: H4.ikm(np.ma.array(X, mask=[1, 0, 0, 0])), "fill what is masked"),
+    "a masked pose": (lambda: H4.ikm(np.ma.array(X, mask=[1, 0, 0, 0])), "fill the masked values"),
     "a pose with units": (
         lambda: H4.ikm(Millimetres()),
         r"has units \(millimeter\): pass x\.to_ba",

@@ -61,7 +61,7 @@ def test_a_command_replaces_a_file_by_force_only(run, folder, words):
     out.write_bytes(b"somebody's own")
     status, said, err = run(*words)
     assert (status, said) == (2, "") and len(err.splitlines()) == 1
-    assert ": is there already; --force" in err
+    assert ": exists; --force" in err
     assert out.read_bytes() == b"somebody's own"
     for _ in range(2):
         assert run(*words, "--force")[0] == 0
@@ -216,7 +216,7 @@ def test_a_robot_is_saved_in_the_place_of_a_file_by_force_only(h4, tmp_path, kin
 def test_a_log_replaces_a_file_by_force_only(h4, tmp_path, ending):
     run, path = tp.simulate(h4, duration=0.1, hold=0.0), tmp_path / f"log.{ending}"
     logs.write(run, path)
-    with pytest.raises(tp.InputError, match="is there already; --force"):
+    with pytest.raises(tp.InputError, match="exists; --force"):
         logs.write(run, path)
     logs.write(run, path, force=True)
 
@@ -224,7 +224,7 @@ def test_a_log_replaces_a_file_by_force_only(h4, tmp_path, ending):
 def test_a_picture_from_mujoco_is_a_file_like_others(h4, tmp_path, monkeypatch):
     monkeypatch.setattr(viewing, "require", lambda: None)
     (tmp_path / "out.png").write_bytes(b"mine")
-    with pytest.raises(tp.InputError, match="is there already; --force"):
+    with pytest.raises(tp.InputError, match="exists; --force"):
         viewing.picture(h4, tmp_path / "out.png")
 
 
@@ -265,7 +265,7 @@ def test_a_pipe_is_not_waited_for(run, folder, what):
     status, _, err = run(*words)
     assert (status, err) == (
         2,
-        "truepose: error: pipe: cannot be read: it is no regular file\n",
+        "truepose: error: pipe: cannot be read: it is not a regular file\n",
     )
 
 

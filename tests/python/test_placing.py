@@ -97,10 +97,10 @@ def test_sensors_of_the_robot_that_a_file_is_based_on_move_too(tmp_path):
         ({"sensors": []}, "place: no sensor"),
         (
             {"sensors": ["theta"]},
-            "place: theta: platform_angle has no place; .* z_telemeter, wire1",
+            "place: theta: platform_angle has no mounting place; .* z_telemeter, wire1",
         ),
         ({"within": {"wire1.orign.x": (0, 1)}}, "within: unknown coordinate 'wire1.orign.x'"),
-        ({"within": {"wire1.origin.x": (1, 0)}}, "within: wire1.origin.x = 1 to 0: must rise"),
+        ({"within": {"wire1.origin.x": (1, 0)}}, "within: wire1.origin.x = 1 to 0: must increase"),
     ],
 )
 def test_what_cannot_be_placed_is_said(h4, asked, message):
@@ -109,21 +109,21 @@ def test_what_cannot_be_placed_is_said(h4, asked, message):
 
 
 def test_a_sensor_that_was_measured_stays(h4):
-    with pytest.raises(tp.InputError, match=r"wire1\.origin\.x: measured or learnt already"):
+    with pytest.raises(tp.InputError, match=r"wire1\.origin\.x: measured or calibrated already"):
         tp.design.place_sensors(h4.replace({"wire1.origin.x": 0.01}), ["wire1"])
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--place", "wire1", "--budget", "9"), "--budget: is for sensor selection, not for --place"),
-        (("--place", "wire1", "--survives"), "--survives: chooses sensors"),
+        (("--place", "wire1", "--budget", "9"), "--budget: is for sensor selection"),
+        (("--place", "wire1", "--survives"), "--survives: is for sensor selection"),
         (("--price", "theta=9", "-o", "x.toml"), "-o: needs --place"),
         (("--price", "theta=9", "--within", "wire1.origin.x=0..1"), "--within: needs --place"),
         (("--place", "wire1", "--within", "wire1.origin.x"), "must be COORDINATE=LOW..HIGH"),
         (("--place", "wire1", "--within", "wire1.origin.x=1deg..2deg"), "must be COORDINATE="),
         (("--place", "wire1", "--within", "wire2.origin.x=0..1"), "within: unknown coordinate"),
-        (("--place", "elbow1"), "place: elbow1: rod_in_plane has no place"),
+        (("--place", "elbow1"), "place: elbow1: rod_in_plane has no mounting place"),
     ],
 )
 def test_what_is_wrong_with_the_words_is_one_line(run, words, message):

@@ -309,7 +309,7 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
         ({"n": 50, "candidates": 20}, "n = 50: 20 candidates that the machine can reach"),
         ({"target": 0.0}, "target = 0.0: must be greater than 0"),
         ({"target": 1e-6, "candidates": 20}, "all 20 candidates together reach"),
-        ({"candidates": [[3.0, 0, 0, 0]]}, "the machine can be at none of 1"),
+        ({"candidates": [[3.0, 0, 0, 0]]}, "none of 1 is reachable"),
         ({"candidates": [[0.0, 0, 0]]}, "must be"),
         ({"poses": [[3.0, 0, 0, 0]]}, "poses 0: cannot be reached"),
         ({"relative_to": [0.0, 0]}, "relative_to: shape"),
@@ -364,7 +364,7 @@ def test_poses_that_were_written_are_candidates_again_and_never_lost(run, tmp_pa
     before = path.read_text()
     status, _, err = run(*words, "--poses", "5")
     assert (status, path.read_text()) == (2, before)
-    assert err.startswith("truepose: error: -o poses.csv: is there already; --force")
+    assert err.startswith("truepose: error: -o poses.csv: exists; --force")
 
 
 def test_the_command_goes_on_from_a_log(run, log, short_log):

@@ -148,5 +148,5 @@ def test_a_robot_file_of_ones_own_is_not_replaced_by_a_truth(run, tmp_path):
     run("new", "h4", "-o", "simulated.truth.toml")
     before = (tmp_path / "simulated.truth.toml").read_bytes()
     status, _, err = run("simulate-log", "h4")
-    assert status == 2 and "is there already; --force" in err
+    assert status == 2 and "exists; --force" in err
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [before]

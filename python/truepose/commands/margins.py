@@ -121,7 +121,7 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
     except ValueError:
         numbers = []
     if not 1 <= len(numbers) <= 3:
-        raise InputError(f"--gains {text}: must be numbers POLES[,FILTER[,DAMPING]]")
+        raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers")
     frequency, bandwidth, damping = (*numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :])
     return Controller(
         law=law,

@@ -1,4 +1,4 @@
-"""Candidate measurements of a plan: which poses are reachable, and their rows."""
+"""Candidate measurements of a plan: reachable poses and their linearized rows."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
 
-#: Poses from which a plan chooses where nobody says which.
+#: Default number of candidate poses.
 COUNT = 2000
-#: Share of the box by which poses are drawn beyond it on either side, and set on its faces: at the
-#: limits readings say most.
+#: Share of the box by which samples extend beyond either side; these are clipped to the faces,
+#: because readings at the limits are most informative.
 BEYOND = 0.25
 
 
@@ -32,8 +32,8 @@ BEYOND = 0.25
 class CandidatePoses:
     """Candidate measurements: readings at poses, and external measurements there.
 
-    Each measurement of `differences` is a candidate of its own, with readings at its one or two
-    poses, taken for it; poses that none of them speaks of are candidates by themselves.
+    Each measurement of `differences` is a candidate with its own readings at its one or two poses.
+    Poses that no difference uses are separate candidates.
 
     Examples
     --------
@@ -50,36 +50,36 @@ class CandidatePoses:
 
     poses: ArrayLike  #: (N, n) m and rad
     measured_sigma: ArrayLike | float | None = None
-    #: of external measurements: lengths, or each coordinate, inf where it is not; m, rad
+    #: σ of external measurements: lengths, or each coordinate, inf if not measured; m, rad
     measured_angle_sigma: float | None = None  #: of measured angles, rad
-    registration: Literal["unknown", "known"] | Registration = "unknown"  #: as of a calibration
-    differences: Sequence[Difference] = ()  #: by the numbers of the poses; how well, not what
+    registration: Literal["unknown", "known"] | Registration = "unknown"  #: as in a calibration
+    differences: Sequence[Difference] = ()  #: by pose numbers; σ matters, values do not
     influences: Sequence[NuisanceParameter] = ()
-    #: what else would act on readings there, by unknown amounts: patterns over `poses`
+    #: nuisance parameters of the readings: patterns over `poses`
 
 
 class Step(NamedTuple):
     """One thing to measure."""
 
     what: str  #: "pose", or the difference's name
-    poses: Array  #: (k, n) where all sensors are read for it
-    candidate: int  #: which of all those that were given, or drawn
+    poses: Array  #: (k, n) at which all sensors are read
+    candidate: int  #: index in the given or sampled candidates
 
 
 @dataclass(frozen=True)
 class Rows:
-    """What candidates say of all unknowns: parameters first, (M, p) per unit of each."""
+    """Linearized rows of the candidates over all unknowns, parameters first."""
 
     steps: list[Step]
-    left_out: int  #: candidates where the machine cannot be
-    C: Array  #: (N, r, P) in units of `root`; of those with fewer rows, the others are zero
-    root: Array  #: (P, P) of the prior, any square one
-    known: Array  #: (P, P) information in those units, once the robot was referenced
-    frames: tuple[Array, Array] | None  #: base and marker, of a tracker whose unknowns follow
+    left_out: int  #: number of unreachable candidates
+    C: Array  #: (N, r, P) in units of `root`; padded with zero rows
+    root: Array  #: (P, P) any square root of the prior covariance
+    known: Array  #: (P, P) prior information in those units, with a reference pose if given
+    frames: tuple[Array, Array] | None  #: base and marker of a tracker with unknown frames
 
 
 def drawn(robot: Robot, count: int, seed: int) -> Array:
-    """Poses over the workspace box, evenly, many of them on its faces, edges and corners.
+    """Return poses evenly over the workspace box, many on its faces, edges and corners.
 
     Examples
     --------
@@ -103,9 +103,9 @@ def drawn(robot: Robot, count: int, seed: int) -> Array:
 
 
 def reachable(robot: Robot, x: Array, level: Level) -> Array:
-    """Whether the machine can be at poses (N, n) and be read there, (N,).
+    """Return whether the robot can reach poses (N, n) and be read there, (N,).
 
-    Within its joint limits, in its own assembly mode, regular, each sensor within its range.
+    It must be within joint limits, in its assembly mode and regular, each sensor within its range.
     """
     model = robot.expected()
     q, J = model.ikm(x, "nan", "ideal", own_mode=True), model.jacobian(x, errors="nan")
@@ -127,20 +127,20 @@ def rows_of(
     touched: Array | None = None,
     reference_sigma: Sequence[float] = (),
 ) -> Rows:
-    """Linearise what each candidate would say, and what is known before.
+    """Linearize each candidate's measurements, and return them with the prior.
 
     Parameters
     ----------
     robot : Robot
-        As it is known; calibrated, if it is.
+        Nominal or calibrated.
     candidates : CandidatePoses
     level, model_error
-        As of :func:`truepose.accuracy`.
+        As for :func:`truepose.accuracy`.
     after : Calibration, optional
-        That knows a tracker's frame, or what measured differences have of their own, or amounts of
-        influences: those of the candidates that are called the same are the same.
-    touched : ndarray, shape (1, n) or none
-        Of `reference_pose`.
+        Earlier calibration: posterior of a tracker's frames, or of the auxiliary unknowns of
+        differences and influences. Equal names denote the same unknowns.
+    touched : ndarray, shape (1, n) or (0, n)
+        The `reference_pose`, or none.
     reference_sigma : sequence of float
     """
     x, lead = flattened(robot, candidates.poses, robot.n, "candidates", "raise")
@@ -154,15 +154,15 @@ def rows_of(
     kept = [k for k, (_, at) in enumerate(steps) if good[at].all()]
     if not kept:
         raise InputError(
-            f"{robot.name}: candidates: the machine can be at none of {asked}: joint limits, "
-            "assembly mode, sensors' ranges"
+            f"{robot.name}: candidates: none of {asked} is reachable: check joint limits, assembly "
+            "mode, sensors' ranges"
         )
     names = knowledge.learnable(robot)
     outside = np.zeros((0, robot.n))
     sigma = outside
     by = registration_of(candidates.registration)
     frames = np.zeros(0)
-    # A place that the machine can be at stands in for one that it cannot: what it says is dropped.
+    # A reachable pose replaces each unreachable one; its rows are dropped below.
     at = np.where(good[visited][:, None], x[visited], x[steps[kept[0]][1][0]])
     base, marker = by.begin()
     if after is not None and after.registration is not None:
@@ -231,7 +231,7 @@ def rows_of(
 def _expanded(
     candidates: CandidatePoses, x: Array
 ) -> tuple[list[tuple[str, list[int]]], Array, list[Difference]]:
-    """Give every candidate poses of its own: what it is and its poses, all in turn, differences."""
+    """Return each candidate's kind and own poses, the numbers of all poses, and the differences."""
     spoken: set[int] = set()
     steps: list[tuple[str, list[int]]] = []
     visited: list[int] = []
@@ -261,7 +261,7 @@ def _expanded(
 def _outside(
     robot: Robot, candidates: CandidatePoses, x: Array, base: Array, marker: Array
 ) -> tuple[Array, Array]:
-    """What a tracker is to see at poses, NaN where it does not look, and σ of that."""
+    """Return the tracker's expected measurements at poses, NaN where not measured, and their σ."""
     given = candidates.measured_sigma
     each = None if given is None else np.asarray(given, dtype=float)
     blind = np.zeros(robot.n, dtype=bool)
@@ -280,7 +280,7 @@ def _root(
     others: dict[str, float],
     after: Calibration | None,
 ) -> Array:
-    """Square root of the prior covariance of parameters, tracker's frames and `others`."""
+    """Return a square root of the prior covariance of parameters, tracker frames and `others`."""
     parameters = knowledge.root(robot, names)
     own = np.array(list(others.values()))
     p = len(parameters)
@@ -312,7 +312,7 @@ def _root(
 
 
 def _others(between: Assembled | None, influences: Sequence[NuisanceParameter]) -> dict[str, float]:
-    """Name and σ of auxiliary unknowns, as the core has it."""
+    """Return names and σ of auxiliary unknowns in the core's order."""
     differences = (
         {} if between is None else dict(zip(between.names, between.sigma.tolist(), strict=True))
     )
@@ -320,7 +320,7 @@ def _others(between: Assembled | None, influences: Sequence[NuisanceParameter]) 
 
 
 def _beside(given: Array, compliances: Array | None) -> Array | None:
-    """Patterns of influences, then of compliances, (N, (n + r) × how many); None without any."""
+    """Return patterns of influences, then of compliances, (N, (n + r)·number); None without any."""
     if compliances is None:
         return np.ascontiguousarray(given.reshape(len(given), -1)) if given.size else None
     more = compliances.reshape(*given.shape[:2], -1)
@@ -328,9 +328,9 @@ def _beside(given: Array, compliances: Array | None) -> Array | None:
 
 
 def _in_order(known: knowledge.Known, width: int) -> list[int]:
-    """Columns of the core's rows with compliances behind the parameters, as everywhere else.
+    """Return the order of the core's columns that puts compliances after the parameters.
 
-    The core has them as influences: behind all that is beside the parameters, before nuisances.
+    In the core they are influences: after all auxiliary unknowns, before the nuisances.
     """
     p, end = known.parameters, width - known.nuisances
     first = end - known.compliances
@@ -338,7 +338,7 @@ def _in_order(known: knowledge.Known, width: int) -> list[int]:
 
 
 def _blocks(first: Array, second: Array) -> Array:
-    """Both on a diagonal (scipy, which has this, takes its time to be imported)."""
+    """Return a block-diagonal matrix (an import of scipy for this would be slow)."""
     both = np.zeros(np.add(first.shape, second.shape))
     both[: len(first), : len(first)] = first
     both[len(first) :, len(first) :] = second
@@ -346,7 +346,7 @@ def _blocks(first: Array, second: Array) -> Array:
 
 
 def _padded(B: Array, of: Array, count: int) -> Array:
-    """Rows (M, P) by whose they are, (count, r, P) with zeros where one has fewer."""
+    """Return rows (M, P) grouped by candidate, (count, r, P), padded with zeros."""
     most = max(int(np.bincount(of, minlength=count).max()), 1) if len(of) else 1
     order = np.argsort(of, kind="stable")
     first = np.searchsorted(of[order], np.arange(count))

@@ -1,12 +1,12 @@
 """Selection of n of N measurements by a greedy start and exchanges.
 
-Measurement c says ``y = C_c u + ε`` of the unknowns u, ε of unit variance. What is asked for is
-``tr(M Σ)`` with Σ⁻¹ = Σ₀⁻¹ + Σ C_cᵀC_c over those chosen. One more lowers it by
+Measurement c is ``y = C_c u + ε`` with unknowns u and ε of unit variance. The criterion is
+``tr(M Σ)`` with Σ⁻¹ = Σ₀⁻¹ + Σ C_cᵀC_c over the chosen ones. One more lowers it by
 
-    tr(S⁻¹ H),  S = 1 + C Σ Cᵀ,  H = C Σ M Σ Cᵀ,
+    tr(S⁻¹ H),  S = 1 + C Σ Cᵀ,  H = C Σ M Σ Cᵀ.
 
-and every S and H follows a rank-r change of Σ by two products with C: nothing of the size of the
-unknowns is kept for each candidate.
+Two products with C update every S and H after a rank-r change of Σ; no candidate stores a matrix of
+the size of the unknowns.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ import numpy as np
 
 from truepose.arguments import Array
 
-#: Rounds of exchanges, and of weights renewed; each ends by itself, mostly after two or three.
+#: Largest number of rounds of exchanges and of weight updates; two or three usually suffice.
 ROUNDS = 8
-#: Candidates that exchanges are tried with, for each one chosen, and at least: those worth most.
+#: Candidates tried in exchanges: per chosen one, and at least; those with the largest gain.
 PER_CHOSEN, AT_LEAST = 5, 100
-#: Share that one candidate leaves of a variance, below which a difference of two would cost too
-#: many digits: then all is computed anew.
+#: Share of a variance left by one candidate below which an update would lose too many digits;
+#: everything is then recomputed.
 CANCELS = 1e-4
-#: Share of the remaining variance below which a change is not worth making.
+#: Gain, as a share of the remaining variance, below which no exchange is made.
 NEGLIGIBLE = 1e-6
 
 
 def posterior(information: Array, C: Array, chosen: Iterable[int]) -> Array:
-    """Root G of the posterior covariance after these measurements: Σ = G Gᵀ.
+    """Return the root G of the posterior covariance after these measurements: Σ = G Gᵀ.
 
     Parameters
     ----------
@@ -43,16 +43,16 @@ def posterior(information: Array, C: Array, chosen: Iterable[int]) -> Array:
 
 
 class Exchange:
-    """A set of candidates, its Σ, and what each of the N candidates would change.
+    """A set of candidates, its Σ, and the effect of each of the N candidates.
 
     Parameters
     ----------
     C : ndarray, shape (N, r, p)
-        Rows of each candidate; of those with fewer than r, the others are zero.
+        Rows of each candidate, padded with zeros.
     information, M : ndarray, shape (p, p)
-        Σ⁻¹ before any is chosen, and what counts of Σ.
+        Prior Σ⁻¹, and the weights of Σ in the criterion.
     chosen : sequence of int
-        To begin with.
+        Initial set.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Exchange:
         self._H = (F @ self.M) @ F.swapaxes(1, 2)
 
     def worth(self) -> Array:
-        """By how much each candidate would lower tr(M Σ), (N,); of one chosen -inf."""
+        """Return the gain of each candidate, its decrease of tr(M Σ), (N,); -inf if chosen."""
         if self.C.shape[1] == 1:
             worth = (self._H / self._S)[:, 0, 0]
         else:
@@ -102,23 +102,23 @@ class Exchange:
         self.covariance -= sign * W.T @ W
 
     def add(self, c: int) -> None:
-        """Choose one more."""
+        """Add a candidate to the set."""
         self.chosen.append(c)
         self._change(c, 1)
 
     def remove(self, c: int) -> None:
-        """Choose one less."""
+        """Remove a candidate from the set."""
         self.chosen.remove(c)
         self._change(c, -1)
 
     def grow(self, n: int) -> Exchange:
-        """Add what is worth most, one after another, until n are chosen."""
+        """Add the candidate with the largest gain until n are chosen."""
         while len(self.chosen) < n:
             self.add(int(self.worth().argmax()))
         return self
 
     def settle(self) -> Exchange:
-        """Exchange one for a better one until there is none."""
+        """Exchange candidates for better ones until none improves the set."""
         for _ in range(ROUNDS):
             self._renew()  # against accumulated rounding
             swapped = False
@@ -142,20 +142,20 @@ def chosen_of(
     weights: Callable[[Array], Array],
     cost: Callable[[Array], float],
 ) -> list[int]:
-    """Return n of N candidates that leave little of `cost`, the one worth most first.
+    """Return n of N candidates with a small `cost`, in order of gain.
 
-    `cost` is the least of tr(M Σ) + constant over the M that `weights` may give (an estimate's
-    gains are its own to choose): with M renewed after each settlement it only falls.
+    `cost` is the minimum of tr(M Σ) + constant over the M of `weights`, because an estimate
+    chooses its own gains. It only falls when M is updated after each round of exchanges.
 
     Parameters
     ----------
     C, information
-        Of :class:`Exchange`.
+        As for :class:`Exchange`.
     n : int
     weights : callable
-        M that is best for a Σ, of its root.
+        Best M for a Σ, given its root.
     cost : callable
-        Of a Σ, of its root.
+        Cost of a Σ, given its root.
     """
 
     def left(chosen: Iterable[int]) -> Array:
@@ -181,6 +181,6 @@ def chosen_of(
 
 
 def in_order(C: Array, information: Array, M: Array, chosen: Sequence[int]) -> list[int]:
-    """Return the same ones, each the one that is worth most after those before it."""
+    """Return the chosen candidates in order of gain, each after those before it."""
     order = Exchange(C[list(chosen)], information, M).grow(len(chosen)).chosen
     return [chosen[k] for k in order]

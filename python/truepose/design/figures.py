@@ -24,9 +24,9 @@ def page(
     visited: int,
     touched: bool,
 ) -> str:
-    """Write a choice of sensors as one self-contained HTML page.
+    """Return a sensor selection as one self-contained HTML page.
 
-    `visited` poses, and whether a pose to touch was given, are of the other states.
+    In the table of other states: `visited` poses; `touched`: whether a reference pose was given.
     """
     return render(
         "design.html.j2",
@@ -46,9 +46,9 @@ def page(
 
 
 def each(found: SensorSelection) -> Figure:
-    """Draw what each candidate leaves alone, and what all the others leave without it."""
+    """Draw σ with each candidate alone, and with all others."""
     total = summed(found.robot)
-    series: dict[str, dict[str, Array]] = {"with it alone": {}, "with all but it": {}}
+    series: dict[str, dict[str, Array]] = {"with it alone": {}, "with all others": {}}
     for one in sorted(found.alone, key=lambda one: one.sigma):
         level = one.level
         name = one.sensor if level is None else tolerance(found.robot, one.sensor, level)

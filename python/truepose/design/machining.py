@@ -17,18 +17,18 @@ Curve = Mapping[float, float]
 
 
 class Level(NamedTuple):
-    """A tolerance that some parameters can be machined to."""
+    """A tolerance to which a group of parameters can be machined."""
 
-    group: str  #: their names, or a glob
+    group: str  #: name or glob of the parameters
     sigma: float  #: m or rad
-    price: float  #: beyond that of the level before
-    information: dict[str, float]  #: that it adds to each parameter's, 1/σ²
+    price: float  #: above that of the level before
+    information: dict[str, float]  #: added to each parameter's 1/σ²
 
 
 def levels_of(robot: Robot, price_steps: Mapping[str, Curve] | None) -> list[list[Level]]:
-    """Levels of each group, the coarsest first; by default those of the file.
+    """Return the levels of each group, coarsest first; by default those of the file.
 
-    A level that costs no less than a finer one is none. A parameter that is finer already stays.
+    Drops a level that costs no less than a finer one. Parameters with a smaller σ keep it.
 
     Examples
     --------
@@ -59,19 +59,19 @@ def levels_of(robot: Robot, price_steps: Mapping[str, Curve] | None) -> list[lis
 
 
 def _uncertain(robot: Robot, group: str) -> list[str]:
-    """Parameters of a group that are not known exactly, all of one unit."""
+    """Return the uncertain parameters of a group, all of one unit."""
     every = [name for name in robot.parameters if fnmatch.fnmatchcase(name, group)]
     own = robot.spec.tolerances.get(group)
-    if own is not None:  # of a file's entry: those for which it counts
+    if own is not None:  # a file's entry: those to which it applies
         every = [name for name in every if robot.spec.tolerance(name) is own]
     if not every:
         raise InputError(f"price_steps: {choose('parameter', group, robot.parameters)}, or a glob")
     learnt = robot.spec.calibration
     if learnt is not None and not set(every).isdisjoint(learnt.parameters):
-        raise InputError(f"price_steps: {group}: learnt by the calibration: is machined already")
+        raise InputError(f"price_steps: {group}: calibrated: the parts are machined already")
     uncertain = [name for name in every if robot.parameters[name].sigma > 0]
     if not uncertain:
-        raise InputError(f"price_steps: {group}: is known exactly, by the robot's tolerances")
+        raise InputError(f"price_steps: {group}: is known exactly: its tolerance is 0")
     if len(units := {unit_of(robot, name) or "1" for name in uncertain}) > 1:
         raise InputError(
             f"price_steps: {group}: must be of one unit, is of {', '.join(sorted(units))}"

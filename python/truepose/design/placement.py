@@ -1,4 +1,4 @@
-"""Placement of sensors on base and platform within boxes."""
+"""Placement of sensors on the base and the platform within boxes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from truepose.robotfile.to_core import drawn
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
 
-#: Places that are drawn at random, and of which the best begin a search each.
+#: Number of random places, and of searches, which start from the best of them.
 DRAWN, STARTS = 64, 6
-#: Points of a sensor that may be moved: on the base, on the nacelle.
+#: Points of a sensor that may be moved: on the base, on the platform.
 POINTS = ("origin", "target")
 
 
@@ -31,17 +31,17 @@ POINTS = ("origin", "target")
 class Placement(Shown):
     """Best places of sensors."""
 
-    robot: Robot  #: with them there, and in use
-    places: dict[str, float]  #: of each coordinate that was searched, m
-    file: dict[str, float]  #: where the robot's file has them, m
-    within: dict[str, tuple[float, float]]  #: the boxes
-    sigma: float  #: of the position there, root mean square over the poses, m
-    before: float  #: and where the file has them
+    robot: Robot  #: with the sensors in use at these places
+    places: dict[str, float]  #: best coordinates, m
+    file: dict[str, float]  #: coordinates in the robot's file, m
+    within: dict[str, tuple[float, float]]  #: boxes, m
+    sigma: float  #: of the position at the best places, rms over the poses, m
+    before: float  #: the same at the places in the file
     over: Array  #: (T, c) poses
-    state: str = "as built"  #: in which σ holds
+    state: str = "as built"  #: of the robot, to which σ applies
 
     def table(self) -> Table:
-        """Return one row a coordinate."""
+        """Return a table with one row per coordinate."""
         rows = []
         for name, place in self.places.items():
             values = (*self.within[name], self.file[name], place)
@@ -68,31 +68,31 @@ def place_sensors(
     poses: ArrayLike | None = None,
     seed: int = 0,
 ) -> Placement:
-    """Find where on the base and the nacelle sensors of a robot's file allow the best accuracy.
+    """Find the places on base and platform at which sensors give the best accuracy.
 
-    Draw-wires, telemeters and trackers' axes: their points `origin` (base frame) and `target`
-    (nacelle frame), directions as they are. By the bound of :func:`truepose.accuracy`, with
-    searches from several places, the file's among them: never worse than that, if it is within.
-    Each finds a least near its start (SLSQP, of scipy); none is proven the least of all. Within a
-    sensor's `range` at all poses, where it has one. What else is in the way is not looked at.
+    Places draw-wires, telemeters and trackers' axes: their points `origin` (base frame) and
+    `target` (platform frame); directions stay. The criterion is the bound of
+    :func:`truepose.accuracy`. Several searches (SLSQP, scipy), one from the file's place, each find
+    a local minimum; the result is never worse than the file's place within the boxes. Readings stay
+    within a sensor's `range` at all poses. Collisions are not checked.
 
     Parameters
     ----------
     robot : Robot
     sensors : sequence of str
-        That are placed, together.
+        Sensors to place, together.
     within : mapping, optional
-        Lowest and highest value of coordinates, by names as "wire1.origin.z" or globs, m; those
-        that it does not name: the box of the motors' points for an origin, of the rods' ends at
-        home for a target, and where the file has it.
+        Lowest and highest value of coordinates, by names such as "wire1.origin.z" or globs, m.
+        Default: for an origin the box of the motors' points, for a target that of the rods' ends at
+        home, each extended to the place in the file.
     beside : sequence of str, optional
-        Sensors that are read as well; by default those in use.
+        Other sensors in use; by default those of the robot.
     calibrated_on, reference_pose, reference_sigma
-        As of :func:`truepose.accuracy`.
+        As for :func:`truepose.accuracy`.
     poses : array_like, shape (T, c), optional
-        Where the accuracy is asked for; by default 32 over the workspace.
+        Poses where the accuracy counts; by default 32 over the workspace.
     seed : int
-        Of the places where searches begin.
+        Seed of the start places.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def place_sensors(
     Raises
     ------
     InputError
-        A sensor that has no place; a box that is none.
+        A sensor without a mounting place; an invalid box.
 
     Examples
     --------
@@ -173,7 +173,7 @@ def place_sensors(
 
 
 def _searched(robot: Robot, sensors: Sequence[str]) -> list[str]:
-    """Coordinates of the points of these sensors."""
+    """Return the names of the coordinates of these sensors' points."""
     every = {sensor.name: sensor for sensor in robot.spec.sensor}
     names = []
     for name in sensors:
@@ -183,7 +183,7 @@ def _searched(robot: Robot, sensors: Sequence[str]) -> list[str]:
         if not points:
             placeable = [s.name for s in robot.spec.sensor if {*s.mounting.values()} & {*POINTS}]
             raise InputError(
-                f"place: {name}: {every[name].kind} has no place; those of the file that have: "
+                f"place: {name}: {every[name].kind} has no mounting place; sensors with one: "
                 f"{', '.join(placeable) or 'none'}"
             )
         names += [f"{name}.{key}.{axis}" for key in points for axis in "xyz"]
@@ -193,14 +193,14 @@ def _searched(robot: Robot, sensors: Sequence[str]) -> list[str]:
     known = () if learnt is None else learnt.parameters
     for name in names:
         if name in known or robot.parameters[name].value != file[name]:
-            raise InputError(f"place: {name}: measured or learnt already: it stands where it is")
+            raise InputError(f"place: {name}: measured or calibrated already: its place is fixed")
     return names
 
 
 def _boxes(
     robot: Robot, names: Sequence[str], within: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each coordinate."""
+    """Return the lowest and highest value of each coordinate."""
     for group in within:
         if not fnmatch.filter(names, group):
             raise InputError(f"within: {choose('coordinate', group, names)}, or a glob")
@@ -217,13 +217,13 @@ def _boxes(
             own = min(*known, file), max(*known, file)
         low, high = own
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-            raise InputError(f"within: {name} = {low!r} to {high!r}: must rise")
+            raise InputError(f"within: {name} = {low!r} to {high!r}: must increase")
         boxes[name] = (float(low), float(high))
     return boxes
 
 
 def _room(robot: Robot, sensors: Sequence[str], over: Array) -> Array:
-    """How far readings stay from the ends of their ranges; less than 0 beyond."""
+    """Return the distances of readings from the ends of their ranges; negative beyond."""
     readings = robot.expected().extended_positions(over, "nan", robot.highest_level)
     rooms = []
     for k, sensor in enumerate(robot.spec.used, start=robot.n):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 
-#: Of an axis label: values by their name.
+#: Named series by axis label.
 Panels = Mapping[str, Mapping[str, Array]]
 
 
@@ -22,7 +22,7 @@ def lines(
     style: str = "-",
     colours: Mapping[str, str] | None = None,
 ) -> list[Any]:
-    """Draw a panel for each label of the y axis; return their axes."""
+    """Draw a panel of curves for each label of the y axis; return the axes."""
     every = list(figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0])
     for axes, (label, named) in zip(every, panels.items(), strict=True):
         for name, values in named.items():

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages with contents and zoomable figures."""
+"""Self-contained HTML pages with a table of contents and zoomable figures."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 _TEMPLATES = "_data/templates"
 _HEADING = re.compile(r"<h2>(.*?)</h2>", re.DOTALL)
-#: A contents list shorter than this says nothing that is not seen.
+#: Fewest sections for which a page lists its contents.
 _FEWEST = 3
 
 
 def render(template: str, **values: object) -> str:
-    """Fill one of the package's templates; list its sections, and let its figures be zoomed.
+    """Render one of the package's templates with a list of sections and zoomable figures.
 
-    Panzoom (Timmy Willison and others, MIT) is written into the page: it needs no network.
+    Panzoom (Timmy Willison and others, MIT) is embedded in the page, which needs no network.
     """
     page = _with_contents(_template(template).render(**values))
     folder = resources.files("truepose") / _TEMPLATES
@@ -34,7 +34,7 @@ def render(template: str, **values: object) -> str:
 
 
 def table_html(table: Table) -> str:
-    """Write a table as pages have it."""
+    """Return a table as HTML in the pages' format."""
     return str(_template("page.html.j2").module.show(table))  # type: ignore[attr-defined]
 
 
@@ -76,12 +76,12 @@ def _with_contents(page: str) -> str:
 
 
 def as_uri(image: bytes) -> str:
-    """Put an SVG into a page as a data URI."""
+    """Return an SVG as a data URI."""
     return f"data:image/svg+xml;base64,{base64.b64encode(image).decode()}"
 
 
 def versions() -> dict[str, str]:
-    """What made a page."""
+    """Return versions of the software that writes a page."""
     packages = {name: metadata.version(name) for name in ("numpy", "matplotlib")}
     python = platform.python_version()
     return {"truepose": metadata.version("truepose"), "Python": python, **packages}

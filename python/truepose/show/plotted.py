@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 def plotted(figure: Figure) -> list[dict[str, object]]:
     """Return one record per point of a plane figure's lines, bars and outlines of areas.
 
-    Columns have the names of the axes. A series without a label has that of its colour.
+    Columns have the names of the axes. A series without a label has the name of its color.
     """
     names: dict[str, str] = {}
     records: list[dict[str, object]] = []

@@ -1,4 +1,4 @@
-"""Results that show themselves: as text, as an HTML table, as a figure."""
+"""Base classes of results with a text, an HTML table and a figure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def figure_of(draw: Callable[[Any], object]) -> Figure:
-    """Return a figure into which this has drawn."""
+    """Return a new figure with the drawing of `draw`."""
     from matplotlib.figure import Figure
 
     figure = Figure(layout="constrained")
@@ -23,7 +23,7 @@ def figure_of(draw: Callable[[Any], object]) -> Figure:
 
 
 class Shown:
-    """Base of results: each has a table and a figure; the texts follow from the table."""
+    """Base of results with a table and a figure; text and HTML are the table's."""
 
     def table(self) -> Table:
         """Return the figures that matter; pandas and polars make a DataFrame of it."""
@@ -48,7 +48,7 @@ class Shown:
 
 
 class ShownArray(Shown, np.ndarray):
-    """An array that shows itself; results of arithmetic and indexing are plain arrays."""
+    """An array with table and figure; arithmetic and indexing return plain arrays."""
 
     def __new__(cls, values: np.ndarray, **about: Any) -> Self:  # noqa: D102
         array = np.asarray(values).view(cls)
@@ -65,4 +65,4 @@ class ShownArray(Shown, np.ndarray):
         return repr(np.asarray(self))
 
     def _repr_html_(self) -> str | None:
-        return super()._repr_html_() if self.__dict__ else None  # a view of it is an array only
+        return super()._repr_html_() if self.__dict__ else None  # a view is a plain array

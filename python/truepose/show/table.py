@@ -1,4 +1,4 @@
-"""Tables for people and programs."""
+"""Tables as text, CSV, Markdown and records."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import numpy as np
 
 
 class Cell(str):
-    """A text that people read, and what it says: a number with all its digits.
+    """A printed text with its data: a number with all digits.
 
     Parameters
     ----------
     text : str
     data : object
-        A number or a word; or several by name, each then a column of its own.
+        A number or a word, or a dict of several, each a column of its own.
     """
 
     __slots__ = ("data",)
     data: Any
 
-    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – the class says it
+    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – see the class
         cell = super().__new__(cls, text)
         cell.data = data
         return cell
@@ -35,7 +35,7 @@ class Cell(str):
 class Table:
     """Text cells under a header; `name` is also the CSV's file name.
 
-    An iterable of records, of which pandas and polars make a DataFrame.
+    It is an iterable of records, which pandas and polars convert to a DataFrame.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Table:
         return Table(self.name, self.title, [self.header[k] for k in which], rows)
 
     def records(self) -> list[dict[str, object]]:
-        """Return what the rows say, for programs."""
+        """Return the data of the rows as dicts."""
         records = []
         for row in self.rows:
             record: dict[str, object] = {}
@@ -72,7 +72,7 @@ class Table:
 
 
 def as_csv(records: Iterable[Mapping[str, object]]) -> str:
-    """Write records as CSV, with every column that one of them has."""
+    """Write records as CSV with the columns of all of them."""
     rows, text = list(records), io.StringIO()
     columns = dict.fromkeys(name for row in rows for name in row)
     writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -82,14 +82,14 @@ def as_csv(records: Iterable[Mapping[str, object]]) -> str:
 
 
 def fixed(value: float, decimals: int = 2) -> Cell:
-    """Write a number with so many decimals."""
+    """Format a number with a given number of decimals."""
     return Cell(f"{value:.{decimals}f}", float(value))
 
 
 def number(value: float | None, significant: int = 3, data: object = None) -> Cell:
-    """Write a number with so many significant digits and no exponent; 0 below 0.00005.
+    """Format a number with significant digits and no exponent; 0 below 0.00005.
 
-    `data` is what a program is told; by default the value.
+    `data` is the cell's data, by default the value.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from rich.text import Text
 from truepose.exceptions import one_line
 from truepose.show.table import Table, as_csv
 
-#: What a terminal that does not know a letter is given for it.
+#: Replacements of letters that an output cannot encode.
 _PLAIN = {
     **{"σ": "sigma", "θ": "theta", "ξ": "xi", "Σ": "sum", "√": "sqrt", "‖": "||", "é": "e"},
     **{"−": "-", "–": "-", "─": "-", "°": "deg", "²": "^2", "·": "*", "×": "x", "⁺": "+"},
@@ -26,15 +26,15 @@ _PLAIN = {
     **{"…": "...", "’": "'", "≤": "<=", "≥": ">=", "µ": "u"},
 }
 _GAP = "  "
-_LEAST = 40  # columns; in a narrower window lines are longer than it is wide
-#: Lines of a command's answer.
+_LEAST = 40  # columns; lines exceed a narrower window
+#: Largest number of lines of a command's answer.
 MOST = 20
-_PIECE = 6  # lines of a table below which its beginning is not printed
+_PIECE = 6  # fewest lines of a table that is printed in part
 _limited = False
 
 
 class Format(StrEnum):
-    """What is printed: for people, or one value for each name."""
+    """Output format: a table, or data as CSV or JSON."""
 
     table = "table"
     csv = "csv"
@@ -42,7 +42,7 @@ class Format(StrEnum):
 
 
 def plain(error: UnicodeError) -> tuple[str, int]:
-    """Spell letters that an output cannot hold: an error handler of :mod:`codecs`."""
+    """Replace letters that an output cannot encode: an error handler of :mod:`codecs`."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     unknown = error.object[error.start : error.end]
@@ -50,7 +50,7 @@ def plain(error: UnicodeError) -> tuple[str, int]:
 
 
 def prepare() -> None:
-    """Let both standard outputs spell what they cannot hold."""
+    """Install :func:`plain` for both standard outputs."""
     codecs.register_error("truepose", plain)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -58,13 +58,13 @@ def prepare() -> None:
 
 
 def say(text: object, how: Format = Format.table, err: bool = False) -> None:
-    """Print one line: to standard error where standard output is for data."""
+    """Print one line, to standard error where standard output holds data."""
     print(one_line(text), file=sys.stderr if err or how is not Format.table else sys.stdout)
 
 
 def limit(on: bool) -> None:
-    """Let :func:`show` print at most `MOST` lines, or everything."""
-    global _limited  # noqa: PLW0603 – of the one command that runs
+    """Make :func:`show` print at most `MOST` lines, or everything."""
+    global _limited  # noqa: PLW0603 – state of the one command that runs
     _limited = on
 
 
@@ -75,9 +75,9 @@ def show(
     notes: Sequence[object] = (),
     more: int = 0,
 ) -> None:
-    """Print lines of an answer, tables, the most important first, and notes.
+    """Print lines of an answer, tables with the most important first, and notes.
 
-    `more` is how many lines the command prints afterwards.
+    `more` is the number of lines that the command prints afterwards.
     """
     if how is not Format.table:
         _data(tables, how)
@@ -97,7 +97,7 @@ def show(
 
 
 def _joined(parts: list[list[str]], most: int) -> tuple[list[str], int]:
-    """Lines of a screen, and how many are left out."""
+    """Return the lines of one screen, and how many are left out."""
     every = [line for part in parts for line in ("", *part)][1:]
     if not _limited or len(every) <= most:
         return every, 0
@@ -111,7 +111,7 @@ def _joined(parts: list[list[str]], most: int) -> tuple[list[str], int]:
 
 
 def _data(tables: list[Table], how: Format) -> None:
-    """Print tables for programs."""
+    """Print tables as JSON or CSV."""
     if how is Format.json:
         data = {table.name: [_finite(row) for row in table.records()] for table in tables}
         print(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
@@ -136,9 +136,9 @@ def _finite(record: dict[str, object]) -> dict[str, object]:
 
 
 def laid_out(table: Table, width: int) -> list[str]:
-    """Lines of a table of at most `width` columns where words allow it.
+    """Return the lines of a table, at most `width` columns wide where words allow it.
 
-    What does not fit beside stands below, each time with the first column. Words wrap; figures
+    Columns that do not fit follow below, each block with the first column. Words wrap; numbers
     never do.
     """
     heads = [_printable(name) for name in table.header]
@@ -163,7 +163,7 @@ def laid_out(table: Table, width: int) -> list[str]:
 
 
 def _blocks(sizes: list[int], width: int) -> list[list[int]]:
-    """Columns that stand side by side, the first one in each."""
+    """Split columns into blocks that fit side by side; each begins with the first column."""
     blocks, used = [[0]], sizes[0]
     for k, size in enumerate(sizes[1:], 1):
         if used + len(_GAP) + size > width and len(blocks[-1]) > 1:

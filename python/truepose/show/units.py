@@ -1,4 +1,4 @@
-"""Printed units: millimetres and degrees; the package is in SI."""
+"""Printed units: millimeters and degrees; the package uses SI."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 
 from truepose.show.table import Cell
 
-#: Factor and name of the unit that people read, by that of the package.
+#: Factor and name of the printed unit, by the SI unit.
 PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, ""), "1/N": (1e6, "µm/m/N")}
-#: The package's unit, by that which people read.
+#: SI unit by printed unit.
 SI = {name: unit for unit, (_, name) in PRINT.items()}
-#: Units that people write: the package's, and how much of it.
+#: Units accepted in options: SI unit and factor.
 WRITTEN = {
     "um": ("m", 1e-6),
     "µm": ("m", 1e-6),
@@ -24,7 +24,7 @@ WRITTEN = {
 
 
 def printed(value: float, unit: str, form: str = ".2f") -> str:
-    """Write a value for people, with its unit.
+    """Format a value with its printed unit.
 
     Examples
     --------
@@ -36,5 +36,5 @@ def printed(value: float, unit: str, form: str = ".2f") -> str:
 
 
 def named(what: str, name: str, unit: str) -> Cell:
-    """Name a row for people in print units; its data are SI."""
+    """Return a row's name with its printed unit; the data have the SI unit."""
     return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})
