@@ -1,8 +1,8 @@
 """Reading of regular files, atomic writing of results.
 
 Every file that truepose writes goes through :func:`write`: a draft beside it is renamed. An
-existing file is replaced only by force; never if it is read-only, not a regular file, or an input of
-the same command.
+existing file is replaced only by force; never if it is read-only, not a regular file, or an input
+of the same command.
 """
 
 from __future__ import annotations

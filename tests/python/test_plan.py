@@ -306,14 +306,14 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
     ("asked", "message"),
     [
         ({"n": 0}, "n = 0: must be a whole number, 1 or greater"),
-        ({"n": 50, "candidates": 20}, "n = 50: 20 candidates that the machine can reach"),
+        ({"n": 50, "candidates": 20}, "n = 50: only 20 candidates are reachable"),
         ({"target": 0.0}, "target = 0.0: must be greater than 0"),
         ({"target": 1e-6, "candidates": 20}, "all 20 candidates together reach"),
         ({"candidates": [[3.0, 0, 0, 0]]}, "none of 1 is reachable"),
         ({"candidates": [[0.0, 0, 0]]}, "must be"),
         ({"poses": [[3.0, 0, 0, 0]]}, "poses 0: cannot be reached"),
         ({"relative_to": [0.0, 0]}, "relative_to: shape"),
-        ({"seen": True, "candidates": 20}, "seen: needs candidates that a tracker in a frame"),
+        ({"seen": True, "candidates": 20}, "seen: needs candidates with measured_sigma"),
     ],
 )
 def test_what_cannot_be_planned_is_said(h4, asked, message):
@@ -322,7 +322,7 @@ def test_what_cannot_be_planned_is_said(h4, asked, message):
 
 
 def test_motors_alone_have_nothing_to_learn_from(h4):
-    with pytest.raises(tp.InputError, match="nothing to learn from any"):
+    with pytest.raises(tp.InputError, match="none identifies a parameter"):
         tp.plan_poses(h4.with_sensors(), 3, candidates=20)
 
 
@@ -406,9 +406,9 @@ def test_where_poses_hardly_matter_it_is_said(run):
         (("--candidates", "0"), "candidates: shape (0, 4)"),
         (("--after", "none.csv"), "none.csv: cannot be read"),
         (("--outside", "fine"), "--outside fine: must be a length and an angle"),
-        (("--sensors", "none"), "nothing to learn from any"),
+        (("--sensors", "none"), "none identifies a parameter"),
         (("--reference-pose", "0,0"), "--reference-pose 0,0: must be 4 numbers"),
-        (("--seen",), "seen: needs candidates that a tracker in a frame of its own measures"),
+        (("--seen",), "seen: needs candidates with measured_sigma, of a tracker"),
         (("--relative-to", "0,0,-3,0"), "--relative-to 0,0,-3,0: h4: pose x = [0, 0, -3"),
         (("--reference-pose", "0,0,5,0"), "--reference-pose 0,0,5,0: h4: pose x = [0, 0, 5, 0"),
         (("-o", "no/poses.csv"), "-o no/poses.csv: cannot be written"),

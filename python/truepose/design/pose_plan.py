@@ -20,25 +20,25 @@ from truepose.show.table import Cell, Table, number
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PosePlan(Shown):
-    """Poses to measure, by marginal gain, and the predicted accuracy after each. n steps."""
+    """Poses to measure in n steps, by marginal gain, and the predicted accuracy after each."""
 
-    robot: Robot  #: as it is known before
-    steps: list[Step]  #: each the one that buys most after those before it
+    robot: Robot  #: before the plan
+    steps: list[Step]  #: each with the largest gain after those before it
     sigma: Array
-    #: (n + 1, c + 1) promised σ of each coordinate and of the position (of a pivot the turn: the
-    #: same of its angles, rad, here and below), root mean square over
-    #: `over`, after 0, 1, … n steps; m, rad
-    random: Array  #: (20,) promised σ of the position after n random ones of the candidates
-    everything: float  #: and after all candidates
-    candidates: int  #: among which it chose
-    left_out: int  #: where the machine cannot be
-    over: Array  #: (T, c) poses that the accuracy is asked for
-    target: float | None = None  #: that was asked for, m
+    #: (n + 1, c + 1) predicted σ of each coordinate and of the position, rms over `over`, after
+    #: 0, 1, … n steps; m, rad. For a rotational platform the rotation, rad, replaces the position
+    #: here and below.
+    random: Array  #: (20,) predicted σ of the position after n random candidates
+    everything: float  #: the same after all candidates
+    candidates: int  #: number of reachable candidates
+    left_out: int  #: number of unreachable candidates
+    over: Array  #: (T, c) poses where the accuracy counts
+    target: float | None = None  #: requested σ, m
     seen: bool = False  #: whether σ is of the pose in the tracker's frame
 
     @property
     def needed(self) -> int | None:
-        """How many steps reach the target; None where none was given, or these do not."""
+        """Return how many steps reach the target; None without a target, or if none do."""
         if self.target is None:
             return None
         reached = np.flatnonzero(self.sigma[:, -1] <= self.target)
@@ -46,12 +46,12 @@ class PosePlan(Shown):
 
     @cached_property
     def poses(self) -> Array:
-        """Where to stand, (m, c), on a near-shortest tour from home and back."""
+        """Poses to visit, (m, c), on a near-shortest tour from home and back."""
         return self._stops[0]
 
     @cached_property
     def order(self) -> list[int]:
-        """Which step each of :attr:`poses` is of."""
+        """Step number of each of :attr:`poses`."""
         return self._stops[1]
 
     @cached_property
@@ -63,11 +63,11 @@ class PosePlan(Shown):
 
     @property
     def gain(self) -> float:
-        """Promised σ of the position over that of the median of random sets."""
+        """Ratio of the predicted σ of the position to the median of random sets."""
         return float(self.sigma[-1, -1] / np.median(self.random))
 
     def table(self) -> Table:
-        """Return one row a pose, the most useful first: place on the tour, and σ after it."""
+        """Return a table of the poses by gain: coordinates, place on the tour, σ after each."""
         robot, total = self.robot, summed(self.robot)
         axes = coordinate_axes(robot)
         places = dict(zip(self.order, range(1, len(self.order) + 1), strict=True))
@@ -81,7 +81,7 @@ class PosePlan(Shown):
             place = Cell(str(places[k - 1]) if k else "", places[k - 1] if k else None)
             last = number(total.factor * float(sigma[-1]))
             rows.append([Cell(str(k) if k else "before", k), *cells, place, last])
-        of = " as the tracker sees it" if self.seen else ""
+        of = " in the tracker's frame" if self.seen else ""
         title = f"Poses to measure, {label(robot, robot.sensors)}, and the predicted σ{of}"
         header = ["pose", *(axis.label for axis in axes), "on the tour", total.label]
         return Table("plan", title, header, rows)

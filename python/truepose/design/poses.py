@@ -1,4 +1,4 @@
-"""Plans of calibration poses: the few candidates that leave the pose best known."""
+"""Plans of calibration poses by the predicted accuracy of the pose."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from truepose.robot.units import summed
 from truepose.robot.workspace import workspace_grid
 from truepose.show.units import printed
 
-#: Poses that a search for a target asks for at most, where nobody says.
+#: Default largest number of poses in a search for a target.
 MOST = 200
-#: Sets drawn at random, of as many candidates, that a plan is compared with.
+#: Random sets of the same size to which a plan is compared.
 RANDOM = 20
-#: A plan that leaves more than this share of the random sets' error: the choice hardly matters.
+#: Share of the random sets' error above which the choice of poses hardly matters.
 HARDLY = 0.95
 
 
@@ -50,35 +50,34 @@ def plan_poses(
 ) -> PosePlan:
     """Choose the poses to measure next by the predicted accuracy of the pose.
 
-    Of the candidates that the machine can reach, those that leave the least mean variance of the
-    position over `poses` once the robot has calibrated itself on them, by the bound of
-    :func:`truepose.accuracy`: the sum of the requested variances, not the volume of the
-    parameters' (which would learn as gladly what no pose depends on).
+    Chooses among the reachable candidates those that minimize the mean variance of the position
+    over `poses` after self-calibration on them, by the bound of :func:`truepose.accuracy`. The
+    criterion is the sum of the requested variances, not the volume of the parameters' covariance,
+    which would also reward parameters without effect on the pose.
 
     Parameters
     ----------
     robot : Robot
-        With the sensors in use; as drawn, or calibrated.
+        Nominal or calibrated, with its sensors in use.
     n : int, optional
-        How many to choose; 30 by default, with a `target` at most 200.
+        Number of poses; default 30, with a `target` at most 200.
     candidates : CandidatePoses, array_like of shape (N, c), or int
-        What could be measured, or poses, or how many poses to draw over the workspace.
+        Candidate measurements, or poses, or the number of poses to sample over the workspace.
     after : Calibration, or readings, or a table, optional
-        What was measured before: a calibration, or what one is made of, as of
-        :func:`truepose.calibrate`.
+        Earlier measurements: a calibration, or its readings as for :func:`truepose.calibrate`.
     poses : array_like, shape (T, c), optional
-        Where the accuracy is asked for; by default a grid over the workspace.
+        Poses where the accuracy counts; by default a grid over the workspace.
     target : float, optional
-        σ of the position, m, that is enough: no more are chosen than it takes.
+        Requested σ of the position, m; the plan has no more poses than it needs.
     reference_pose, reference_sigma, relative_to, level, model_error
-        As of :func:`truepose.accuracy`.
+        As for :func:`truepose.accuracy`.
     seen : bool
-        Ask for what the candidates' tracker is to see, in its own frame, which is learnt as well,
-        as :meth:`Calibration.accuracy_seen`; not for the pose in the base's frame, of which a
-        tracker in a frame of its own never sees all. A robot with redundant sensors weighs them for
-        its own frame: the promise holds then, the choice is not quite the best.
+        Predict the accuracy of the pose in the frame of the candidates' tracker, which is
+        identified too, as :meth:`Calibration.accuracy_seen`; not in the base frame, which a tracker
+        in a frame of its own never determines fully. With redundant sensors, weighted for the
+        robot's own frame, the prediction is valid but the choice is not quite optimal.
     seed : int
-        Of the poses drawn, and of the random sets that the plan is compared with.
+        Seed of the sampled poses, and of the random sets for comparison.
 
     Returns
     -------
@@ -87,8 +86,7 @@ def plan_poses(
     Raises
     ------
     InputError
-        Nothing to learn from any candidate; fewer than n; a target that not all of them together
-        would reach.
+        No candidate is informative; there are fewer than n; all together do not reach the target.
 
     Examples
     --------
@@ -130,9 +128,9 @@ def plan_poses(
     reference = _one(robot, relative_to, "relative_to")
     if seen and (rows.frames is None or len(reference)):
         with_one = (
-            "is of one frame, relative_to of another"
+            "refers to the tracker's frame, relative_to to the base frame"
             if len(reference)
-            else ("needs candidates that a tracker in a frame of its own measures (measured_sigma)")
+            else ("needs candidates with measured_sigma, of a tracker in a frame of its own")
         )
         raise InputError(f"seen: {with_one}")
     asked = Seen if seen else Sought
@@ -171,16 +169,16 @@ def _one(robot: Robot, pose: ArrayLike | None, name: str) -> Array:
 
 
 def _chosen(C: Array, known: Array, sought: Sought, n: int | None, target: float | None) -> list:
-    """Which to measure; with a target no more than reach it."""
+    """Return the candidates to measure; with a target no more than it needs."""
     count = len(C)
     if not np.any(C):
         raise InputError(
-            f"{sought.robot.name}: candidates: nothing to learn from any: no reading beyond those "
-            "that its pose takes, nothing measured from outside, no difference; sensors of its "
+            f"{sought.robot.name}: candidates: none identifies a parameter: add a redundant "
+            "sensor, an external measurement or a difference; sensors of its "
             "file: " + (", ".join(sensor.name for sensor in sought.robot.spec.sensor) or "none")
         )
     if n is not None and n > count:
-        raise InputError(f"n = {n}: {count} candidates that the machine can reach")
+        raise InputError(f"n = {n}: only {count} candidates are reachable")
 
     def best(size: int) -> list[int]:
         return chosen_of(C, known, size, sought.weights, sought.cost)
@@ -261,23 +259,23 @@ class Sought:
         ).core
 
     def _variance(self, x: Array, half: Array) -> Array:
-        """At `poses`, or, before there are any, at all those that were given."""
+        """Return the variances (T, c) of the coordinates at poses x."""
         P, *_ = _core.accuracy(
             self._model.core, self._known(half), x, self._reference, self._full, self._acting
         )
         return np.diagonal(P, axis1=1, axis2=2)
 
     def sigma(self, G: Array) -> Array:
-        """σ of each coordinate and of the position, root mean square over the poses."""
+        """Return σ of each coordinate and of the position, rms over the poses."""
         mean = self._variance(self.poses, self._root @ G).mean(axis=0)
         return np.sqrt([*mean, mean[self._linear].sum()])
 
     def cost(self, G: Array) -> float:
-        """Mean variance of the position."""
+        """Return the mean variance of the position."""
         return float(self.sigma(G)[-1] ** 2)
 
     def weights(self, G: Array) -> Array:
-        """M of the gains that are best for a Σ: tr(M Σ) is the share that the geometry has."""
+        """Return M of the optimal gains for a Σ: tr(M Σ) is the variance due to the geometry."""
         known = self._known(self._root @ G)
 
         def leak(x: Array, H: Array) -> Array:
@@ -296,7 +294,7 @@ class Sought:
 
 
 class Seen(Sought):
-    """What a tracker is to see of the robot, in its own frame."""
+    """The accuracy of the pose in the frame of a tracker."""
 
     def __init__(
         self,
@@ -319,21 +317,21 @@ class Seen(Sought):
         self._reading_sigma = sigma
 
     def _by_unknowns(self, G: Array) -> tuple[Array, Array]:
-        """How what is seen depends on all unknowns, and on the readings, with the best gains."""
+        """Return the sensitivity of the seen pose to all unknowns and readings, optimal gains."""
         gain, *_ = _core.gain(self._model.core, self._known(self._root @ G), self.poses, self._full)
         by_readings = self._H_x @ np.asarray(gain)
         both = np.concatenate([-by_readings @ self._H, self._H_frames], axis=2)
         return both @ self._both, by_readings
 
     def sigma(self, G: Array) -> Array:
-        """σ of each coordinate seen and of the position, root mean square over the poses."""
+        """Return σ of each coordinate seen and of the position, rms over the poses."""
         by_unknowns, by_readings = self._by_unknowns(G)
         variance = ((by_unknowns @ G) ** 2).sum(axis=2)
         mean = (variance + ((by_readings * self._reading_sigma) ** 2).sum(axis=2)).mean(axis=0)
         return np.sqrt([*mean, mean[self._linear].sum()])
 
     def weights(self, G: Array) -> Array:
-        """M of the gains that are best for a Σ, over all unknowns."""
+        """Return M of the optimal gains for a Σ, over all unknowns."""
         A, _ = self._by_unknowns(G)
         A = A[:, self._linear].reshape(-1, A.shape[-1])
         return A.T @ A / len(self.poses)

@@ -19,26 +19,26 @@ from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT
 
-#: Laws of a robot as built, and the numbers of poses that it calibrates itself on, to compare.
+#: Compared laws of a robot as built, and numbers of self-calibration poses.
 LAWS, POSES = ("joint", "tej", "estimated"), (10, 40, 160)
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """σ over P poses: root mean squares, m and rad; one row a sensor set, NaN where a set fails."""
+    """Predicted σ, rms over P poses, m and rad; one row per sensor set, NaN where it fails."""
 
     robot: Robot
     sets: list[tuple[str, ...]]
     poses: Array  #: (P, n)
     left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
     calibrated: bool
-    sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
+    sigma: dict[str, Array]  #: by state: (sets, n + 1), coordinates and position norm
 
 
 def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
-    """Sets worth comparing: none, those in use, these with each other one, with each group, all.
+    """Return sets to compare: none, those in use, these with each other one, each group, all.
 
-    A group is all other sensors of one kind: an elbow is seldom bought alone.
+    A group has all other sensors of one kind, because elbow sensors are seldom bought singly.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def predict(
     reference_pose: ArrayLike | None = None,
     level: Level | None = None,
 ) -> Prediction:
-    """Bound of several sensor sets over the same poses.
+    """Predict the bound of several sensor sets over the same poses.
 
     Parameters
     ----------
@@ -74,11 +74,11 @@ def predict(
     sets : sequence of names, optional
         By default :func:`sensor_sets`.
     poses : array_like, shape (P, n), optional
-        By default those of :func:`workspace_grid` that every set's readings determine.
+        By default those of :func:`workspace_grid` that the readings of every set determine.
     calibrated : bool
-        Also what remains after self-calibration over these poses.
+        Also predict σ after self-calibration over these poses.
     reference_pose : array_like, shape (n,), optional
-        Also what remains once the robot has been read at this pose, which is known from outside.
+        Also predict σ after a reading at this externally known pose.
     level : {"ideal", "full"}, optional
         By default :attr:`Robot.highest_level`.
 
@@ -121,11 +121,11 @@ def predict(
 
 
 def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None = None) -> float:
-    """Predict the position error of the static equilibrium under a law: its rms over poses.
+    """Predict the rms position error of the static equilibrium under a law over poses.
 
-    To first order: the law's cross-sensitivity times the errors that tolerances (or a
-    calibration's covariance) and counts leave in the readings; with the mean of tolerances that
-    are not centred, which the law does not know. Of a rotational platform the turn.
+    To first order it is the law's cross-sensitivity times the errors of the readings due to
+    tolerances (or a calibration's covariance), encoder counts, and the mean of tolerances that are
+    not centered, which the law omits. For a rotational platform it is the rotation.
 
     Parameters
     ----------
@@ -158,8 +158,8 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
 def overview(found: Prediction, level: Level | None = None) -> Table:
     """Compare laws as built and self-calibration on few poses: the position's rms error.
 
-    One row a sensor set, after the motors alone the most accurate first. The poses of the
-    calibration are chosen at random from those of the prediction (seed 0).
+    One row per sensor set: the motors alone, then the most accurate first. The calibration poses
+    are chosen at random from those of the prediction (seed 0).
     """
     robots = [found.robot.with_sensors(*names) for names in found.sets]
     chosen = np.random.default_rng(0).permutation(found.poses)
@@ -185,7 +185,7 @@ def overview(found: Prediction, level: Level | None = None) -> Table:
 
 
 def best(table: Table) -> list[str]:
-    """Say which law and sensors of an :func:`overview` are best as built, and after calibration."""
+    """Return notes: the best law and sensors of an :func:`overview`, as built and calibrated."""
     records, said = table.records(), []
     for names, how in (
         (table.header[1 : 1 + len(LAWS)], "As built, best: {} law"),

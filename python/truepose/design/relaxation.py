@@ -1,20 +1,20 @@
 """Certified lower bounds of a sensor selection by convex relaxation.
 
-Let candidate i be there by a share 0 ≤ w_i ≤ 1: so much of its information counts. The variance
-f = Σ cᵀ(M₀ + Σ w_i M_i)⁻¹c is convex in w, and φ = 1/f concave: each 1/cᵀX⁻¹c is the least of
-vᵀXv over cᵀv = 1, thus concave in X, and so is the harmonic mean of many. Where only one thing is
-unknown φ is linear, so that few tangents say where φ is at most: whatever set it is,
+Candidate i has a share 0 ≤ w_i ≤ 1, by which its information is multiplied. The variance
+f = Σ cᵀ(M₀ + Σ w_i M_i)⁻¹c is convex in w, and φ = 1/f is concave: each 1/cᵀX⁻¹c is the minimum of
+vᵀXv over cᵀv = 1, thus concave in X, and so is the harmonic mean of many. With one unknown φ is
+linear, so that few tangents bound φ tightly; for every set
 
     φ(w) ≤ φ(w_k) + ∇φ(w_k)·(w - w_k).
 
 The highest point below all tangents within the budget is a linear program (Kelley's cutting
-planes); a tangent more is laid between it and the best point so far. What is returned is not the
-program's optimum but what its multipliers prove, by weak duality, in exact arithmetic but for
-rounding: every multiplier y ≥ 0 of min cᵀx, A x ≤ b, l ≤ x ≤ u proves -yᵀb + Σ min over the box of
-(c + Aᵀy)_i x_i.
+planes); the next tangent is between it and the best point so far. The returned bound is not the
+program's optimum but the one that its multipliers prove by weak duality, exact except for rounding:
+every multiplier y ≥ 0 of min cᵀx, A x ≤ b, l ≤ x ≤ u proves the lower bound -yᵀb + Σ min over the
+box of (c + Aᵀy)_i x_i.
 
-With `survives` f is the greatest of several, each without one of the candidates: as convex, a
-tangent for each.
+With `survives` f is the maximum of several, each without one of the candidates. It is convex too;
+each has a tangent.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ import numpy as np
 
 from truepose.arguments import Array
 
-#: Tangents are laid until the bound is within this share of the best shares' variance, …
+#: Relative gap between the bound and the best variance at which the iteration ends.
 CLOSE = 2e-3
-#: … or so many times.
+#: Largest number of iterations.
 ROUNDS = 60
-#: A share below which nothing is lost when that candidate fails.
+#: Share below which a candidate counts as absent, so that its failure has no effect.
 ABSENT = 1e-3
-#: Rounding, as a share: no bound is tighter.
+#: Relative margin for rounding by which bounds are loosened.
 ROUNDED = 1e-7
 
 
 class Relaxation:
-    """Bounds on the best that any set of N candidates can do.
+    """Bounds on the variance and the price of all sets of N candidates.
 
     Parameters
     ----------
     relaxed : callable
-        Variance at shares (N,), and its gradient.
+        Returns the variance at shares (N,), and its gradient.
     prices, must, ladders
-        As of :class:`truepose.design.search.Search`.
+        As for :class:`truepose.design.search.Search`.
     fail : sequence of int
-        Of which any one may fail; none: all stay.
+        Candidates of which any one may fail; empty: none fails.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Relaxation:
         self._tangents.clear()
 
     def _lay(self, w: Array) -> float:
-        """Lay tangents at these shares; return 1/φ there, the variance in units of the scale."""
+        """Add tangents at these shares; return 1/φ there, the variance in units of the scale."""
         gone = [k for k in self._fail if w[k] > ABSENT]
         phi = np.inf
         for k in gone or [-1]:
@@ -102,7 +102,7 @@ class Relaxation:
         return 1 / (variance * self._scale)
 
     def most_accurate(self, budget: float) -> tuple[float, Array]:
-        """Variance that no set within a budget is below, and the best shares that were found."""
+        """Return a lower bound of the variance within a budget, and the best shares found."""
         room = budget - self._prices @ self._low
         high = np.where((self._prices <= room) | (self._low > 0), 1.0, 0.0)
         cost = np.append(np.zeros(len(high)), -1.0)
@@ -126,7 +126,7 @@ class Relaxation:
         return 1 / (top * self._scale * (1 + ROUNDED)), centre
 
     def cheapest(self, target: float) -> float:
-        """Price that no set with at most this variance is below."""
+        """Return a lower bound of the price of sets with at most this variance."""
         need = self._scale_of(target)
         w, found = np.ones(len(self._prices)), float(self._prices @ self._low)
         inside = w
@@ -147,11 +147,11 @@ class Relaxation:
 
 
 def _program(cost: Array, A: Array, b: Array, low: Array, high: Array) -> tuple[Array, float]:
-    """Minimise cost·x with A x <= b in a box; also what the multipliers prove of the least."""
+    """Minimize cost·x with A x <= b in a box; also return the bound that the multipliers prove."""
     from scipy.optimize import linprog
 
     found = linprog(cost, A, b, bounds=np.stack([low, high], axis=1), method="highs")
-    if found.status:  # nothing is inside, or no end was found: nothing is proven
+    if found.status:  # infeasible or not converged: nothing is proven
         return low, -np.inf
     y = np.maximum(-found.ineqlin.marginals, 0.0)
     slope = cost + A.T @ y

@@ -1,4 +1,4 @@
-"""Sensor selection for a budget: greedy, and branch and bound with proof."""
+"""Sensor selection for a budget: greedy search, and branch and bound with proof."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ import numpy as np
 
 from truepose.design.relaxation import Relaxation
 
-#: Candidates up to which the front is proven, by a search at each of its prices.
+#: Largest number of candidates for which the front is proven, by a search at each price.
 EXACT = 14
-#: Candidates beyond which the convex relaxation is asked before branch and bound, not after it.
+#: Number of candidates above which the convex relaxation runs before branch and bound.
 MANY = 20
-#: Sets that a search for the best compares before it tells its gap instead.
+#: Sets compared by branch and bound before it stops and returns a gap.
 MOST = 20_000
-#: Two costs that differ by less are the same.
+#: Relative difference below which two costs are equal.
 SAME = 1e-9
 
 
 class Search:
-    """Sets of candidates, 0, 1, …: what is known of each, and the best of them.
+    """Search over sets of candidates 0, 1, …, with a table of the costs found.
 
     Parameters
     ----------
     cost : callable
-        Of a set; one candidate more never raises it.
+        Cost of a set; a further candidate never raises it.
     prices : sequence of float
-        Of each candidate beyond those that it needs.
+        Price of each candidate, without those that it needs.
     must : sequence of int
-        That are there in any case.
+        Candidates that every set contains.
     survives : bool
-        Whether the cost is that of the worst set that is left when one candidate fails.
+        Whether the cost is that after the worst failure of one candidate.
     ladders : sequence of sequences of int
-        Levels of one thing, each needing those before it; they do not fail.
+        Levels of one group, each needing those before it; they do not fail.
     relaxation : Relaxation, optional
-        Of the same question, where it has a convex one.
+        Convex relaxation of the same problem, if there is one.
 
     Examples
     --------
@@ -58,16 +58,16 @@ class Search:
     ):
         self._cost, self._survives, self._relaxation = cost, survives, relaxation
         self.prices, self.must = list(prices), tuple(sorted(must))
-        self.known: dict[tuple[int, ...], float] = {}  #: cost of each set looked at
+        self.known: dict[tuple[int, ...], float] = {}  #: cost of each compared set
         self._plain: dict[tuple[int, ...], float] = {}
         self._needs = {k: tuple(own[:at]) for own in ladders for at, k in enumerate(own)}
 
     def spent(self, chosen: Iterable[int]) -> float:
-        """Price of a set."""
+        """Return the price of a set."""
         return float(sum(self.prices[k] for k in chosen))
 
     def cost(self, chosen: Iterable[int]) -> float:
-        """Cost of a set: its variance, or that of the worst that is left with one less."""
+        """Return the cost of a set: its variance, or that after the worst failure of one."""
         own = tuple(sorted(chosen))
         if own not in self.known:
             fail = [gone for gone in own if gone not in self._needs] if self._survives else []
@@ -84,23 +84,23 @@ class Search:
         return [k for k in range(len(self.prices)) if k not in self.must]
 
     def with_one(self, own: Iterable[int], k: int) -> tuple[int, ...]:
-        """Return a set with one more, and with what that needs."""
+        """Return a set with one more, and with those that it needs."""
         return tuple(sorted({*own, *self._needs.get(k, ()), k}))
 
     def without_one(self, own: Iterable[int], gone: int) -> tuple[int, ...]:
-        """Return a set with one less, and without what needs that."""
+        """Return a set with one less, and without those that need it."""
         return tuple(k for k in own if k != gone and gone not in self._needs.get(k, ()))
 
     def _whole(self, own: Iterable[int]) -> bool:
-        """Whether everything in a set has what it needs."""
+        """Return whether a set contains all that its members need."""
         held = set(own)
         return all(held.issuperset(self._needs.get(k, ())) for k in held)
 
     def greedy(self, budget: float) -> tuple[int, ...]:
-        """Fill a budget, then take one out and fill again without it while that helps.
+        """Fill a budget, then remove one and fill again without it while that lowers the cost.
 
-        Where any one may fail, also from the best set of which none does: the first of two that
-        stand in for each other is worth nothing by itself.
+        If any one may fail, it also starts from the best set without failures, because the first of
+        two sensors that replace each other has no gain alone.
         """
         found = self._grown(budget, self.cost)
         if self._survives:
@@ -113,7 +113,7 @@ class Search:
         return self._exchanged(min(starts, key=cost), budget, cost)
 
     def first(self, budget: float) -> tuple[tuple[int, ...], float]:
-        """A good set to begin with, and what the relaxation, if asked, says none is below."""
+        """Return a good initial set, and a lower bound of the cost by the relaxation (else 0)."""
         best, floor = self.greedy(budget), 0.0
         if self._relaxation is not None and len(self._free()) > MANY and not self._survives:
             floor, shares = self._relaxation.most_accurate(budget)
@@ -121,7 +121,7 @@ class Search:
         return best, floor
 
     def rounded(self, budget: float, shares: Sequence[float]) -> tuple[int, ...]:
-        """Fill a budget by the greatest shares, which see what is worth something together only."""
+        """Fill a budget by the greatest shares, which include gains of combinations."""
         chosen = self.must
         for k in sorted(self._free(), key=lambda k: -shares[k]):
             more = self.with_one(chosen, k)
@@ -151,7 +151,7 @@ class Search:
         cost: Callable[[Sequence[int]], float],
         banned: int = -1,
     ) -> tuple[int, ...]:
-        """Add what lowers the cost most, or most for its price, until nothing more fits."""
+        """Add the candidate with the largest gain, or gain per price, until none fits."""
         chosen = tuple(own)
         while True:
             room, least = budget - self.spent(chosen), cost(chosen)
@@ -170,7 +170,7 @@ class Search:
             chosen = more[best]
 
     def most_accurate(self, budget: float) -> tuple[tuple[int, ...], float]:
-        """Best set within a budget, and what none of them is below: branch and bound."""
+        """Return the best set within a budget and a lower bound of the cost: branch and bound."""
         best, floor = self.first(budget)
         least = self.cost(best)
         free = self._in_order()
@@ -199,14 +199,14 @@ class Search:
         return best, least
 
     def _in_order(self) -> list[int]:
-        """Those in question: what is worth most first, and what others need before them."""
+        """Return the free candidates by gain, each after those that it needs."""
         free = self._free()
         worth = {k: self.cost(self.with_one(self.must, k)) for k in free}
         first = {k: max(worth[j] for j in (*self._needs.get(k, ()), k) if j in worth) for k in free}
         return sorted(free, key=lambda k: (first[k], len(self._needs.get(k, ()))))
 
     def _affordable(self, own: Sequence[int], undecided: Sequence[int], budget: float) -> list[int]:
-        """Those that still fit beside a set, each with what it needs."""
+        """Return the undecided candidates that fit the budget with a set and their needs."""
         room, held, rest = budget - self.spent(own), set(own), []
         for k in undecided:
             needs = self._needs.get(k, ())
@@ -216,7 +216,7 @@ class Search:
         return rest
 
     def cheapest(self, target: float) -> tuple[tuple[int, ...], float]:
-        """Cheapest set whose cost reaches a target, and what none is cheaper than."""
+        """Return the cheapest set whose cost reaches a target, and a lower bound of the price."""
         best = tuple(range(len(self.prices)))
         free = self._in_order()
         queue = [(self.spent(self.must), 0, self.must, 0)]
@@ -231,7 +231,7 @@ class Search:
                 return best, min(price, self.spent(best))
             if self.cost(own) <= target:
                 best = tuple(sorted(own))
-                break  # the first that comes is the cheapest
+                break  # sets come in order of price
             for k in range(at, len(free)):
                 if self.cost([*own, *free[k:]]) > target:
                     break
@@ -241,10 +241,10 @@ class Search:
         return best, self.spent(best)
 
     def look_round(self) -> bool:
-        """Look at the sets that make the front; return whether it is proven.
+        """Compare the sets that form the front; return whether it is proven.
 
-        Up to `EXACT` candidates: the best of all, the best cheaper one, and so
-        on down to nothing, each proven. Beyond: greedy choices for many budgets.
+        Up to `EXACT` candidates it finds the best set, then the best cheaper one and so on, each
+        proven. With more it makes greedy choices for many budgets.
         """
         free = self._free()
         whole = self.spent(range(len(self.prices)))
@@ -258,14 +258,14 @@ class Search:
             best, bound = self.most_accurate(budget)
             if bound < self.cost(best) * (1 - SAME):
                 return False
-            for k in self._free():  # what adds nothing
+            for k in self._free():  # drop those without effect
                 less = self.without_one(best, k)
                 best = less if self.cost(less) <= self.cost(best) * (1 + SAME) else best
             budget = self.spent(best) - SAME * max(whole, 1.0)
         return True
 
     def front(self) -> list[tuple[int, ...]]:
-        """Sets of those compared that none is as cheap and as accurate as, cheapest first."""
+        """Return the Pareto front of the compared sets, cheapest first."""
         least, found = np.inf, []
         needed = set(self.must)
         order = sorted(self.known, key=lambda own: (self.spent(own), self.known[own], len(own)))

@@ -13,58 +13,58 @@ from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import printed
 
-#: Share of the largest price by which sets that a figure lists are apart.
+#: Least difference of prices of the sets listed in a figure, as a share of the largest price.
 _APART = 0.03
 
 
 @dataclass(frozen=True)
 class SensorSet:
-    """A set of sensors, and of tolerances to machine to."""
+    """A set of sensors and of machining tolerances."""
 
     sensors: tuple[str, ...]
     price: float
-    sigma: float  #: of the position, root mean square over the poses, m
+    sigma: float  #: of the position, rms over the poses, m
     machined: tuple[tuple[str, float], ...] = ()  #: parameters, names or globs, and their σ
 
 
 class Alone(NamedTuple):
-    """What one candidate does, beside what is there in any case; σ of the position, m."""
+    """Effect of one candidate besides the required ones; σ of the position, m."""
 
-    sensor: str  #: or the parameters that are machined
-    level: float | None  #: to this σ, with the levels that it needs; None of a sensor
+    sensor: str  #: or the machined parameters
+    level: float | None  #: machined to this σ, with the levels that it needs; None for a sensor
     price: float
     sigma: float  #: with it alone
-    without: float  #: with all but it
+    without: float  #: with all others
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SensorSelection(Shown):
-    """Accuracy by cost: the Pareto front of sensors and finer tolerances."""
+    """Pareto front of accuracy and price over sensors and machining tolerances."""
 
     robot: Robot
     prices: dict[str, float]  #: of each candidate
-    front: list[SensorSet]  #: no set is as cheap and as accurate as one of these; cheapest first
-    best: SensorSet | None  #: within the budget, or cheapest of those that reach the target
-    bound: float  #: that none within the budget is better than: σ, m; of a target the price
-    compared: int  #: sets
+    front: list[SensorSet]  #: sets that no other set dominates; cheapest first
+    best: SensorSet | None  #: within the budget, or the cheapest that reaches the target
+    bound: float  #: lower bound of all sets: of σ, m, within the budget; of the price for a target
+    compared: int  #: number of sets
     over: Array  #: (T, c) poses
-    budget: float | None = None  #: that was given
-    target: float | None = None  #: that was asked for, σ, m
-    state: str = "as built"  #: in which σ holds
-    levels: list[list[Level]] = field(default_factory=list)  #: that parameters can be machined to
-    alone: list[Alone] = field(default_factory=list)  #: each candidate by itself
-    exact: bool = True  #: whether the front is proven; else greedy: others may be better
+    budget: float | None = None  #: as given
+    target: float | None = None  #: requested σ, m
+    state: str = "as built"  #: of the robot, to which σ applies
+    levels: list[list[Level]] = field(default_factory=list)  #: machining tolerances, by group
+    alone: list[Alone] = field(default_factory=list)  #: each candidate separately
+    exact: bool = True  #: whether the front is proven; else greedy, better sets may exist
 
     @property
     def proven(self) -> bool:
-        """Whether no other set can be better than the best."""
+        """Whether the best set is proven optimal."""
         if self.best is None:
             return False
         return bool(self.bound >= self._reached * (1 - 1e-9))
 
     @property
     def gap(self) -> float:
-        """By what share a better one might be better; 0 where there is none."""
+        """Largest possible relative improvement over the best set; 0 if it is proven."""
         return 0.0 if self.proven or self.best is None else 1 - self.bound / self._reached
 
     @property
@@ -73,7 +73,7 @@ class SensorSelection(Shown):
         return self.best.price if self.target is not None else self.best.sigma
 
     def table(self) -> Table:
-        """Return one row a set of the front, cheapest first."""
+        """Return a table with one row per set of the front, cheapest first."""
         total, robot = summed(self.robot), self.robot
         rows = [
             [
@@ -85,8 +85,8 @@ class SensorSelection(Shown):
             ]
             for choice in self.front
         ]
-        what = "sensors and machining buy" if self.levels else "sensors buy"
-        title = f"What {what}, {self.state}: σ of the {total.name}, and their price"
+        what = "Sensors and machining" if self.levels else "Sensors"
+        title = f"{what}, {self.state}: σ of the {total.name}, and price"
         title += "" if self.exact else " (greedy choices, not proven)"
         header = ["sensors", *(["machined to"] if self.levels else []), "price", total.label]
         return Table("design", title, [*header, *([] if self.exact else ["front"])], rows)
@@ -96,7 +96,7 @@ class SensorSelection(Shown):
 
         total = summed(self.robot)
         price = [choice.price for choice in self.front]
-        shown: list[int] = []  # apart from each other
+        shown: list[int] = []  # sets with labels
         for k, at in enumerate(price):
             one, before = self.front[k], self.front[shown[-1] if shown else k]
             far = at - before.price > _APART * max(price) or one.sigma < 0.8 * before.sigma
@@ -144,7 +144,7 @@ class SensorSelection(Shown):
 
 
 def machined(robot: Robot, choice: SensorSet) -> Cell:
-    """To what parameters are machined in a set: for people, and as it is read again."""
+    """Return the machining tolerances of a set: printed, with parseable data."""
     shown = [tolerance(robot, *level) for level in choice.machined]
     data = ",".join(f"{group}={sigma!r}" for group, sigma in choice.machined)
     return Cell(", ".join(shown) or "–", data or "none")

@@ -23,7 +23,7 @@ from truepose.robot.units import summed
 from truepose.robot.workspace import workspace
 from truepose.show.units import printed
 
-#: Poses of the workspace over which sets are compared.
+#: Default number of workspace poses over which sets are compared.
 POSES = 32
 
 
@@ -43,32 +43,32 @@ def select_sensors(
 ) -> SensorSelection:
     """Choose sensors and tolerances by accuracy and cost.
 
-    By the bound of :func:`truepose.accuracy`, at the robot's finest level. A sensor more never
-    harms: what is within the budget's reach is never better than all of it together, and so the
-    best set is found, and proven the best, without a look at most. Where they are too many, a
-    convex relaxation says by how much a better one could be better.
+    The criterion is the bound of :func:`truepose.accuracy` at the robot's highest level. A further
+    sensor never raises it, so all affordable candidates together bound the sets among them: branch
+    and bound proves the best set without comparing most sets. With too many candidates a convex
+    relaxation bounds the possible improvement.
 
     Parameters
     ----------
     robot : Robot
-        Its sensors in use do not matter.
+        Its sensors in use have no effect.
     prices : mapping, optional
-        Of sensors in question, by their names; by default those of the file's key `price`.
+        Prices of the candidate sensors by name; by default the file's keys `price`.
     price_steps : mapping, optional
-        By names of parameters or globs, to which σ (m or rad, about what is expected) all of them
-        can be machined, and for which price; by default the file's keys `price_steps`.
+        Machining tolerances by names of parameters or globs: σ (m or rad, about the expected value)
+        and its price for the group; by default the file's keys `price_steps`.
     budget : float, optional
-        The most that all may cost: find the most accurate.
+        Largest total price; finds the most accurate set.
     target : float, optional
-        σ of the position, m: find the cheapest.
+        Requested σ of the position, m; finds the cheapest set.
     must : sequence of str
-        Sensors that are there in any case; they cost their price.
+        Sensors that every set contains, at their price.
     calibrated_on, reference_pose, reference_sigma
-        As of :func:`truepose.accuracy`.
+        As for :func:`truepose.accuracy`.
     poses : array_like, shape (T, c), optional
-        Where the accuracy is asked for; by default 32 over the workspace.
+        Poses where the accuracy counts; by default 32 over the workspace.
     survives : bool
-        Ask for the accuracy that is left when any one sensor fails, the one that harms most.
+        Use the accuracy after the worst failure of one sensor.
 
     Returns
     -------
@@ -77,8 +77,8 @@ def select_sensors(
     Raises
     ------
     InputError
-        A candidate without a price; a budget that nothing fits, or not even `must`; a target that
-        all together do not reach.
+        A candidate has no price; the budget is below every price or that of `must`; all candidates
+        together do not reach the target.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def select_sensors(
         if name not in named:
             raise InputError(f"must: {choose('sensor', name, names)}")
     if budget is not None and target is not None:
-        raise InputError("budget and target: one of them")
+        raise InputError("budget and target: give one of them")
     for what, value in (("budget", budget), ("target", target)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{what} = {value!r}: must be greater than 0")
@@ -135,9 +135,9 @@ def select_sensors(
             unit = summed(robot).unit
             together = f"all {len(names)} sensors together" if names else "all levels"
             if names and levels:
-                together += ", all machined as finely as can be,"
+                together += ", all parts machined to the smallest σ,"
             if names and survives:
-                together = together.rstrip(",") + ", the worst one failed,"
+                together = together.rstrip(",") + ", after the worst failure of one,"
             raise InputError(
                 f"target {printed(target, unit, '.4g')}: {together} reach "
                 f"{printed(floor, unit, '.4g')}"
@@ -230,7 +230,7 @@ def searched(
     must: Sequence[int] = (),
     survives: bool = False,
 ) -> Search:
-    """Make the search among sensors, 0, 1, …, and behind them the levels of tolerances."""
+    """Return the search over sensors 0, 1, …, followed by the levels of tolerances."""
     sensors, numbered = len(prices), []
     whole = list(prices)
     for own in ladders:
@@ -242,7 +242,7 @@ def searched(
 
 
 def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
-    """Say so where a budget buys nothing."""
+    """Raise InputError where a budget is too small for `must` or any candidate."""
     needed = search.spent(search.must)
     if needed > budget:
         raise InputError(f"budget {budget:g}: {', '.join(must)} cost {needed:g}")
@@ -250,15 +250,15 @@ def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[st
     if not must and least > budget:
         k = search.prices.index(least)
         what = names[k] if k < len(names) else "machining"
-        raise InputError(f"budget {budget:g}: nothing fits: the cheapest, {what}, costs {least:g}")
+        raise InputError(f"budget {budget:g}: too small: the cheapest, {what}, costs {least:g}")
 
 
 def priced(
     robot: Robot, prices: Mapping[str, float] | None, machined: bool = False
 ) -> dict[str, float]:
-    """Price of each candidate: of those given, or of all sensors of the file.
+    """Return the price of each candidate sensor: those given, or all of the file.
 
-    There may be none where parts can be machined.
+    The result may be empty if parts can be machined.
     """
     every = {sensor.name: sensor.price for sensor in robot.spec.sensor}
     given = every if prices is None else {**prices}
@@ -278,7 +278,7 @@ def priced(
 
 
 def asked_poses(robot: Robot, poses: object, name: str = "poses") -> Array:
-    """Poses that were given; by default some that are drawn over the workspace."""
+    """Return the given poses; by default poses sampled over the workspace."""
     if poses is not None:
         x, _ = flattened(robot, np.asarray(poses), robot.n, name, "raise")
         robot.expected().ikm(x)

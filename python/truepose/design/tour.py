@@ -9,11 +9,11 @@ from truepose.robot.robot import Robot
 
 
 def tour(robot: Robot, poses: Array) -> list[int]:
-    """Order of poses (N, n) on a near-shortest tour from home and back to it.
+    """Return the order of poses (N, n) on a near-shortest tour from home and back.
 
-    A move takes as long as its slowest motor (by the speed limits of the file; where it lacks them,
-    by each motor's share of its own range): nearest neighbours from each pose, each tour then
-    shortened by turning a part of it round until none is shorter so, and the best of them.
+    The distance of two poses is the time of the slowest motor, by the speed limits of the file;
+    without them it is the largest share of a motor's range. From each pose a nearest-neighbor tour
+    is improved by 2-opt; the shortest is returned.
 
     Examples
     --------
@@ -38,7 +38,7 @@ def tour(robot: Robot, poses: Array) -> list[int]:
 
 
 def length(order: list[int], D: Array) -> float:
-    """Length of a closed tour by a table of distances."""
+    """Return the length of a closed tour by a matrix of distances."""
     return float(D[order, np.roll(order, -1)].sum())
 
 
@@ -51,7 +51,7 @@ def _nearest(D: Array, start: int) -> list[int]:
 
 
 def _shortened(order: list[int], D: Array) -> list[int]:
-    """Turn round the part that shortens a tour most, until there is none (2-opt)."""
+    """Reverse the part that shortens the tour most until none does (2-opt)."""
     at = np.array(order)
     while True:
         after = np.roll(at, -1)

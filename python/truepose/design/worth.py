@@ -1,11 +1,10 @@
 """The bound of many sensor sets, with Jacobians evaluated once.
 
-With the motors alone the pose is off by ``E (B_q u + ε_q)``, E = H_q⁻¹; a sensor then reads
-``b u + ε - H E ε_q`` beyond what that pose leads one to expect, b = B - H E B_q. All of it is
-normal, so that what a set leaves of the position's variance, at poses asked for and after readings
-at others, is a conditional variance: the rows of the sensors of the set are taken out of tables
-that hold all of them. A finer tolerance is a reading too, of each parameter that it is of: what it
-adds to the information 1/σ² that the tolerance before it left.
+With the motors alone the pose error is ``E (B_q u + ε_q)``, E = H_q⁻¹; the residual of a sensor at
+that pose is ``b u + ε - H E ε_q``, b = B - H E B_q. All are normal, so that the variance of the
+position with a set, at the requested poses and after readings at others, is a conditional variance.
+It uses the rows of the set's sensors from tables of all sensors. A finer tolerance counts as a
+reading of each of its parameters: it adds to the information 1/σ² of the tolerance before it.
 """
 
 from __future__ import annotations
@@ -22,24 +21,24 @@ from truepose.robot.units import summed
 
 
 class Worth:
-    """Mean variance of the position, by the sensors that are read.
+    """Mean variance of the position as a function of the sensor set.
 
     Parameters
     ----------
     robot : Robot
     names : sequence of str
-        Of all sensors in question.
+        Candidate sensors.
     poses : ndarray, shape (T, c)
-        Where the accuracy is asked for.
+        Poses where the accuracy counts.
     calibrated_on : ndarray, shape (V, c)
-        Where the robot calibrates itself before; or none.
+        Poses of a self-calibration; may be empty.
     touched : ndarray, shape (1, c)
-        A pose known from outside, where all is read; or none.
+        Externally known pose at which all sensors are read; may be empty.
     reference_sigma : sequence of float
-        σ of its coordinates.
+        σ of the coordinates of `touched`.
     finer : sequence of mappings
-        Of levels to which parameters can be machined: the information that each adds, by name.
-        They are numbered behind the sensors.
+        Information that each machining tolerance adds, by parameter name. These candidates follow
+        the sensors.
 
     Examples
     --------
@@ -71,7 +70,7 @@ class Worth:
         n, more = robot.n, robot.n * len(touched)  # unknowns: parameters, the touched pose
         known = knowledge.root(robot, uncertain)
         root = np.hstack([known, np.zeros((len(known), more))])
-        if more:  # what the motors say there is said whatever the set
+        if more:  # the motor readings there do not depend on the set
             H, B = self._jacobians(touched)
             there = B[0] @ root
             there[:, -more:] = H[0] * np.asarray(reference_sigma)
@@ -87,7 +86,7 @@ class Worth:
         if more:
             rows = np.concatenate([rows, there[None]])
             noise = np.concatenate([noise, np.eye(len(self._names))[None]])
-        self._R, self._noise = rows, noise  # (V, S, p), (V, S, S): what was read before
+        self._R, self._noise = rows, noise  # (V, S, p), (V, S, S): earlier readings
         self._finer = [
             np.sqrt([*added.values()])[:, None] * root[[uncertain.index(name) for name in added]]
             for added in finer
@@ -96,12 +95,12 @@ class Worth:
         size = len(self._linear)
         told = np.abs(self._F).max(axis=0, initial=0.0) > 0
         told[size:] |= np.abs(self._R).max(axis=0, initial=0.0) > 0
-        #: Which unknowns the position depends on, and what each candidate says.
+        #: Unknowns that affect the position, and those in each candidate's readings.
         self._asked = told[:size].any(axis=0)
         self._told = [*told[size:], *(np.any(rows, axis=0) for rows in self._finer)]
 
     def _flatten(self) -> None:
-        """Lay what was read before in one table, candidate by candidate, with its covariances."""
+        """Put the earlier readings in one table, candidate by candidate, with their covariances."""
         count, sensors, p = self._R.shape
         flat = self._R.swapaxes(0, 1).reshape(-1, p)
         self._rest = np.vstack([flat, *self._finer])
@@ -116,7 +115,7 @@ class Worth:
         self._FR = self._F @ self._rest.T
 
     def _jacobians(self, x: Array) -> tuple[Array, Array]:
-        """H_x and H_ξ of motors and all sensors, in units of each reading's σ."""
+        """Return H_x and H_ξ of motors and all sensors, in units of each reading's σ."""
         robot, most = self._robot, _core.max_sensors
         most = min(most, _core.max_readings - robot.n)
         groups = [self._names[k : k + most] for k in range(0, len(self._names), most)]
@@ -134,7 +133,7 @@ class Worth:
         return np.concatenate(H, axis=1), np.concatenate(B, axis=1)
 
     def _rows(self, x: Array, root: Array) -> tuple[Array, Array, Array]:
-        """Rows of the motors' error of the position, and of all sensors; covariance of the rest."""
+        """Return rows of the motors' position error and of all sensors, and their noise."""
         n, size = self._robot.n, len(self._linear)
         if not len(x):
             width = size + len(self._names)
@@ -151,7 +150,7 @@ class Worth:
         return E[:, self._linear] @ B[:, :n], B[:, n:] - A @ B[:, :n], noise
 
     def variance(self, chosen: Sequence[int]) -> float:
-        """Mean variance of the position, m², where these are read, or machined to."""
+        """Return the mean variance of the position, m², with these sensors and tolerances."""
         sensors, size = len(self._names), len(self._linear)
         own = [k for k in chosen if k < sensors]
         kept = [*range(size), *(size + k for k in own)]
@@ -159,7 +158,7 @@ class Worth:
         rows = [self._of[k] for k in chosen]
         at = np.concatenate(rows) if rows else np.zeros(0, dtype=int)
         of = np.flatnonzero(np.any([self._asked, *(self._told[k] for k in chosen)], axis=0))
-        if len(of) < len(at):  # by the unknowns: fewer than the readings that tell of them
+        if len(of) < len(at):  # by the unknowns, if fewer than the readings
             F = self._F[:, kept][..., of] @ self._left(chosen, own, of)
             P = F @ F.swapaxes(1, 2) + self._own[every]
         elif len(at):
@@ -178,8 +177,8 @@ class Worth:
         return float(mean.mean())
 
     def _left(self, chosen: Sequence[int], own: Sequence[int], of: Array) -> Array:
-        """Root G of the covariance of some unknowns after readings and machining: Σ = G Gᵀ."""
-        from scipy.linalg.lapack import dtrtri  # of triangles, an eighth of the work
+        """Return the root G of the covariance of unknowns after readings and machining, G Gᵀ."""
+        from scipy.linalg.lapack import dtrtri  # inverse of a triangle, an eighth of the work
 
         white = np.linalg.inv(np.linalg.cholesky(self._noise[:, own][..., own]))
         rows = [(white @ self._R[:, own][..., of]).reshape(-1, len(of))]
@@ -188,15 +187,15 @@ class Worth:
         return dtrtri(np.linalg.cholesky(np.eye(len(of)) + told.T @ told), lower=1)[0].T
 
     def relaxed(self, shares: Array) -> tuple[float, Array]:
-        """Mean variance where each candidate's information counts by a share, and its gradient.
+        """Return the mean variance with shares of the candidates' information, and its gradient.
 
-        A sensor of share w reads √w s + ε of its value s. The variance falls with w by the square
-        of the remaining covariance of the position and s, for each of its readings.
+        A sensor of share w reads √w s + ε of its value s. Its derivative by w is minus the squared
+        remaining covariance of the position and s, summed over the readings.
 
         Parameters
         ----------
         shares : ndarray, shape (N,)
-            From 0 to 1; of 0 and 1 alone they are a set's, and the variance its.
+            From 0 to 1; with shares of 0 and 1 only, the variance is that of the set.
         """
         sensors, size = len(self._names), len(self._linear)
         count = len(self._FF)
@@ -216,7 +215,7 @@ class Worth:
         P[:, range(size, size + sensors), range(size, size + sensors)] -= 1.0
         across, told = P[:, size:, :size], P[:, size:, size:]
         gain = np.linalg.solve(eye + d[:, None] * told * d, d[:, None] * across)
-        by = (d[:, None] * gain).swapaxes(1, 2)  # (T, 3, S): of each sensor's value
+        by = (d[:, None] * gain).swapaxes(1, 2)  # (T, 3, S): by sensor value
         value = np.trace(P[:, :size, :size], axis1=1, axis2=2) - (by @ across).trace(
             axis1=1, axis2=2
         )
