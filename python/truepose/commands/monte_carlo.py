@@ -111,7 +111,7 @@ def simulate_log_command(
         tracker=not names if tracker is None else tracker,
     )
     values = {name: parameter.value for name, parameter in ran.truth.parameters.items()}
-    text = f"# {mark('true robot')}, drawn with seed {seed}\n{to_toml(ran.truth.spec, values)}"
+    text = f"# {mark('true robot')}, sampled with seed {seed}\n{to_toml(ran.truth.spec, values)}"
     log = logs.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
     wrote(how, out, kept)
