@@ -170,7 +170,7 @@ def test_the_page_says_what_a_reader_would_stumble_over(made):
     assert re.search(
         r"static errors remain the same\. For single robots .* \d\.\d\d mm \(median\)", page
     )
-    assert re.search(r"θ errors are not comparable: .* 231 deg² in print and \d+ deg² \(median\)", page)
+    assert re.search(r"θ errors are not comparable: .* 231 deg² .* and \d+ deg² \(median\)", page)
     assert "0 [0, 0] is less than 0.00005" in page
     assert "+14, −20 and −17 %" in page
 

@@ -1,8 +1,7 @@
 """A robot in MuJoCo's viewer, or as a picture.
 
-As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture
-under the MUJOCO_GL that it is given: a driver that is missing or broken takes no more than that
-with it.
+As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture with
+the given MUJOCO_GL, in its own process because a broken driver may crash it.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ from truepose.robot.robot import Robot
 
 _WIDTH, _HEIGHT = 1600, 1200
 _DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
-_PATIENCE = 120  # s for one picture
+_PATIENCE = 120  # timeout of one picture, s
 
 
 def show(robot: Robot) -> None:
-    """Open MuJoCo's viewer on the robot at home, its motors held; returns when it is closed.
+    """Open MuJoCo's viewer on the robot at home, motors held; return when it is closed.
 
     Raises
     ------
@@ -49,10 +48,11 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     Parameters
     ----------
     robot : Robot
+        Robot to draw.
     path : Path
-        A picture that truepose drew before is replaced.
+        PNG file; a picture drawn by truepose is replaced.
     force : bool
-        Replace any other file, too.
+        Replace any other file as well.
 
     Raises
     ------
