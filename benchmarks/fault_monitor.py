@@ -202,12 +202,7 @@ def print_alarms(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None
 
 
 def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
-    heads = [
-        "sensors",
-        "robots",
-        "cycles",
-        *(f"alarms over allowed at {c:g}" for c in CHANCES[:-1]),
-    ]
+    heads = ["sensors", "robots", "cycles", *(f"over allowed at {c:g}" for c in CHANCES[:-1])]
     row(*heads)
     row("---", *["---:"] * (len(heads) - 1))
     for which in SETS:

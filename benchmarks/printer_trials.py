@@ -118,13 +118,8 @@ def trials(
 ) -> Iterator[Trial | None]:
     """Sample printers, estimate each, and compare with the truth; yield None if estimation failed.
 
-    Parameters
-    ----------
-    noise : tuple of float, optional
-        Least and greatest σ of heights and distances, m; each printer's is sampled
-        log-uniformly. Default the assumed ones.
-    more : int
-        Number of heights in addition to Klipper's seven.
+    `noise` is the least and greatest σ of heights and distances, m, sampled log-uniformly for each
+    printer; default the assumed ones. `more` heights are added to Klipper's seven.
     """
     printer, assumed = drawn(kinematics), assumed or Assumed()
     model = Model(printer)

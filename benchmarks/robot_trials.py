@@ -90,9 +90,6 @@ def run(
         Level of calibration and true robots, default :attr:`Robot.highest_level`.
     model_error, loss
         As in :func:`truepose.calibrate`.
-    progress : callable
-        Called after each robot.
-
     Examples
     --------
     >>> import numpy as np, truepose as tp

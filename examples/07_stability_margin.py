@@ -19,9 +19,7 @@ CASES = {
     "both": tp.Effects().only("delay", "compliance"),
     "all": tp.Effects(),
 }
-SWING = (
-    0.2e-3  # m, peak to peak at the end: more is a limit cycle of the loop, less one of the counts
-)
+SWING = 0.2e-3  # m, peak to peak at the end: more is a limit cycle of the loop, less one of counts
 
 
 def swing(robot, controller, effects):

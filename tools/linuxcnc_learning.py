@@ -31,11 +31,7 @@ from truepose.arguments import Array
 from truepose.integrations.linuxcnc.configuration import corrections
 from truepose.paper import article
 
-SEED, ASKED, LEARNT_AT = (
-    0,
-    12,
-    60,
-)  # seed of the machine; numbers of poses for errors, and for calibration
+SEED, ASKED, LEARNT_AT = 0, 12, 60  # seed of the machine; poses for errors, and for calibration
 LAWS = ("tej", "estimated")
 CYCLES = 75_000  # enough to include all that calibrate
 #: Largest error of θ afterwards, relative to that under the TEJ law.

@@ -148,16 +148,8 @@ def search(
     level). The table is not linear: its derivatives are differences of
     :func:`truepose.paper.experiment.table3`. The exact experiment accepts or rejects each step.
 
-    Parameters
-    ----------
-    robot : Robot
-        Nominal robot.
-    seed : int
-        Seed of the prior's sample and of the vision system.
-    reading : {"estimated", "desired"}
-        Pose that is compared with the measured one.
-    progress : callable
-        Called after each step.
+    `seed` is that of the prior's sample and of the vision system. `reading` is the pose that is
+    compared with the measured one. `progress` is called after each step.
     """
     drawn = np.random.default_rng(seed).normal(size=len(unknowns(robot)))
     drawn[-len(NUISANCES) :] = 0.0
@@ -287,9 +279,7 @@ def _slopes(
                     change[:, :3] = unit
                 result[row, :, :, k] = -unknown.sigma * change
     result = np.moveaxis(experiment.in_print_units(np.moveaxis(result, -1, 0)), 0, -1)
-    for k in range(
-        len(found) - len(NUISANCES), len(found)
-    ):  # finite differences for what is not geometry
+    for k in range(len(found) - len(NUISANCES), len(found)):  # finite differences
         moved = u.copy()
         moved[k] += 0.05
         result[..., k] = (exact(moved)[1] - errors) / 0.05

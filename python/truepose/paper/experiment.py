@@ -78,18 +78,8 @@ def rest(
 ) -> dict[Control, Array]:
     """Return the steady-state poses of a true robot under each control, exact statics: (P, n) each.
 
-    Parameters
-    ----------
-    robot, truth : Robot
-        Nominal and true robot.
-    poses : ndarray, shape (P, n)
-        Desired poses.
-    visited : ndarray, shape (N, n), optional
-        Poses of the self-calibration, default `poses`.
-    controls : iterable of str
-        Some of `CONTROLS`.
-    seed : int
-        Seed of :func:`self_calibrated`.
+    `robot` is nominal, `poses` (P, n) are desired. The self-calibration visits `visited` (N, n),
+    default `poses`, with the `seed` of :func:`self_calibrated`.
     """
     result: dict[Control, Array] = {}
     for control in controls:
@@ -110,16 +100,8 @@ def run(
 ) -> Experiment:
     """Compute the steady-state pose of every true robot at every pose under each control.
 
-    Parameters
-    ----------
-    robot : Robot
-        Nominal robot of schoenflies mobility with θ measured and tolerances.
-    truths : list of Robot
-        True robots.
-    poses : ndarray, shape (P, 4), optional
-        Desired poses, default Table 2's 625.
-    progress : callable
-        Called after each robot.
+    `robot` is nominal, of schoenflies mobility with θ measured and tolerances. `poses` (P, 4) are
+    desired, default Table 2's 625. `progress` is called after each robot.
     """
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
@@ -149,14 +131,10 @@ def dynamics_check(
 ) -> dict[str, dict[Law, Array]]:
     """Return final poses of simulated dynamics minus those of exact statics, at some of the poses.
 
-    Each run moves from home to the pose in 0.4 s and holds it for 0.4 s.
-
-    Returns
-    -------
-    dict
-        {case: {law: (P, 4) in mm and degrees}}. "ideal": unquantized, gravity off; "loaded":
-        unquantized, with gravity, against statics that include the error of the nominal
-        feed-forward; "as built": with gravity and encoder counts, against the same statics.
+    Each run moves from home to the pose in 0.4 s and holds it for 0.4 s. The result is {case: {law:
+    (P, 4) in mm and degrees}}. "ideal": unquantized, gravity off; "loaded": unquantized, with
+    gravity, against statics that include the error of the nominal feed-forward; "as built": with
+    gravity and encoder counts, against the same statics.
     """
     weightless = (0.0, 0.0, 0.0)
     cases = {
@@ -241,12 +219,8 @@ def over_robots(each: Array) -> Array:
 def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, float]:
     """Return the 90 % bootstrap interval of a statistic of the simulated robots.
 
-    Parameters
-    ----------
-    statistic : callable
-        Function of arrays whose last axis is robots.
-    each : ndarray, shape (robots,)
-        Values of the same robots.
+    `statistic` is a function of arrays whose last axis is robots; `each` are values of the same
+    robots, shape (robots,).
 
     Examples
     --------
@@ -270,12 +244,8 @@ def rms_interval(each: Array, under: Array | None = None) -> tuple[float, float]
     percentiles are a few percent too narrow here, because a robot's squared error has only two to
     three effective degrees of freedom.
 
-    Parameters
-    ----------
-    each : ndarray, shape (robots,)
-        Rms of each robot.
-    under : ndarray, shape (robots,), optional
-        Rms of the same robots; if given, the interval is that of the ratio `each` / `under`.
+    `each` is the rms of each robot, (robots,). With `under`, the rms of the same robots, the
+    interval is that of the ratio `each` / `under`.
 
     Examples
     --------

@@ -108,16 +108,8 @@ def study(
 ) -> list[Line]:
     """Simulate every move with one faulty reading and no other error.
 
-    Parameters
-    ----------
-    robot : Robot
-        The controller's model: the H4, with θ measured.
-    count, seed : int
-        Number of moves, and their seed.
-    progress : callable
-        Called after each fault.
-    truth : Robot, optional
-        True robot, default `robot`.
+    `robot` is the controller's model, the H4 with θ measured; `truth` the true robot, default
+    `robot`. `count` moves are sampled with `seed`. `progress` is called after each fault.
 
     Examples
     --------

@@ -65,19 +65,11 @@ def study(
 ) -> list[Line]:
     """Simulate true robots that follow paths ten times each, cold, with all effects.
 
-    The gains are those of :meth:`Controller.for_robot`, stable under these effects.
-
-    Parameters
-    ----------
-    robot : Robot
-        The nominal H4, with θ measured.
-    robots, seed : int
-        Number of true robots sampled from the tolerances, each rod on its own; seed of all.
-    full : bool
-        Both paths, all laws, nominal and calibrated, all `SPEEDS`; False: the circle at half the
-        motors' speed, under the report's controls.
-    progress : callable
-        Called after each path accuracy.
+    The gains are those of :meth:`Controller.for_robot`, stable under these effects. `robot` is the
+    nominal H4 with θ measured; `robots` true ones are sampled from its tolerances, each rod on its
+    own. `full`: both paths, all laws, nominal and calibrated, all `SPEEDS`; otherwise the circle at
+    half the motors' speed, under the report's controls. `progress` is called after each path
+    accuracy.
 
     Examples
     --------

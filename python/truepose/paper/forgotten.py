@@ -52,13 +52,10 @@ class Line:
         return float(over_robots(self.usual) / over_robots(self.calibrated))
 
     def interval(self, less: Line | None = None) -> tuple[float, float]:
-        """90 % bootstrap interval of the calibrated rms.
+        """90 % bootstrap interval of the calibrated rms, or of its difference to that of `less`.
 
-        Parameters
-        ----------
-        less : Line, optional
-            A case to subtract, on the same robots. If the interval of the difference contains zero,
-            these robots show no loss by the effect.
+        Both are on the same robots. If the interval of the difference contains zero, these robots
+        show no loss by the effect.
         """
         if less is None:
             return interval(over_robots, self.calibrated)
@@ -85,21 +82,10 @@ def total_steps(robots: int) -> int:
 def study(
     robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
 ) -> list[Line]:
-    """Run every case.
+    """Run every case, in the order of :func:`cases`.
 
-    Parameters
-    ----------
-    robot : Robot
-        The nominal H4, with θ measured.
-    robots, seed : int
-        Number of true robots sampled from the paper's errors, and their seed.
-    progress : callable
-        Called after each robot of each case.
-
-    Returns
-    -------
-    list of Line
-        In the order of :func:`cases`.
+    `robot` is the nominal H4 with θ measured; `robots` true ones are sampled from the paper's
+    errors with `seed`. `progress` is called after each robot of each case.
     """
     truths = experiment.draw_robots(robot, robots, seed)
     vision = Vision(Setup.facing(robot))

@@ -34,17 +34,8 @@ _ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
 def folder(out: Path, force: bool = False) -> Iterator[Path]:
     """Yield a folder to write into; its files move to `out` only if no error occurs.
 
-    Parameters
-    ----------
-    out : Path
-        A folder that does not exist, or has no files with the report's endings.
-    force : bool
-        Replace files in it.
-
-    Raises
-    ------
-    InputError
-        `out` cannot be written or has such files; raised on entry, before the work.
+    `out` does not exist, or has no files with the report's endings, unless `force` replaces them.
+    InputError: `out` cannot be written or has such files; raised on entry, before the work.
     """
     there = os.path.lexists(out)
     base = out if there else next(parent for parent in out.absolute().parents if parent.exists())

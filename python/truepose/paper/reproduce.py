@@ -63,19 +63,13 @@ def reproduce(
 ) -> Reproduction:
     """Simulate the move, compute steady states at 625 poses, check some in the dynamics.
 
-    Then study self-calibration with sensor sets, path following, and sensor faults.
+    Then study self-calibration with sensor sets, path following, and sensor faults. True robots are
+    sampled from the paper's errors; `seed` is that of all random numbers.
 
-    Parameters
-    ----------
-    robots, seed : int
-        Number of true robots sampled from the paper's errors; seed of all random numbers.
-    progress : callable
-        Called with the name of the present task after each step, see :func:`total_steps`.
-    virtual : bool
-        Also carry out the virtual experiment of section 4 on the twin.
-    full : bool
-        Also compute statistics: sensor sets over at least `paper.sensor_sets.ROBOTS` robots,
-        calibrated robots that warm up, more paths and speeds, more moves with faults.
+    `progress` is called with the name of the present task after each step, see :func:`total_steps`.
+    `virtual` adds the virtual experiment of section 4 on the twin. `full` adds statistics: sensor
+    sets over at least `paper.sensor_sets.ROBOTS` robots, calibrated robots that warm up, more paths
+    and speeds, more moves with faults.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)

@@ -79,14 +79,8 @@ def compare(
 ) -> list[Line]:
     """Compute steady states of robots sampled from the tolerances, per control and sensor set.
 
-    Parameters
-    ----------
-    robot : Robot
-        The H4, with the sensors of `SETS` in its file.
-    robots, seed : int
-        Number of true robots per set, each rod sampled on its own; their seed, one for all sets.
-    progress : callable
-        Called after each robot.
+    `robot` is the H4 with the sensors of `SETS` in its file. Each set has the same `robots` true
+    robots, each rod sampled on its own. `progress` is called after each robot.
     """
     visited = article.table2()
     poses = visited[::EVERY]

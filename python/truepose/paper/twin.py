@@ -163,15 +163,9 @@ def run(
 ) -> Section:
     """Carry out the experiment on the shipped twin under every control.
 
-    Parameters
-    ----------
-    progress : callable
-        Called with the name of the present task after each step, see :func:`total_steps`.
-    robots, seed : int
-        Number and seed of the robots for :func:`truepose.paper.forgotten.study`, at most
-        `forgotten.ROBOTS`; 0 skips it.
-    on : iterable of str, optional
-        Some of `PLANTS`, default all installed.
+    `progress` is called with the name of the present task after each step, see :func:`total_steps`.
+    :func:`truepose.paper.forgotten.study` has `robots` robots of this `seed`, at most
+    `forgotten.ROBOTS`; 0 skips it. `on` is some of `PLANTS`, default all installed.
 
     Examples
     --------

@@ -100,23 +100,11 @@ def run(
 ) -> dict[Control, Run]:
     """Carry out the experiment under some controls.
 
-    Parameters
-    ----------
-    plant : Plant
-        True robot.
-    robot : Robot
-        Nominal robot, of schoenflies mobility with θ measured.
-    vision : Vision
-        Vision system.
-    poses : ndarray, shape (P, 4), optional
-        Desired poses, default Table 2's 625.
-    controls : iterable of str
-        Some of :data:`truepose.paper.experiment.CONTROLS`. "self-calibrated" first visits the poses
-        under joint control and calibrates on these readings.
-    seed : int
-        Seed of the vision system's noise and of the calibration poses' offsets from Table 2.
-    progress : callable
-        Called after each visited pose, see :func:`total_steps`.
+    `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
+    `poses` (P, 4) are desired, default Table 2's 625. `controls` are some of
+    :data:`truepose.paper.experiment.CONTROLS`; "self-calibrated" first visits the poses under joint
+    control and calibrates on these readings. `seed` is that of the vision system's noise and of the
+    calibration poses' offsets. `progress` is called after each pose, see :func:`total_steps`.
 
     Examples
     --------
@@ -133,9 +121,7 @@ def run(
     True
     """
     if robot.spec.mobility != "schoenflies":
-        raise InputError(
-            f"{robot.name}: mobility must be schoenflies: the experiment is in x, y, z, θ"
-        )
+        raise InputError(f"{robot.name}: mobility must be schoenflies (x, y, z and θ)")
     require_sensors(robot, "tej")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}

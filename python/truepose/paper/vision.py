@@ -232,14 +232,9 @@ class Vision:
         return _calibrate(self.drawn, self._prior, nominal, u, seen, setup)
 
     def measure(self, frame: ArrayLike, seed: int = 0) -> Seen:
-        """Measure nacelle poses.
+        """Measure true nacelle poses in the base frame, (N, 4, 4), m; NaN for missing ones.
 
-        Parameters
-        ----------
-        frame : array_like, shape (N, 4, 4)
-            True poses of the nacelle in the base frame, m; NaN for missing ones.
-        seed : int
-            Seed of the pixels' noise.
+        `seed` is that of the pixels' noise.
         """
         setup, frame = self.setup, np.asarray(frame, dtype=float)
         if frame.ndim != 3 or frame.shape[1:] != (4, 4):
@@ -259,14 +254,8 @@ class Vision:
 
         Iterations start from the linear triangulation of at least three LEDs seen by all cameras.
 
-        Parameters
-        ----------
-        u : ndarray, shape (N, LEDs, K)
-            Pixels.
-        visible : ndarray of bool, shape (N, LEDs, K)
-            Whether the LED is in view of the camera.
-        there : ndarray of bool, shape (N,), optional
-            False for missing poses.
+        `u` (N, LEDs, K) are pixels, `visible` (N, LEDs, K) tells which LED each camera sees,
+        `there` (N,) is False for missing poses.
         """
         setup, cameras = self.setup, self.calibration.cameras
         body, whole = np.array(setup.leds), np.asarray(visible.all(axis=2))

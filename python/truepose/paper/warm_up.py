@@ -76,16 +76,9 @@ def study(
     Exact statics with the thermal effect only. Its three temperatures rise together and linearly,
     then stay constant for half as long.
 
-    Parameters
-    ----------
-    robot : Robot
-        The H4, with the sensors of `SETS` in its file.
-    robots, seed : int
-        Number of true robots per set sampled from the tolerances, at most `ROBOTS`; seed of all.
-    effects : Effects, optional
-        Size and rate of the warm-up, default 20 K in 2 h.
-    progress : callable
-        Called after each robot.
+    `robot` is the H4 with the sensors of `SETS` in its file; at most `ROBOTS` of `robots` true ones
+    per set are sampled from its tolerances. `effects` have size and rate of the warm-up, default
+    20 K in 2 h. `progress` is called after each robot.
     """
     effects = (Effects() if effects is None else effects).only("thermal", "quantization")
     times = np.linspace(0, 1.5 * effects.warm_up_time, STEPS + 1)

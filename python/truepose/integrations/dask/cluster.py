@@ -28,9 +28,7 @@ def executor(cluster: Any, retries: int) -> Iterator[Executor]:
     try:
         client: Any = Client(cluster, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(
-            f"--cluster {cluster}: no answer from a scheduler there ({error})"
-        ) from None
+        raise InputError(f"--cluster {cluster}: no scheduler responds there ({error})") from None
     with client:
         require_same(client)
         yield client.get_executor(pure=False, retries=retries)

@@ -85,9 +85,7 @@ def yaml(path: Path, text: str) -> Any:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             if isinstance(event, yaml.AliasEvent):
                 where = f"line {event.start_mark.line + 1}: alias *{one_line(event.anchor, 40)}"
-                raise InputError(
-                    f"{path}: {where}: aliases are not allowed; write the value instead"
-                )
+                raise InputError(f"{path}: {where}: not supported; write the value instead")
         return yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError) as error:
         why = one_line(" ".join(str(error).split()), 200)

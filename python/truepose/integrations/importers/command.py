@@ -17,8 +17,7 @@ app = typer.Typer(no_args_is_help=True, help="Make a robot file from another pro
 Pivot = Annotated[
     str,
     typer.Option(
-        metavar="BODY",
-        help="Moving platform on passive hinges, turned by rods: a foot, hand or head.",
+        metavar="BODY", help="Platform on passive hinges, moved by rods: a foot, hand or head."
     ),
 ]
 Out = Annotated[

@@ -22,21 +22,9 @@ def standing(
 
     Home is the model's pose if reachable within all limits, else zero or mid-range, with a note.
 
-    Parameters
-    ----------
-    data : dict
-        Robot file without home and working modes.
-    drawn : list of float
-        Passive axes' positions in the model.
-    motors : ndarray, shape (n,)
-        Motors' positions in the model; the nearest working modes are chosen.
-    source, body : str
-        Model and body, for messages.
-
-    Raises
-    ------
-    InputError
-        None of the three is reachable.
+    The argument `data` is a robot file without home and working modes. `drawn` and `motors`, shape
+    (n,), are positions of passive axes and motors in the model; the nearest working modes are
+    chosen. `source` and `body` serve messages. InputError: none of the three is reachable.
     """
     middle = [float(np.mean(axis.get("limits", (0, 0)))) for axis in data["passive_axis"]]
     why = ""
@@ -47,9 +35,7 @@ def standing(
             why = why or str(error)
         else:
             return robot, [f"home is {where}, not the model's pose: {why}"] if where else []
-    raise InputError(
-        f"{source}: {body}: cannot be at home in the model's pose, at zero or mid-range: {why}"
-    )
+    raise InputError(f"{source}: {body}: no home at the model's pose, zero or mid-range: {why}")
 
 
 class _HomeError(Exception):

@@ -93,9 +93,7 @@ class _Bodies:
 
     def __init__(self, count: int):
         self._part = list(range(count))
-        self._put = [
-            (np.zeros(3), np.eye(3))
-        ] * count  #: displacement of each from its pose at zero
+        self._put = [(np.zeros(3), np.eye(3))] * count  #: displacements from the poses at zero
 
     def of(self, body: int) -> int:
         """Return the number of the rigid body that contains a body."""

@@ -25,12 +25,7 @@ _RETYPED = {"SPHERICAL": "XYZ", "FIXED": ""} | {
 def from_mjcf(path: str | Path) -> Mechanism:
     """Read an MJCF file with loops by equality/connect and equality/weld.
 
-    Raises
-    ------
-    InputError
-        MuJoCo cannot read the file.
-    TrueposeError
-        MuJoCo is not installed.
+    InputError: MuJoCo cannot read the file. TrueposeError: MuJoCo is not installed.
     """
     mujoco = _mujoco()
     path = Path(path)
@@ -58,12 +53,7 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     frames coincide; `type` of each, "3d" (origins) or "6d" (whole frames); `name_mot`, driven
     joints; `joint_name` and `joint_type`, joints other than hinges: SPHERICAL, UJOINT_XY, …
 
-    Raises
-    ------
-    InputError
-        A file is not as described.
-    TrueposeError
-        MuJoCo or PyYAML is not installed.
+    InputError: a file is not as described. TrueposeError: MuJoCo or PyYAML is not installed.
     """
     mujoco = _mujoco()
     path, loops = Path(path), Path(loops)

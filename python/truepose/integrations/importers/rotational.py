@@ -27,17 +27,7 @@ def pivot_of(mechanism: Mechanism, body: str) -> tuple[RobotFile, list[str]]:
     ends; the rod's other end is on the platform. Masses of the platform, the rods and the parts
     that the motors move are included, products of inertia are not.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The model.
-    body : str
-        Name of the moving platform.
-
-    Raises
-    ------
-    InputError
-        A feature that a robot file does not support, by name.
+    InputError names a feature that a robot file does not support.
     """
     return _Pivot(mechanism, body).robot()
 

@@ -97,19 +97,10 @@ class Assessment:
 
 
 def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
-    """Assess a printer from its file.
+    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
 
-    Parameters
-    ----------
-    arm : float, optional
-        Nominal length of the arms, m, default the file's.
-    assumed : Assumed, optional
-        σ of build and measurements.
-
-    Raises
-    ------
-    InputError
-        One line that names the error in the file or its readings.
+    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
+    measurements.
     """
     printer = printer_of(config)
     with fitting(config, "[delta_calibrate] ", arm):

@@ -211,13 +211,8 @@ def rewritten(
     The file's own values are commented out and the saved block contains the new ones. All else,
     comments and includes too, stays.
 
-    Parameters
-    ----------
-    changes : dict
-        New values by section and option.
-    drawn : dict
-        Nominal numbers by section and option, kept as comments that Klipper ignores; the first one
-        is read as :attr:`Config.off`.
+    `changes` and `drawn` are by section and option. Nominal numbers in `drawn` stay as comments,
+    which Klipper ignores; the first one is read as :attr:`Config.off`.
     """
     own, section = [], ""
     for line in config.text.split("\n"):

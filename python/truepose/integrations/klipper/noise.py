@@ -60,16 +60,10 @@ class Noise(NamedTuple):
 
 
 def noise(G: Array, y: Array, kind: Array, assumed: Array, start: Array | None = None) -> Noise:
-    """Estimate the noise of linear readings.
+    """Estimate the noise of linear readings y = G u + ε, shapes (m, k) and (m,).
 
-    Parameters
-    ----------
-    G, y : ndarray, shape (m, k) and (m,)
-        Readings are y = G u + ε.
-    kind : ndarray, shape (m,)
-        0 of a height, 1 of a distance.
-    assumed, start : ndarray, shape (2,)
-        Centre of the prior and starting value of the noise, m; `start` defaults to `assumed`.
+    `kind`, shape (m,), is 0 of a height and 1 of a distance. `assumed` and `start`, shape (2,), are
+    centre of the prior and starting value of the noise, m; `start` defaults to `assumed`.
     """
     sigma = assumed if start is None else start
     parts = [(G[kind == k], y[kind == k]) for k in (0, 1)]

@@ -47,14 +47,8 @@ def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes
 
     The table is valid on the kind of machine that wrote it; others refuse it.
 
-    Parameters
-    ----------
-    robot : Robot
-        The controller's model, nominal or calibrated.
-    controller : Controller
-        Controller whose period and gains the fault monitor uses.
-    watch : FaultMonitor
-        Fault monitor.
+    `robot` is the controller's model, nominal or calibrated. The fault monitor `watch` uses period
+    and gains of `controller`.
 
     Examples
     --------
@@ -113,12 +107,8 @@ def to_configuration(
     ``robot.ini`` and ``robot.hal`` run a simulated machine; ``robot.table`` is the controller's
     model, ``machine.table`` the true machine.
 
-    Parameters
-    ----------
-    robot, controller, watch
-        See :func:`to_table`.
-    machine : Robot, optional
-        True robot with the same sensors, default `robot`.
+    `robot`, `controller` and `watch` are as in :func:`to_table`. `machine` is the true robot with
+    the same sensors, default `robot`.
 
     Examples
     --------
@@ -191,10 +181,8 @@ def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Ar
     them, at the worst of the workspace's corners and sampled poses. For the joint law this is the
     correction of the TEJ law.
 
-    Returns
-    -------
-    exported, learnt : ndarray, shape (n,)
-        For the law with the file's model, and for an identified robot at its desired pose.
+    Return shapes are (n,): for the law with the file's model, and for an identified robot at its
+    desired pose.
 
     Examples
     --------
@@ -218,10 +206,6 @@ def rates(robot: Robot, controller: Controller, seed: int = 0) -> Array:
     It is the 99.9 % quantile over robots: 3.29 times the rms along the worst direction, at the
     worst of the poses of :func:`corrections`, with the file's or the identified model. On a
     straight path the linear axes share one speed limit, and each angular axis moves at its own.
-
-    Returns
-    -------
-    ndarray, shape (n,)
 
     Examples
     --------

@@ -221,16 +221,9 @@ def calibrate(
 ) -> Sled:
     """Estimate anchors, offsets and strains from the lengths of four belts.
 
-    Parameters
-    ----------
-    lengths : ndarray, shape (N, 4)
-        Belt lengths, m, in the order of `BELTS`.
-    heights : sequence of 4
-        Heights of the anchors above the sled's plane, m.
-    model : Model, optional
-        Unknowns in addition to the anchors.
-    frame : (width, height), optional
-        Starting value, m; default the rectangle that fits the lengths best.
+    `lengths`, shape (N, 4), m, are in the order of `BELTS`. `heights` are those of the anchors
+    above the sled's plane, m. `frame` is a starting value (width, height), m, default the best
+    rectangle.
     """
     model = Model() if model is None else model
     width, height = frame_of(lengths, heights)[:2] if frame is None else frame

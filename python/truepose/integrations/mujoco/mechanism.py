@@ -28,13 +28,7 @@ class Posture:
 
 
 class Mechanism:
-    """A robot as bodies and joints.
-
-    Parameters
-    ----------
-    robot : Robot
-        Robot with the bodies' parameter values.
-    """
+    """A robot with its present parameter values as bodies and joints."""
 
     def __init__(self, robot: Robot):
         if robot.loose:

@@ -43,15 +43,7 @@ class Model(Mechanism):
     """A mechanism with export to MJCF."""
 
     def xml(self, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
-        """Return the MJCF file.
-
-        Parameters
-        ----------
-        effects : Effects, optional
-            Friction and compliance of these are included.
-        timestep : float
-            Time step, s.
-        """
+        """Return the MJCF file with friction and compliance of `effects`; `timestep` in s."""
         effects = Effects.none() if effects is None else effects
         root = ET.Element("mujoco", model=self.robot.name)
         root.append(ET.Comment(mark("model")))
@@ -311,19 +303,8 @@ class Model(Mechanism):
 def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
     """Return the MJCF of a robot at home with closed loops.
 
-    Parameters
-    ----------
-    robot : Robot
-        Robot with the bodies' parameter values.
-    effects : Effects, optional
-        Friction and compliance, default none.
-    timestep : float
-        Time step, s.
-
-    Raises
-    ------
-    InputError
-        The rods do not constrain all bodies of the nacelle.
+    `robot` has the bodies' parameter values; friction and compliance of `effects` are included,
+    default none; `timestep` is in s. InputError: the rods leave a body of the nacelle free.
 
     Examples
     --------

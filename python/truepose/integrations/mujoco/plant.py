@@ -97,12 +97,8 @@ class MujocoPlant:
     def settle_at(self, q: ArrayLike) -> Settled:
         """Hold the motors at readings q (..., n) and return the steady state of the nacelle.
 
-        The motors move there from home on a straight line, which keeps the working mode.
-
-        Raises
-        ------
-        PoseError
-            The loops do not close there, or the robot does not come to rest.
+        The motors move there from home on a straight line, which keeps the working mode. PoseError:
+        the loops do not close there, or the robot does not come to rest.
         """
         rows, lead = flattened(self.truth, q, self.truth.n, "q", "raise")
         found = [self.body().settle_at(row) for row in rows]
@@ -116,21 +112,11 @@ class MujocoPlant:
         controller: Controller,
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
-        """Move from pose to pose, each from rest to rest, and read the sensors there.
+        """Move through poses x_d (N, n), each from rest to rest, and read the sensors there.
 
-        Ranges of poses run in parallel, each from home; neither they nor the results depend on the
-        number of cores. With faults all poses are one range.
-
-        Parameters
-        ----------
-        robot : Robot
-            Controller's model.
-        x_d : array_like, shape (N, n)
-            Desired poses, in order.
-        controller : Controller
-            Controller of all moves.
-        progress : callable
-            Called after each pose.
+        `robot` is the controller's model; `progress` is called after each pose. Ranges of poses run
+        in parallel, each from home; neither they nor the results depend on the number of cores.
+        With faults all poses are one range.
         """
         x_d = numbers_of(x_d, "x_d")
         if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):

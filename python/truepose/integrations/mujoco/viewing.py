@@ -26,10 +26,7 @@ _PATIENCE = 120  # timeout of one picture, s
 def show(robot: Robot) -> None:
     """Open MuJoCo's viewer on the robot at home, motors held; return when it is closed.
 
-    Raises
-    ------
-    TrueposeError
-        MuJoCo is not installed, or there is no screen.
+    TrueposeError: MuJoCo is not installed, or there is no screen.
     """
     require()
     on_linux = sys.platform.startswith("linux")
@@ -45,21 +42,9 @@ def show(robot: Robot) -> None:
 def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     """Draw the robot at home into a PNG file. Needs no screen.
 
-    Parameters
-    ----------
-    robot : Robot
-        Robot to draw.
-    path : Path
-        PNG file; a picture drawn by truepose is replaced.
-    force : bool
-        Replace any other file as well.
-
-    Raises
-    ------
-    InputError
-        The file cannot or may not be written.
-    TrueposeError
-        MuJoCo is not installed, or no OpenGL driver works.
+    A picture drawn by truepose is replaced; `force` replaces any other file as well. InputError:
+    the file cannot or may not be written. TrueposeError: MuJoCo is missing, or no OpenGL driver
+    works.
     """
     require()
     if path.suffix.lower() != ".png":

@@ -159,16 +159,10 @@ def price(robot: Robot) -> Price:
 
 
 def conditioning_map(state: State, points: int = 41, beyond: float = 0.3) -> tuple[Array, Array]:
-    """Return positions of the nacelle about the workspace and their conditioning, 0 to 1.
+    """Return reachable positions about the workspace, (k, 3), m, and their conditioning, (k,).
 
-    The first two coordinates vary, the others are constant.
-
-    Returns
-    -------
-    places : ndarray, shape (k, 3)
-        Reachable positions, m.
-    worst : ndarray, shape (k,)
-        Smaller of parallel and serial conditioning; 0 is singular.
+    Only the first two coordinates vary. The conditioning, 0 (singular) to 1, is the smaller of
+    parallel and serial.
     """
     robot = state.robot
     box = robot.spec.workspace

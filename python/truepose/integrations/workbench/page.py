@@ -32,9 +32,7 @@ class Page:
         self, state: State, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
     ):
         self._guard = Guard(host, port)
-        with contextlib.redirect_stdout(
-            io.StringIO()
-        ):  # viser prints its address; truepose prints its own
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints an address without token
             with self._guard.installed():
                 label = f"truepose: {state.drawn.name}"
                 self.server = ViserServer(host, port, label=label, verbose=False)

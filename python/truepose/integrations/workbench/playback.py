@@ -48,18 +48,13 @@ class Playback:
 def opened(robot: Robot, log: Log) -> Playback:
     """Check a log, and predict every row.
 
-    Raises
-    ------
-    InputError
-        Units, signs or columns are wrong, or no sensor was read.
+    InputError: units, signs or columns are wrong, or no sensor was read.
     """
     log, findings = log_checks.check(robot, log)
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError("; ".join(refused))
     if not robot.sensors:
-        raise InputError(
-            f"{robot.name}: no sensor is in use; select one whose readings the motors can predict"
-        )
+        raise InputError(f"{robot.name}: no sensor is in use; a log needs at least one")
     model = robot.expected()
     notes = tuple(finding.text for finding in findings)
     return Playback(model, log, notes, expect(model, log.readings))

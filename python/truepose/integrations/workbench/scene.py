@@ -248,9 +248,7 @@ def _cylinder(sides: int = 14) -> tuple[Array, Array]:
     turn = 2 * np.pi * np.arange(sides) / sides
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     side = [np.column_stack([ring, np.full(sides, z)]) for z in (-0.5, 0.5)]
-    vertices = np.vstack(
-        [*side, *side, [[0, 0, -0.5], [0, 0, 0.5]]]
-    )  # separate vertices give the caps sharp edges
+    vertices = np.vstack([*side, *side, [[0, 0, -0.5], [0, 0, 0.5]]])  # sharp edges at the caps
     k, after = np.arange(sides), (np.arange(sides) + 1) % sides
     low, high = 2 * sides, 3 * sides
     faces = np.vstack(

@@ -70,12 +70,7 @@ def open_page(
 ) -> Page:
     """Serve the page of a robot, or of a state, until its `stop` is called.
 
-    Raises
-    ------
-    InputError
-        The port is in use, or the log is invalid.
-    TrueposeError
-        viser is not installed.
+    InputError: the port is in use, or the log is invalid. TrueposeError: viser is not installed.
     """
     require()
     require_free(host, port)

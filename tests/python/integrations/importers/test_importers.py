@@ -226,8 +226,8 @@ def test_a_motor_beyond_its_limit_wherever_it_could_stand_is_refused(tmp_path, r
     status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
     assert (status, out) == (2, "") and not (tmp_path / "x.toml").exists()
     assert err == (
-        "truepose: error: leg.xml: foot: cannot be at home in the model's pose, at zero or "
-        "mid-range: home = [0.0, 0.0]: beyond a joint limit, chain 1: 0.239714 of [-0.2, 0.2]\n"
+        "truepose: error: leg.xml: foot: no home at the model's pose, zero or mid-range: "
+        "home = [0.0, 0.0]: beyond a joint limit, chain 1: 0.239714 of [-0.2, 0.2]\n"
     )
 
 
