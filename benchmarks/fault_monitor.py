@@ -1,8 +1,8 @@
 """Tables of docs/fault-monitor.md: false-alarm rate and detection of the fault monitor.
 
 fault_monitor.py alarms [--robots 100] [--seconds 10] [--jobs 2]   # healthy robots, all effects
-fault_monitor.py rates [--robots 100] [--seconds 10] [--jobs 2]    # false-alarm rate, normal noise
-fault_monitor.py faults [--robots 30] [--rest] [--jobs 2]          # every kind, just detectable
+fault_monitor.py rates [--robots 100] [--seconds 10] [--jobs 2]    # normal noise: false-alarm rate
+fault_monitor.py faults [--robots 30] [--rest] [--jobs 2]          # every kind, above its limit
 
 Every robot is sampled from the tolerances, each rod on its own. Calibrated ones calibrated
 themselves on readings at 100 poses.

@@ -1,4 +1,4 @@
-// Conversion of numpy arrays. Rows of doubles in, freshly owned arrays out.
+// Conversion of numpy arrays: rows of doubles in, newly owned arrays out.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,14 +16,14 @@ namespace truepose::python {
 
 namespace nb = nanobind;
 
-/// (N, width), C order; the facade has checked shapes and dtype.
+/// (N, width), C order; the facade checks shapes and dtype.
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 /// (width,), the same.
 using Row = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-/// A new numpy array, uninitialised: whoever makes one fills all of it. numpy asks for huge pages,
-/// without which a large result takes longer to reach than to compute.
+/// A new numpy array, uninitialised: its creator fills it. numpy requests huge pages, without which
+/// the first access to a large result takes longer than its computation.
 template <class T>
 class Owned {
  public:
@@ -53,7 +53,7 @@ class Owned {
   std::size_t row_ = 0;
 };
 
-/// Status and guilty chain of every row.
+/// Status and faulty chain of every row.
 struct Outcomes {
   explicit Outcomes(std::size_t count) : status({count}), chain({count}) {}
   void set(std::size_t i, Outcome outcome) {

@@ -1,4 +1,4 @@
-// Python's fault monitor: the robot at its highest level, and what is known of it.
+// Settings of Python's fault monitor: the robot at its highest level, and the knowledge of it.
 #pragma once
 
 #include <optional>
@@ -13,7 +13,7 @@ struct FaultTolerantSetup {
   Robot robot;
   Known known;
   FaultTolerantSettings settings;
-  std::optional<MultirateSettings> late;  ///< of slow and late sensors, if there are any
+  std::optional<MultirateSettings> late;  ///< of multirate and delayed sensors, if any
 
   FaultTolerantSetup(const Robot& watched, const Known& knowledge,
                      const FaultTolerantSettings& given,

@@ -1,5 +1,4 @@
-// Distribution of the rows of a batch. A batch is shared out among the cores that this
-// process may use; Ctrl-C ends it.
+// Distribution of a batch's rows over the cores that this process may use; Ctrl-C ends it.
 #pragma once
 
 #include <algorithm>
@@ -18,10 +17,10 @@
 
 namespace truepose::python {
 
-/// A thread starts in the time of a few hundred rows of kinematics, or of a few with covariances.
+/// A thread's start takes as long as a few hundred rows of kinematics or a few with covariances.
 inline constexpr std::size_t kRowsPerThread = 1000, kFewRowsPerThread = 50;
 
-/// Cores that this process may use: fewer than the machine has under taskset or in a container.
+/// Number of cores for this process: fewer than the machine has under taskset or in a container.
 inline std::size_t available_cores() {
 #if defined(__linux__)
   cpu_set_t cores;
@@ -30,9 +29,8 @@ inline std::size_t available_cores() {
   return std::max(1U, std::thread::hardware_concurrency());
 }
 
-/// Calls f(i) for every row i < count, without the interpreter's lock, on all cores if there are
-/// many: each takes the next few rows that nobody has taken. f writes to row i alone, so that the
-/// results are the same on any number of threads.
+/// Calls f(i) for every row i < count on all cores, without the interpreter's lock. Threads take a
+/// few rows at a time. f writes to row i only, so results do not depend on the number of threads.
 /// @throws nb::python_error  a signal's handler raised; rows are then missing
 template <class F>
 void for_rows(std::size_t count, F&& f, std::size_t rows_per_thread = kRowsPerThread) {
@@ -50,7 +48,7 @@ void for_rows(std::size_t count, F&& f, std::size_t rows_per_thread = kRowsPerTh
   others.reserve(threads);
   while (others.size() + 1 < threads) try {
       others.emplace_back(work, [] {});
-    } catch (const std::system_error&) {  // no thread to be had: the work is done all the same
+    } catch (const std::system_error&) {  // without a further thread the existing ones do the work
       break;
     }
   std::exception_ptr stopped;
@@ -64,7 +62,7 @@ void for_rows(std::size_t count, F&& f, std::size_t rows_per_thread = kRowsPerTh
   if (stopped) std::rethrow_exception(stopped);
 }
 
-/// The same one row after another: where a row depends on those before it.
+/// The same in order, for rows that depend on the preceding ones.
 template <class F>
 void for_rows_in_order(std::size_t count, F&& f) {
   const nb::gil_scoped_release release;
@@ -75,14 +73,14 @@ void for_rows_in_order(std::size_t count, F&& f) {
   }
 }
 
-/// Work space of this thread, kept from row to row.
+/// Work space of this thread, reused from row to row.
 inline std::vector<double>& scratch(std::size_t size) {
   thread_local std::vector<double> work;
   if (work.size() < size) work.resize(size);
   return work;
 }
 
-/// The used part of a matrix of fixed capacity, or NaN where there is none.
+/// Writes the used part of a matrix of fixed capacity, or NaN without an answer.
 template <class M>
 void write(const M& matrix, std::size_t rows, std::size_t columns, Outcome outcome, double* out) {
   for (std::size_t i = 0; i < rows; ++i)

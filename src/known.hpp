@@ -1,4 +1,4 @@
-// Python's knowledge of a robot for the core. Arrays owned here, pointers there.
+// Python's knowledge of a robot for the core, which holds pointers to arrays owned here.
 #pragma once
 
 #include <stdexcept>
@@ -27,7 +27,7 @@ struct Known {
   }
 };
 
-/// Knowledge and work space of one thread, for the laws that need them; or neither.
+/// Knowledge and work space of one thread for weighted laws; both optional.
 class Weights {
  public:
   Weights(const Robot& robot, const Known* known) {

@@ -1,4 +1,4 @@
-// The Python module's types: the core's structs, field by field. No mathematics.
+// Python bindings of the core's structs, field by field. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/array.h>
@@ -8,7 +8,7 @@
 #include "truepose/control/law.hpp"
 #include "truepose/model/geometry.hpp"
 
-/// A robot's vectors are numpy arrays, copied.
+/// Vectors of a robot as numpy arrays, copied.
 template <class Numbers>
 struct nanobind::detail::type_caster<truepose::Plain<Numbers>> {
   using Caster = make_caster<Numbers>;
@@ -35,11 +35,11 @@ void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double
   part.eccentricity.gear = gear;
 }
 
-/// @throws nb::value_error  what the core could not do
+/// Throws if the core failed. @throws nb::value_error
 void asked(Outcome outcome) {
   if (!outcome) throw nb::value_error(describe(outcome.status));
 }
-/// The columns of ξ of a robot whose parts do not exist would lie in another's memory.
+/// Refuses an unfinished robot, whose columns of ξ may be out of bounds.
 const Robot& sound(const Robot& robot) {
   if (!robot.finished) throw nb::value_error(describe(Status::unfinished));
   return robot;
@@ -54,7 +54,7 @@ const char* text(Unit unit) {
   }
 }
 
-/// Names of a part's parameters, in ξ's order, each with its unit.
+/// Names of a part's parameters, in ξ's order, with units.
 template <class Table>
 nb::tuple named(const Table& table) {
   nb::list rows;
@@ -62,7 +62,7 @@ nb::tuple named(const Table& table) {
   return nb::tuple(rows);
 }
 
-/// What the core says of sensor kinds, laws and ξ: Python asks here.
+/// The core's tables of sensor kinds, laws and ξ for Python.
 void bind_tables(nb::module_& m) {
   nb::class_<SensorProperties>(m, "SensorProperties")
       .def_ro("name", &SensorProperties::name)

@@ -1,4 +1,4 @@
-// The models of many poses for Python, without the interpreter's lock. No mathematics.
+// Batch kinematics for Python, without the interpreter's lock. No mathematics.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
 
@@ -12,9 +12,9 @@
 namespace truepose::python {
 namespace {
 
-// `full` chooses the level of the model: every rod by itself, or the ideal one.
+// `full` selects the level of the model: full or ideal.
 
-/// `own_mode`: only poses of the robot's own assembly mode, as a machine may be sent to.
+/// `own_mode`: only poses of the robot's own assembly mode, as valid for commands.
 auto batch_ikm(const Robot& robot, const Rows& x, bool full, bool own_mode) {
   using Model = Outcome (*)(const Robot&, const Coordinates&, Joint&);
   const Model model = own_mode ? (full ? Model(&command_full) : Model(&command))
@@ -59,7 +59,7 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) 
                         iterations.release(), residual.release());
 }
 
-/// Poses that close the loops at q, (m, n), and how many of the searches came to each, (m,).
+/// Poses that close the loops at q, (m, n), and the number of searches that ended at each, (m,).
 auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_t seed) {
   const std::size_t n = dof(robot.mobility);
   std::vector<Pose> pose = random_starts(robot, q, starts, seed);
@@ -133,10 +133,10 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
                         outcomes.chain.release());
 }
 
-/// Of a robot under load: what it reads, (N, n + r), how that changes with every chain's
-/// compliance, (N, n + r, n), and the tension of every chain, (N, n).
-/// @param force    on the nacelle's reference point, (N, 3)
-/// @param tension  that was measured, (N, n), NaN where it was not
+/// Under load: readings, (N, n + r), their derivatives by every chain's compliance, (N, n + r, n),
+/// and the tension of every chain, (N, n).
+/// @param force    on the platform's reference point, (N, 3)
+/// @param tension  measured, (N, n), NaN where missing
 auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance, const Rows& force,
                       const Rows& tension, bool full) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
@@ -161,7 +161,7 @@ auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance
                         outcomes.chain.release());
 }
 
-/// Points P, B, A and the pivot of every chain at one pose, (n, 4, 3): what a drawing needs.
+/// Points P, B, A and c of every chain at one pose, (n, 4, 3), for drawings.
 auto skeleton(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> points({n, 4, 3});
@@ -180,7 +180,7 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
   return nb::make_tuple(points.release(), static_cast<int>(outcome.status), outcome.chain);
 }
 
-/// J_x at a pose, (n, n): what its rods hold of the nacelle.
+/// J_x at a pose, (n, n).
 auto rod_rows(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> rows({n, n});
@@ -198,7 +198,7 @@ auto rod_rows(const Robot& robot, const Coordinates& x) {
   return nb::make_tuple(rows.release(), static_cast<int>(outcome.status));
 }
 
-/// The same at home for every rod by itself, (rods, freedoms); robot.full must have counted them.
+/// The same at home for every rod, (rods, freedoms); requires robot.full.
 auto full_rod_rows(const Robot& robot) {
   const std::size_t rods = robot.full.rods, unknowns = robot.full.unknowns;
   Owned<double> result({rods, unknowns});

@@ -1,5 +1,4 @@
-// The C interface's tables of a robot, for Python to write down (`truepose export c`). No
-// mathematics.
+// The C interface's tables of a robot as text, for `truepose export c`. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
@@ -90,7 +89,7 @@ nb::tuple watch_settings(const FaultTolerantSetup& guarding) {
                         listed.rows);
 }
 
-/// A struct as it is in memory, for files that a program of the same kind of machine reads.
+/// Bytes of a struct, for programs on the same kind of machine.
 template <class C, class Core>
 nb::bytes image_of(const Core& core) {
   static C of;  // 8 kB

@@ -42,15 +42,15 @@ auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, con
                         outcomes.status.release(), outcomes.chain.release());
 }
 
-/// What acts on the readings at pose i: nothing, or a row of (N, (n + r) × count).
+/// Influences at pose i: none, or a row of (N, (n + r) × count).
 Influences influences_at(const Robot& robot, const std::optional<Rows>& influence, std::size_t i) {
   if (!influence) return {};
   const std::size_t width = influence->shape(1);
   return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
 }
 
-/// Gain of the fused readings, (N, n, n + r), at poses: how an error of one reading leaks into x.
-/// @param influence  whose amounts are the last entries of the knowledge
+/// Gain of the fused readings at poses, (N, n, n + r): sensitivity of x to each reading's error.
+/// @param influence  its amounts are the last entries of the knowledge
 auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full,
                 const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
@@ -76,7 +76,7 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
                         outcomes.chain.release());
 }
 
-/// What was read less what was expected, (N, n + r), whole turns of a joint left out.
+/// Measured minus expected readings, (N, n + r), without whole turns of a joint.
 auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected) {
   const std::size_t count = q_e.shape(0), width = q_e.shape(1);
   Owned<double> residual({count, width});
@@ -99,9 +99,8 @@ Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
           {marker.topRightCorner(3, 1), marker.topLeftCorner(3, 3)}};
 }
 
-/// Coordinates that a tracker is to measure at poses, (N, n); how they change with the pose's twist
-/// and with the registration, (N, n, n) and (N, n, kRegistration); what was measured less these;
-/// by what σ of θ grows, (N,).
+/// Expected tracker coordinates at poses, (N, n); their derivatives by twist and registration,
+/// (N, n, n) and (N, n, kRegistration); measured minus expected; the factor on σ of θ, (N,).
 auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& marker, const Rows& x,
                 const Rows& measured) {
   const std::size_t count = x.shape(0), n = x.shape(1);
@@ -124,11 +123,11 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
                         blunt.release());
 }
 
-/// @param nuisances  how many of the prior's last parameters are what the ideal level leaves out
+/// @param nuisances  number of the prior's last parameters that are the ideal level's model error
 /// @param registration  first of its unknowns in the prior, or -1
-/// @param links  differences measured between lines
-/// @param influence  (N, (n + r) × influences) what one unit of each adds to the readings
-/// @param referenced  so many of the last lines were measured in the base frame
+/// @param links  differences measured between rows
+/// @param influence  (N, (n + r) × influences) effect of one unit of each on the readings
+/// @param referenced  number of last rows, measured in the base frame
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
@@ -188,11 +187,11 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
       homogeneous(result.registration.marker), w.release(), difference.release(), amount.release());
 }
 
-/// Rows that visits leave, (M, p), per unit of each parameter, and the visit of each.
-/// @param outside, sigma  what is measured of each pose from outside, (N, n), NaN where nothing is
-/// @param base, marker  that it is measured in
-/// @param first  where their unknowns stand; -1: they are known
-/// @param influence  as of batch_gain
+/// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
+/// @param outside, sigma  external measurement of each pose, (N, n), NaN where missing
+/// @param base, marker  registration of the measurement
+/// @param first  index of its unknowns; -1: known
+/// @param influence  as in batch_gain
 auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, const Rows& outside,
                         const Rows& sigma, const RowMatrix& base, const RowMatrix& marker,
                         int first, const Links& links, bool full, int nuisances,
@@ -218,10 +217,10 @@ auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, c
   return nb::make_tuple(all.B, all.visit, static_cast<int>(outcome.status), outcome.chain);
 }
 
-/// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
-/// @param known  further poses, each of them known to `sigma`
+/// Root of the posterior covariance after readings at poses, (p, p) lower triangular.
+/// @param known  further poses, each known to `sigma`
 /// @param links  differences to be measured between poses
-/// @param influence  as of batch_gain, of `x` and then of `known`
+/// @param influence  as in batch_gain, for `x` and then `known`
 auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, const Rows& known,
                         const std::vector<double>& sigma, const Links& links, bool full,
                         int nuisances, const std::optional<Rows>& influence) {
@@ -244,8 +243,8 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
 
-/// Covariance of x̂ at every pose, (N, n, n); less that at `reference` if that is one pose.
-/// @param influence  as of batch_gain, of `x` and then of `reference`
+/// Covariance of x̂ at every pose, (N, n, n); relative to the pose `reference` if given.
+/// @param influence  as in batch_gain, for `x` and then `reference`
 auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& reference,
                     bool full, const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1);
@@ -286,8 +285,8 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
-/// Lines of a log, one after another, which need not be neighbours.
-/// @param linearised  ξ to linearise about, or nothing: ξ̂ itself
+/// Processes rows of a log in sequence; they need not be neighbours.
+/// @param linearised  ξ of the linearisation; none: ξ̂ itself
 auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   const Robot& drawn = online.drawn();
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);

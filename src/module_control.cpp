@@ -1,4 +1,4 @@
-// Controllers for Python, what they rest on and where a robot rests under them. No mathematics.
+// Controllers and their static equilibria for Python. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
@@ -41,7 +41,7 @@ auto batch_tej(const Robot& robot, const Rows& x, double band) {
                         outcomes.chain.release());
 }
 
-/// Type 2 of every pose, then type 1 of each of its chains, (N, 1 + n).
+/// Conditioning at every pose, (N, 1 + n): type 2, then type 1 of each chain.
 auto batch_conditioning(const Robot& robot, const Rows& x) {
   return map_rows<Coordinates, std::array<double, 1 + kMaxDof>>(
       x, 1 + x.shape(1), [&](const Coordinates& at, auto& values, std::size_t) {
@@ -52,8 +52,8 @@ auto batch_conditioning(const Robot& robot, const Rows& x) {
       });
 }
 
-/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything, and faulty; where
-/// there is none, whether it was the true robot that could not stand there.
+/// Steady-state poses, (N, n), with optional offsets `off` of the readings, (N, n + r), and faults;
+/// where there is none, whether the true robot, not the law, failed.
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
                   const Known* known, bool gravity, const Rows& x_d, const std::optional<Rows>& off,
                   const std::vector<Fault>& faults) {
@@ -79,7 +79,7 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
                         by_truth.release());
 }
 
-/// ∂x/∂q_e of a robot at rest under a law, (N, n, n + r).
+/// ∂x/∂q_e of the steady-state pose under a law, (N, n, n + r).
 auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& x) {
   const std::size_t n = x.shape(1), e = n + robot.r;
   Owned<double> leak({x.shape(0), n, e});

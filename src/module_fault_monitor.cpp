@@ -1,5 +1,4 @@
-// The watch for Python: settings, what it says of a reading, and a whole log at once. No
-// mathematics.
+// The fault monitor for Python: settings, state and whole logs. No mathematics.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
@@ -15,7 +14,7 @@
 namespace truepose::python {
 namespace {
 
-/// A watch between one line and the next.
+/// A fault monitor with its state between rows.
 struct FaultMonitorRun {
   FaultTolerantSetup guarding;
   Weights weights;
@@ -27,7 +26,7 @@ struct FaultMonitorRun {
     if (guarding.late) require_started(*guarding.late, late);
   }
 
-  /// One line. @param believed  out
+  /// Processes one row. @param believed  out
   template <Mobility K>
   Outcome line(const Joint& desired, const Extended& q_e, Extended& believed) {
     late.arrived = arrivals(late.settings, late.cycle);
@@ -44,9 +43,9 @@ auto batch_fastest(const Robot& robot, const Rows& x) {
       [&](const Coordinates& at, Extended& most, std::size_t) { return fastest(robot, at, most); });
 }
 
-/// Lines one after another: what is believed, (N, n + r), every reading's health and symptom, and
-/// of each line the level of the parity, its degrees of freedom, the readings of which one is wrong
-/// as bits, whether nobody will decide which, and the status.
+/// Processes rows in sequence: the substituted readings, (N, n + r), every reading's health and
+/// symptom, and per row the parity's χ², its degrees of freedom, the suspect readings as bits,
+/// whether isolation is impossible, and the status.
 auto review(FaultMonitorRun& w, const Rows& desired, const Rows& q_e) {
   const std::size_t count = q_e.shape(0), e = q_e.shape(1);
   Owned<double> believed({count, e}), chi2({count});

@@ -1,5 +1,4 @@
-// What another plant needs of the core: its readings, its setpoints, and the motion to compare
-// with. No mathematics.
+// The core's services for an external plant: readings, setpoints, reference motion. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
@@ -14,7 +13,7 @@
 namespace truepose::python {
 namespace {
 
-/// Exact readings of a mechanism that stands at this pose with these motors and arms.
+/// Exact readings of a mechanism at this pose with these motors and arms.
 auto readings(const Robot& robot, const Vec3& D, const Mat3& R,
               const std::array<double, kMaxBars>& psi, double theta, const Joint& motor,
               const Joint& arm) {
@@ -49,8 +48,7 @@ auto rotation_vectors(const Rows& R) {
   return vectors.release();
 }
 
-/// Frames of the nacelle, (N, 4, 4). @param tilt  what x leaves out of the turn, (N, 3): of a robot
-/// that has a θ about x and y alone
+/// Frames of the platform, (N, 4, 4). @param tilt  rotation not in x, (N, 3); with a θ, about x, y
 auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   using Frame = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
   Owned<double> all({x.shape(0), 4, 4});
@@ -69,8 +67,8 @@ auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   return all.release();
 }
 
-/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9); of a pivot its angles,
-/// sought from home.
+/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9); angles of passive axes by a
+/// search from home.
 auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> x({D.shape(0), n});
@@ -90,7 +88,7 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
   return x.release();
 }
 
-/// Setpoint at a time of a straight move, quintic.
+/// Setpoint at a time of a straight quintic move.
 auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
               double time) {
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -116,8 +114,7 @@ auto batch_mass_matrix(const Robot& robot, const Rows& x) {
   return nb::make_tuple(all.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
-/// Torques under which it moves so, and how it moves under torques; both of poses, twists and their
-/// derivatives, (N, n).
+/// Torques of a motion, and motion under torques, for poses, twists and their derivatives, (N, n).
 auto batch_inverse_dynamics(const Robot& robot, const Rows& x, const Rows& rate,
                             const Rows& acceleration) {
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -140,7 +137,7 @@ auto batch_acceleration(const Robot& robot, const Rows& x, const Rows& rate, con
   });
 }
 
-/// Where the reduced model is after a time under constant torques, and its free twist.
+/// State of the reduced model after a time under constant torques: pose and free twist.
 auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& rate,
                   const Joint& torque, double duration, int steps) {
   Coordinates end{}, end_rate{};

@@ -1,5 +1,4 @@
-// Simulations for Python: one run or visits of poses, with the effects, faults and slow sensors
-// that a robot has in them. No mathematics.
+// Simulations for Python: runs or visits of poses, with effects, faults, multirate sensors.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
@@ -22,7 +21,7 @@
 namespace truepose::python {
 namespace {
 
-/// Exact readings (N, n + r) as real encoders give them: with noise, in counts.
+/// Converts exact readings, (N, n + r), to those of real encoders, with noise and quantization.
 auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   const std::size_t count = exact.shape(0), width = exact.shape(1);
   Owned<double> values({count, width});
@@ -35,8 +34,7 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   return values.release();
 }
 
-/// What a simulation weighs its readings by, Python's knowledge or what a learner has learnt, and
-/// which of them lie.
+/// Weights of a simulation's readings, from Python's knowledge or a calibrator, and its faults.
 class LoopExtras {
  public:
   LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online,
@@ -86,8 +84,8 @@ class LoopExtras {
 
 using OwnTorque = std::optional<nb::callable>;
 
-/// A Python callable (time, x, rate, acceleration, q_e, torque) -> torques as the loop's law; the
-/// motors' limits hold for it too.
+/// A Python callable (time, x, rate, acceleration, q_e, torque) -> torques as the loop's law,
+/// within the motors' limits.
 OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
   if (!torque_of) return {};
   return [&](double time, const Setpoint& setpoint, const Extended& q_e, Joint& torque) -> Outcome {
@@ -104,7 +102,7 @@ OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
   };
 }
 
-/// One run from rest: `run` is called with the loop and what takes its samples.
+/// One run from rest: `run` is called with the loop and the receiver of its samples.
 template <class Run>
 auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
             const Known* known, const Effects& effects, Online* online,
@@ -169,8 +167,7 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
                 });
 }
 
-/// Along any path: a row of each array, (N, n), at the start of every period. Between two, where a
-/// robot slows down, the setpoint between.
+/// Along any path: a row of each (N, n) array per period, interpolated where the robot slows down.
 auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
               const Known* known, const Effects& effects, Online* online,
               const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
@@ -196,17 +193,17 @@ auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& s
                 });
 }
 
-inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest
+inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, when a robot should rest
 
 bool at_limit(const Chain& chain, double torque) {
   return chain.torque_limit > 0 && std::fabs(torque) >= chain.torque_limit;
 }
 
-/// From pose to pose in their order, the last one's friction and play carried on: true pose, (N,
-/// n), readings, (N, n + r), at the end of each hold, the largest peak-to-peak motion of a
-/// coordinate over kWatched before, the first motor that a torque limit held back, from 0, or -1;
-/// status, and the cycles in which the controller had no answer, with the first reason. After a
-/// failure the robot is put at the next.
+/// Visits poses in order, keeping friction and backlash: true pose, (N, n), and readings,
+/// (N, n + r), at the end of each hold, the largest peak-to-peak motion of a coordinate in the last
+/// kWatched, the first motor at its torque limit, from 0, or -1, the status, and the number of
+/// cycles without an answer of the controller, with the first reason. After a failure the robot is
+/// placed at the next pose.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online,
                const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
@@ -268,7 +265,7 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
                         outcomes.status.release(), unanswered.release(), reason.release());
 }
 
-/// What is read of healthy readings, (N, n + r), one after another at these times.
+/// Applies faults to healthy readings, (N, n + r), in sequence at these times.
 auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows& healthy) {
   const std::size_t count = std::min(time.size(), healthy.shape(0)), width = healthy.shape(1);
   Owned<double> read({count, width});

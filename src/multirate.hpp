@@ -1,4 +1,4 @@
-// Python's slow and delayed sensors: their bus, and what is remembered of them.
+// Multirate and delayed sensors for Python: their bus and their state.
 #pragma once
 
 #include <optional>
@@ -10,15 +10,15 @@
 
 namespace truepose::python {
 
-/// Starts what remembers slow and late readings. @throws std::invalid_argument  no such period
+/// Initialises the state of these sensors. @throws std::invalid_argument  invalid period
 inline void require_started(const MultirateSettings& settings, Multirate& late) {
   if (!start(settings, late)) throw std::invalid_argument("period or age of a sensor: too long");
 }
 
-/// Slow and late sensors, as the controller knows them and as they are.
+/// Settings of these sensors in the controller's model, and of the true ones.
 using Lateness = std::pair<std::optional<MultirateSettings>, std::optional<MultirateSettings>>;
 
-/// Slow and late sensors of a plant that is not the core's: its bus, and what is remembered.
+/// Multirate and delayed sensors of an external plant: bus and state.
 struct Slow {
   Multirate late;
   Bus bus;
@@ -30,12 +30,12 @@ struct Slow {
     if (known_late) require_started(*lateness.first, late);
   }
 
-  /// As the controller reads it, (n + r,), from the sensors. Once a cycle.
+  /// Converts sensor readings to those of the controller, (n + r,). Call it once per cycle.
   Extended deliver(int motors, Extended q_e) {
     late.arrived = bus.deliver(motors, q_e);
     return q_e;
   }
-  /// @param q_e  in and out @return what is known of it
+  /// @param q_e  in and out @return its weighting
   Weighing compensate_latency(const Robot& robot, const Weighing& weighing, Extended& q_e) {
     if (!known_late) return weighing;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {

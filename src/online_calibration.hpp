@@ -1,5 +1,4 @@
-// Python's online calibration. The filter's arrays, between one run and the
-// next.
+// Python's online calibration: the filter's arrays, kept between runs.
 #pragma once
 
 #include <vector>
@@ -11,7 +10,7 @@ namespace truepose::python {
 
 class Online {
  public:
-  /// @param drift  one row for each random walk, one column for each uncertain parameter
+  /// @param drift  one row per random walk, one column per uncertain parameter
   Online(const Robot& drawn, const Known& prior, std::vector<double> mean, RowMatrix drift,
          double gate, bool full)
       : drawn_(drawn),
@@ -23,7 +22,7 @@ class Online {
         gate_(gate),
         full_(full) {}
 
-  /// A learner that works on these arrays, believing `nominal` until its first line.
+  /// A calibrator on these arrays, with the robot `nominal` until its first row.
   OnlineCalibrator learner(const Robot& nominal) {
     OnlineCalibrator learner;
     learner.drawn = &drawn_;
@@ -44,7 +43,7 @@ class Online {
     learner.pose = to_pose(nominal.mobility, nominal.home);
     return learner;
   }
-  /// What is neither ξ̂ nor its root: counts, doubts and the state that is kept.
+  /// State other than ξ̂ and its root: counts, the residual test and the rollback state.
   std::vector<double> memory() const {
     std::vector<double> all{double(due_),         double(lines_),         double(left_out_),
                             doubt_.evidence,      double(doubt_.stopped), double(doubt_.suspect),
@@ -53,7 +52,7 @@ class Online {
     all.insert(all.end(), kept_.begin(), kept_.end());
     return all;
   }
-  /// Goes on where another one was left, with its arrays and its memory.
+  /// Resumes from another object's arrays and memory.
   void resume(const std::vector<double>& all) {
     const std::size_t counts = 8, blames = doubt_.blame.size();
     if (all.size() != counts + blames + kept_.size())
@@ -65,7 +64,7 @@ class Online {
     std::copy_n(all.begin() + counts + blames, kept_.size(), kept_.begin());
   }
 
-  /// Remembers what is not in the arrays.
+  /// Stores the state that is not in the arrays.
   void take(const OnlineCalibrator& learner) {
     due_ = learner.state.due;
     doubt_ = learner.state.doubt;
@@ -94,7 +93,7 @@ class Online {
   bool full_;
 };
 
-/// A learner at work; what it has learnt is remembered however the work ends.
+/// A running calibrator, whose state is stored however the run ends.
 struct Lesson {
   Online& online;
   OnlineCalibrator learner;

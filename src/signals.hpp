@@ -1,5 +1,4 @@
-// Ctrl-C in a long computation. Python only notes a signal; whoever holds up the main
-// thread must ask for it.
+// Ctrl-C in a long computation: Python only records it; the main thread's code must check for it.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -9,15 +8,15 @@
 
 namespace truepose::python {
 
-/// How many threads wait for the others to end their work at once.
+/// Number of threads that wait for the others to stop at once.
 inline std::atomic<int> stopping = 0;
 
-/// Asks for signals every kPatience, and always whether the work shall end: the main thread, which
-/// alone hears signals, may wait for this one. Call it often, from the thread that Python called,
-/// with or without the interpreter's lock: mostly it only reads a clock, in some 25 ns.
+/// Checks for signals every kPatience, and always for a request to stop: the main thread, the only
+/// one to receive signals, may wait for this one. Call it often, from the thread that Python
+/// called, with or without the interpreter's lock: usually it only reads a clock, in about 25 ns.
 class Signals {
  public:
-  /// @throws nanobind::python_error  what the signal's handler raised, or KeyboardInterrupt
+  /// @throws nanobind::python_error  the error of the signal's handler, or KeyboardInterrupt
   void operator()() {
     if (stopping.load(std::memory_order_relaxed) > 0) {
       const nanobind::gil_scoped_acquire acquire;

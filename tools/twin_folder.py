@@ -18,7 +18,6 @@ from truepose.paper.tables import cells
 from truepose.paper.twin import Twin
 from truepose.paper.virtual_experiment import READINGS, Run
 from truepose.robot.robot import Robot, load
-from truepose.show.drawing import draw
 from truepose.show.table import Table, markdown, number
 from truepose.threads import each
 from twin_search import Found, search, unknowns
@@ -47,7 +46,7 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
         {robotfile.output(folder / "robot.toml"): robot_file(robot, chosen.twin)}, force=True
     )
     files.replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
-    drawn = files.picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
+    drawn = files.picture(load(folder / "robot.toml").plot(), ".png", dpi=110)
     files.replace_file(folder / "picture.png", drawn, "picture", force=True)
     runs = [f.twin.run(robot, tuple(CONTROLS)) for f in found]
     files.replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
@@ -119,7 +118,7 @@ def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Cont
 def _missed(table: Table) -> str:
     missed = [row[0] for row in table.rows if any(cell.endswith("!") for cell in row)]
     if not missed:
-        return "Every entry is within that."
+        return "Every entry is reached."
     return f"Not reached: {', '.join(missed)}."
 
 
@@ -130,8 +129,9 @@ def _unlikely(robot: Robot, chosen: Found) -> str:
     text = ", ".join(listed) + "."
     if np.abs(chosen.u).max() > FAR:
         text += (
-            f" What is beyond {FAR} these priors hardly allow: the printed table asks for more than"
-            " they expect, of the registration above all, which this twin takes as it is."
+            f" Errors beyond {FAR} are improbable under these priors: the printed table requires"
+            " larger errors than they expect, above all of the registration, which this twin"
+            " accepts."
         )
     return text
 
@@ -205,21 +205,22 @@ _TEXT = """# A twin of LIRMM's H4
 
 ![The twin: an H4 with errors of millimetres and tenths of degrees](picture.png)
 
-A *true* robot, not one to control: an H4 whose experiment gives a Table 3 close to the printed one
-(`tp.load("h4-lirmm-twin")`; `tp.list_robots()` does not list it). The printed numbers do not
-determine one: this is seed {seed} of {seeds}, all made by `make twin`. Assumed, as all dimensions
-of the H4. [docs/experiment.md](../../docs/experiment.md) explains the experiment, the search, its
-priors.
+The twin is a *true* robot, not one to control: an H4 whose experiment gives a Table 3 close to the
+printed one (`tp.load("h4-lirmm-twin")`; `tp.list_robots()` does not list it). The printed numbers
+do not determine one robot: this is seed {seed} of {seeds}, all made by `make twin`. It is assumed,
+as are all dimensions of the H4. [docs/experiment.md](../../docs/experiment.md) explains the
+experiment, the search and its priors.
 
-`robot.toml` holds the geometry, `setup.toml` what stands beside it. The nuisances that the printed
-numbers ask for: LEDs {radius:.0f} mm from the axis, seen with {noise:.1f} pixels of noise
-({at_led:.2f} mm at an LED: the 0.45° of scatter in θ that the encoder cannot see), the vision frame
-{shift:.1f} mm and {turn:.2f}° beside the robot's, {backlash:.2f}° of play at the nacelle.
+`robot.toml` holds the geometry, `setup.toml` the vision system and the gear. The printed numbers
+require these nuisance parameters: LEDs {radius:.0f} mm from the axis, seen with {noise:.1f} pixels
+of noise ({at_led:.2f} mm at an LED: the 0.45° of scatter in θ that the encoder cannot measure), the
+vision frame {shift:.1f} mm and {turn:.2f}° from the robot's, {backlash:.2f}° of backlash at the
+platform.
 
 ## Printed against twin
 
 Exact statics at the full level, mm and degrees. An entry is reached within 25 % or 0.5 mm / 0.15°,
-whichever is larger; a `!` marks what is not. What is printed as "error" is taken as estimated −
+whichever is larger; a `!` marks a missed entry. The printed "error" is taken as estimated −
 measured. {missed}
 
 {estimated}
@@ -228,15 +229,15 @@ The same run, desired − measured:
 
 {desired}
 
-These are entries. What changed of x, y and z between the columns the twin does not reproduce: the
-law changes them by less than they change from run to run
+The twin reproduces the entries, but not the changes of x, y and z between the columns: the law
+changes them by less than they change from run to run
 ([docs/experiment.md](../../docs/experiment.md#from-run-to-run)).
 
 {changes}
 
-## What it takes
+## Required parameter errors
 
-In units of the prior σ (standard normal numbers), all that is beyond 2: {unlikely}
+Parameter errors beyond 2, in units of the prior σ (standard normal numbers): {unlikely}
 Σ u² = {size:.0f} for {unknowns} unknowns, where {unknowns} is expected.
 
 ## Ten twins
@@ -245,16 +246,16 @@ Seeds 0 to {last} reach {reached} of {entries} entries; Σ u² = {sizes}. Entrie
 
 {spread}
 
-How far they are apart, standard deviations over the twins:
+Spread: standard deviations over the twins:
 
 {apart}
 
 {nuisances}
 
-## What the same encoder could have given
+## Errors under other controls with the same encoder
 
-This twin, desired less measured and less true. What the vision system sees of a calibrated robot
-holds the registration of its frame, which no encoder can know:
+Desired − measured and desired − true, for this twin. The vision system's measurements of a
+calibrated robot include the registration of its frame, which no encoder can measure:
 
 {controls}
 

@@ -1,4 +1,4 @@
-/* From reset to main() on a Cortex-M7, its clock, its stack, and a console by semihosting. */
+/* Board support for a Cortex-M7: from reset to main(), clock, stack, console by semihosting. */
 #include "board.h"
 
 #include <string.h>
@@ -31,13 +31,13 @@ static void fault(void) {
 }
 
 __attribute__((noreturn)) void reset(void) {
-  *CPACR |= 0xFu << 20; /* the double unit, before any of its registers */
+  *CPACR |= 0xFu << 20; /* double-precision unit, before any use of its registers */
   __asm__ volatile("dsb\n isb");
   memcpy(data_start, data_load, (size_t)(data_end - data_start));
   memset(bss_start, 0, (size_t)(bss_end - bss_start));
   *SYST_RVR = 0xFFFFFF;
   *SYST_CVR = 0;
-  *SYST_CSR = 5; /* on, by the processor's clock, no interrupt */
+  *SYST_CSR = 5; /* enabled, processor clock, no interrupt */
   leave((uint32_t)main());
   for (;;) continue;
 }

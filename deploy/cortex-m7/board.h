@@ -1,18 +1,18 @@
-/* What a measurement needs of a board. */
+/* Board functions for the measurement. */
 #ifndef TRUEPOSE_BOARD_H
 #define TRUEPOSE_BOARD_H
 
 #include <stdint.h>
 
-/** Says a text. */
+/** Prints a text. */
 void say(const char* text);
-/** Says a number, right in a field so wide. */
+/** Prints a number, right-aligned in a field of this width. */
 void say_number(uint32_t number, int width);
 
-/** Ticks of a clock that counts 24 bits down. */
+/** Ticks of a 24-bit down-counter. */
 uint32_t ticks(void);
 
-/** Fills what is free of the stack; used() then says how many bytes of it were. */
+/** Fills the free stack; used() then returns how many bytes of it were used. */
 void paint(void);
 uint32_t used(void);
 

@@ -1,5 +1,5 @@
-/* Cost of one robot, an H4 unless ROBOT names another one of vectors.h. The self-test, then
- * instructions and stack of every call, as a table. */
+/* Cost of one robot: an H4, or the one of vectors.h that ROBOT names. Prints the self-test, then a
+ * table of instructions and stack per call. */
 #include <math.h>
 
 #include "agree.h"
@@ -26,8 +26,8 @@ static truepose_real q[6], q_e[16], near[6];
 static int n, e;
 static uint32_t per_tick;
 
-/* A move of 100 ms from one of the reference's poses to the next, its cosine law, and readings that
- * disagree as a real robot's do. */
+/* A 100 ms cosine move between two of the reference's poses, with readings that disagree like a
+ * real robot's. */
 static void at_cycle(int cycle) {
   const double w = 3.141592653589793 / CYCLES, s = 0.5 - 0.5 * cos(w * cycle);
   for (int i = 0; i < n; ++i) {
@@ -97,7 +97,7 @@ static uint32_t ticks_of(int32_t (*call)(void), int32_t* status) {
   return (before - ticks()) & 0xFFFFFF;
 }
 
-/* Instructions to a tick, by a loop of two that is run half a million times. */
+/* Instructions per tick, from half a million passes of a loop of two instructions. */
 static int32_t count(void) {
   uint32_t left = COUNTED / 2;
   __asm__ volatile("1: subs %0, #1\n bne 1b" : "+r"(left) : : "cc");
@@ -118,7 +118,7 @@ static int start(const entry* asked) {
                  .status == 0;
 }
 
-/* One row, unless the call was left out, or asks for sensors that the robot has not.
+/* Prints one row, unless the call was left out or needs sensors that the robot lacks.
  * @return 0: no answer */
 static int measure(const entry* asked) {
   uint32_t sum = 0, worst = 0, stack = 0;
@@ -133,7 +133,7 @@ static int measure(const entry* asked) {
     if (took > worst) worst = took;
   }
   start(asked);
-  for (int cycle = 0; cycle < CYCLES; cycle += 9) { /* the first cycles' searches as well */
+  for (int cycle = 0; cycle < CYCLES; cycle += 9) { /* includes the searches of the first cycles */
     at_cycle(cycle);
     paint();
     asked->call();

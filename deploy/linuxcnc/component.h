@@ -1,6 +1,6 @@
-/* What truepose_kins, truepose_tej and truepose_plant share as LinuxCNC's components: how one is
- * loaded, what it is told then, pins with a first value. Included once a component, behind
- * `#define COMPONENT "name"`; begin() and rtapi_app_exit() are the component's own. */
+/* Common code of the LinuxCNC components truepose_kins, truepose_tej and truepose_plant: loading,
+ * parameters, pins with an initial value. Include it once per component, after
+ * `#define COMPONENT "name"`; the component defines begin() and rtapi_app_exit(). */
 #ifndef TRUEPOSE_LINUXCNC_COMPONENT_H
 #define TRUEPOSE_LINUXCNC_COMPONENT_H
 
@@ -15,35 +15,35 @@
 
 #include <stdarg.h>
 
-MODULE_LICENSE("Dual MIT/GPL"); /* ours is MIT, which may be loaded beside GPL-2 */
+MODULE_LICENSE("Dual MIT/GPL"); /* truepose is MIT, loadable with GPL-2 */
 
 static char* table = "";
 RTAPI_MP_STRING(table, "file of truepose export linuxcnc");
 static char* unit = "mm";
 RTAPI_MP_STRING(unit, "machine unit of length: mm, inch, m");
 
-static int id; /* HAL's, of this component */
+static int id; /* HAL's id of this component */
 
-/** Says why a component is not loaded. @return -1 */
+/** Prints why a component is not loaded. @return -1 */
 static inline int wrong(const char* what, const char* value, const char* why) {
   rtapi_print_msg(RTAPI_MSG_ERR, "%s: %s=%s: %s\n", COMPONENT, what, value, why);
   return -1;
 }
-/** The same for a status of the library. @return 0: it has nothing against it */
+/** The same for a status of the library. @return 0 if it is ok */
 static inline int refused(const char* what, const char* value, truepose_outcome outcome) {
   return outcome.status > TRUEPOSE_OK ? wrong(what, value, truepose_status_text(outcome.status))
                                       : 0;
 }
 
-/** The table and the unit that the component was given. @return 0, or -1 where one is none */
+/** Reads the table and the unit given to the component. @return 0, or -1 if one is invalid */
 static inline int read_parameters(truepose_table* read) {
   const char* const why = truepose_read_table(table, read);
   if (why != NULL) return wrong("table", table, why);
   return truepose_unit(unit) == 0 ? wrong("unit", unit, "choose mm, inch or m") : 0;
 }
 
-/** new_float, new_bit, new_s32, new_u32: a pin of a name by format, which starts at `value`.
- * @return 0: made */
+/** new_float, new_bit, new_s32, new_u32: creates a pin named by format, with initial `value`.
+ * @return 0: created */
 #define TRUEPOSE_NEW(kind)                                                                    \
   static inline __attribute__((format(printf, 4, 5))) int new_##kind(                         \
       hal_##kind##_t** pin, hal_pin_dir_t direction, double value, const char* format, ...) { \
@@ -61,8 +61,7 @@ TRUEPOSE_NEW(bit)
 TRUEPOSE_NEW(s32)
 TRUEPOSE_NEW(u32)
 
-/** Reads what the component was told, makes its pins and functions. @return 0, or it is not loaded
- */
+/** Reads the parameters, creates pins and functions. @return 0, or nonzero: not loaded */
 static int begin(void);
 
 int rtapi_app_main(void) {

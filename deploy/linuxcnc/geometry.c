@@ -1,4 +1,4 @@
-/* Robots of LinuxCNC's own modules. */
+/* Robots described by the pins of LinuxCNC's own modules. */
 #include "geometry.h"
 
 #include <math.h>
@@ -36,7 +36,7 @@ truepose_outcome truepose_kins_hexapod(truepose_kins* kins, const truepose_hexap
   truepose_real radius = 0;
   truepose_outcome outcome = {TRUEPOSE_NO_SUCH_VALUE, -1};
   for (int i = 0; i < 6; ++i) radius += hypot(pins->base[i][0] - cx, pins->base[i][1] - cy) / 6;
-  const truepose_real unit = 1 / radius; /* to the core, a robot of about a metre */
+  const truepose_real unit = 1 / radius; /* scales the core's robot to about a metre */
   for (int i = 0; i < 6; ++i) {
     truepose_chain* chain = &robot.chain[i];
     chain->actuator = TRUEPOSE_TELESCOPIC;
@@ -58,7 +58,7 @@ truepose_outcome truepose_kins_hexapod(truepose_kins* kins, const truepose_hexap
   return outcome;
 }
 
-/** Directions of three chains, 120° apart, counted as seen from above. */
+/** Directions of three chains, 120° apart, counter-clockwise seen from above. */
 static void thirds(int i, truepose_real first, truepose_real direction[3]) {
   const truepose_real third = 2.0943951023931953;
   direction[0] = cos(first + i * third);
@@ -95,7 +95,7 @@ truepose_outcome truepose_kins_rotary_delta(truepose_kins* kins,
     thirds(i, -1.5707963267948966, chain->zero);
     chain->actuator = TRUEPOSE_REVOLUTE;
     chain->working_mode = -1;         /* knees outside */
-    chain->axis[0] = -chain->zero[1]; /* so that thighs go down */
+    chain->axis[0] = -chain->zero[1]; /* so that positive angles lower the thighs */
     chain->axis[1] = chain->zero[0];
     chain->arm = 1;
     chain->rod = shin;

@@ -11,7 +11,7 @@ static const char kLetters[] = "xyzabcuvw";
 
 enum { kX = 0, kZ = 2, kA = 3, kC = 5, kCap = 12, kScrewSteps = 20 };
 
-/** Is there z? Is there a turn about it (axis c), all three (a, b, c)? */
+/** Whether there is z; a turn about it (axis c); all three turns (a, b, c). */
 static int has_z(int32_t mobility) { return mobility >= TRUEPOSE_TRANSLATION; }
 static int turns_about_z(int32_t mobility) {
   return mobility == TRUEPOSE_PLANAR || mobility == TRUEPOSE_SCHOENFLIES;
@@ -48,8 +48,7 @@ int truepose_kins_extras(truepose_kins* kins, const char* letters) {
   return 1;
 }
 
-/** The platform's pose at axes: roll, pitch, yaw are a, b, c; theta, of the other mobilities, is c.
- */
+/** The platform's pose at axes: a, b, c are roll, pitch, yaw; for other mobilities c is theta. */
 static truepose_outcome pose_at(const truepose_kins* kins, const truepose_real* axes,
                                 truepose_pose* pose) {
   const int spatial = kins->robot.mobility == TRUEPOSE_SPATIAL;
@@ -89,9 +88,9 @@ static truepose_real dot(const truepose_real* a, const truepose_real* b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/** By how much the struts' screws have turned at a pose. A strut's two universal joints hold its
- * ends' rolls: the base's second axis is normal to the base's own and to the strut, the platform's
- * likewise, and the screw turns by the angle between one and the other's normal in the strut. */
+/** Turns of the struts' screws at a pose. A strut's two universal joints fix the rolls of its ends:
+ * the base's second axis is normal to the base's own and to the strut, likewise the platform's. The
+ * screw turns by the angle between the two normals about the strut. */
 static truepose_outcome screw_turns(truepose_kins* kins, const truepose_pose* pose) {
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
   for (int i = 0; i < kins->motors && outcome.status <= TRUEPOSE_OK; ++i) {
@@ -142,12 +141,12 @@ int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUE
   return kins->outcome.status;
 }
 
-/** The coordinates that axes are a guess of. @return 0: of none */
+/** Converts axes to a guess of the coordinates. @return 0: no guess */
 static int guessed(const truepose_kins* kins, const truepose_real* axes, truepose_real* x) {
   int any = 0;
   truepose_pose pose;
   for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) any |= axes[k] != 0;
-  memcpy(x, kins->guess, sizeof kins->guess); /* which turn is meant */
+  memcpy(x, kins->guess, sizeof kins->guess); /* selects the turn */
   if (turns_about_z(kins->robot.mobility)) x[kins->motors - 1] = axes[kC] * kDegree;
   if (any && pose_at(kins, axes, &pose).status <= TRUEPOSE_OK &&
       truepose_coordinates_of(&kins->model, &pose, x).status <= TRUEPOSE_OK) {
@@ -158,7 +157,7 @@ static int guessed(const truepose_kins* kins, const truepose_real* axes, truepos
   return 0;
 }
 
-/** x of joints, from the guess, corrections that are known taken off. */
+/** x of joints, from the guess, minus the known corrections. */
 static truepose_fkm_result search(truepose_kins* kins, const truepose_real* joints,
                                   truepose_real* x) {
   truepose_real q[6] = {0};
@@ -167,7 +166,7 @@ static truepose_fkm_result search(truepose_kins* kins, const truepose_real* join
   return truepose_fkm(&kins->model, q, kins->cap, x);
 }
 
-/** The screws' corrections depend on the pose, and the pose but little on them: a few rounds. */
+/** The screws' corrections depend on the pose, which hardly depends on them: a few rounds. */
 static truepose_fkm_result search_with_screws(truepose_kins* kins, const truepose_real* joints,
                                               truepose_real* x) {
   truepose_fkm_result result = {{TRUEPOSE_NOT_CONVERGED, -1}, 0, 0, 0};

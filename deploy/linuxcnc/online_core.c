@@ -4,10 +4,10 @@
 #include <math.h>
 #include <string.h>
 
-enum { kCap = 12 }; /* steps of the forward model */
+enum { kCap = 12 }; /* maximum steps of the forward model */
 
-/** What the learner has learnt is what is believed from now on, at both levels. A robot that can no
- * longer be loaded (its home beyond a stop) is not: the one before stays. */
+/** Adopts the identified robot, at both levels. If it cannot be loaded (its home beyond a stop),
+ * the previous one stays. */
 static int believe(truepose_pupil* pupil) {
   truepose_description of;
   truepose_online_calibrator_model(&pupil->learner, &pupil->next_finest, sizeof pupil->next_finest);
@@ -42,7 +42,7 @@ truepose_outcome truepose_pupil_begin(truepose_pupil* pupil, const truepose_tabl
   return outcome;
 }
 
-/** Whether the commands have stood for so long; the next line is as far away again. */
+/** Whether the commands have been constant for `rest`; then restarts the time for the next row. */
 static int stood(truepose_pupil* pupil, truepose_real period, truepose_real rest,
                  const truepose_real* q_d) {
   int moved = 0;
@@ -55,7 +55,7 @@ static int stood(truepose_pupil* pupil, truepose_real period, truepose_real rest
   return 1;
 }
 
-/** How well the pose is known where the machine stands. */
+/** Computes the accuracy of the pose where the machine is at rest. */
 static void ask_sigma(truepose_pupil* pupil, const truepose_real* q_e, truepose_real* work) {
   if (truepose_fkm(&pupil->finest, q_e, kCap, pupil->x).outcome.status > TRUEPOSE_OK) return;
   const truepose_estimate_result found =
@@ -74,7 +74,7 @@ int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_r
   if (!stood(pupil, period, rest, q_d)) return 0;
   pupil->outcome = truepose_online_calibrator_step(&pupil->learner, q_e);
   truepose_online_calibrator_samples(&pupil->learner, &pupil->lines, &pupil->left_out);
-  /* A line of which one reading was left out has taught something as well. */
+  /* A row with one excluded reading still contributes. */
   if (pupil->lines + pupil->left_out == before) return 0;
   return pupil->fresh = believe(pupil);
 }

@@ -1,4 +1,4 @@
-/* A machine that is simulated. */
+/* Simulated machine. */
 #include "plant_core.h"
 
 #include <math.h>
@@ -6,7 +6,7 @@
 
 enum { kCap = 12 };
 
-/** A reading as an encoder with these counts has it. */
+/** Reading of an encoder with these counts. */
 static truepose_real counted(const truepose_plant* plant, int c, truepose_real reading) {
   const truepose_real step = c < plant->motors ? plant->robot.chain[c].encoder_step
                                                : plant->robot.sensor[c - plant->motors].step;

@@ -9,7 +9,7 @@ typedef struct block {
   uint32_t length;
 } block;
 
-/** Where a block's bytes belong. @return null: no such block */
+/** Destination of a block's bytes. @return null: no such block */
 static void* place(const char* name, truepose_table* table, size_t* most) {
   const struct {
     const char* name;
@@ -32,7 +32,7 @@ static void* place(const char* name, truepose_table* table, size_t* most) {
   return NULL;
 }
 
-/** FNV-1a of all bytes so far and of these. */
+/** FNV-1a of all bytes so far and these. */
 static uint64_t marked(uint64_t mark, const void* bytes, size_t count) {
   const unsigned char* const at = bytes;
   for (size_t i = 0; i < count; ++i) mark = (mark ^ at[i]) * 1099511628211u;
@@ -97,7 +97,7 @@ const char* truepose_write_table(const char* path, const truepose_description* r
       {"root", known->root, p * p * sizeof *known->root},
       {"from", &began->from, sizeof began->from},
   };
-  char begun[4096]; /* a table is there whole, or not at all */
+  char begun[4096]; /* so that the table is either complete or absent */
   const int length = snprintf(begun, sizeof begun, "%s.new", path);
   FILE* file = length > 0 && (size_t)length < sizeof begun ? fopen(begun, "wb") : NULL;
   int good = file != NULL && fwrite("truepose", 8, 1, file) == 1;

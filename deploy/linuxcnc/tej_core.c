@@ -4,9 +4,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { kCap = 12 }; /* steps of the forward model: the commands move little from cycle to cycle */
+enum { kCap = 12 }; /* maximum steps of the forward model: commands move little per cycle */
 
-/** sigma of a sensor that is not believed, over its own. */
+/** Factor on the sigma of a failed sensor. */
 static const truepose_real kDisbelieved = 1e4;
 
 truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
@@ -29,7 +29,7 @@ truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
   return outcome;
 }
 
-/** The values that are no numbers, as bits. */
+/** Values that are not finite, as bits. */
 static uint32_t not_finite(const truepose_real* values, int count) {
   uint32_t which = 0;
   for (int i = 0; i < count; ++i) which |= (uint32_t)!isfinite(values[i]) << i;
@@ -49,7 +49,7 @@ static void fails(truepose_corrector* tej, truepose_corrector_fault fault, int32
   tej->reason.part = part;
 }
 
-/** Laws go by another robot from this cycle on. */
+/** Changes the robot of the laws from this cycle on. */
 static void goes_by(truepose_corrector* tej, int learnt, int anew) {
   if (learnt == tej->learnt && !(learnt && anew)) return;
   tej->learnt = learnt;
@@ -60,7 +60,7 @@ static int weighs(int32_t law) {
   return law == TRUEPOSE_LAW_WEIGHTED || law == TRUEPOSE_LAW_ESTIMATED;
 }
 
-/** What stands for the readings where they are not believed. */
+/** Substitutes readings that are not valid. */
 static void watched(truepose_corrector* tej, const truepose_corrector_input* input,
                     truepose_real* q_e) {
   truepose_real believed[TRUEPOSE_READINGS];
@@ -73,7 +73,7 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->guard, input->q_d, q_e,
                                           &tej->table.known, tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
-  if (outcome.status > TRUEPOSE_OK) return; /* it has no opinion: the readings as they are */
+  if (outcome.status > TRUEPOSE_OK) return; /* no result: use the readings as they are */
   if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
   tej->stop = tej->report.stops;
   uint32_t failed = 0, doubted = 0;
@@ -82,7 +82,7 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     doubted |= (uint32_t)(tej->report.health[c] != TRUEPOSE_VALID) << c;
     if (tej->report.health[c] == TRUEPOSE_FAILED) tej->symptom[c] = tej->report.symptom[c];
   }
-  /* Something else stands for them from now on. */
+  /* Their substitution changes from this cycle on. */
   tej->changed |= doubted != tej->doubted || failed != tej->left_out;
   tej->doubted = doubted;
   if ((failed & ~tej->left_out) != 0 && truepose_pupil_forget(&tej->pupil))
@@ -92,7 +92,7 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     fails(tej, TRUEPOSE_TEJ_WATCH, TRUEPOSE_DISAGREE, first(failed != 0 ? failed : doubted));
 }
 
-/** What laws that weigh know: a sensor that has failed says next to nothing. */
+/** Knowledge for weighted laws: a failed sensor has almost no weight. */
 static const truepose_knowledge* known(truepose_corrector* tej) {
   tej->weighed = tej->learnt ? tej->pupil.known : tej->table.known;
   for (int c = 0; c < tej->motors + tej->sensors; ++c)
@@ -100,7 +100,7 @@ static const truepose_knowledge* known(truepose_corrector* tej) {
   return &tej->weighed;
 }
 
-/** Of a law: what it keeps from cycle to cycle is begun anew where it is another one. */
+/** Error of a law; a new law or band restarts the controller's state. */
 static truepose_outcome error_of(truepose_corrector* tej, const truepose_corrector_input* input,
                                  const truepose_real* q_e, truepose_real* e) {
   const int heavy = weighs(input->law);
@@ -122,7 +122,7 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
                                    heavy ? known(tej) : NULL, heavy ? tej->work : NULL, e);
 }
 
-/** What readings say of the robot while it stands still, and nothing speaks against them. */
+/** Identifies the robot from readings at rest, if there is no fault. */
 static void learn(truepose_corrector* tej, const truepose_corrector_input* input,
                   const truepose_real* q_e) {
   int anew = 0;
@@ -132,7 +132,7 @@ static void learn(truepose_corrector* tej, const truepose_corrector_input* input
   goes_by(tej, input->learnt && tej->pupil.able, anew);
 }
 
-/** The correction that a law asks for. @return 0: none */
+/** Computes the correction for the requested law. @return 0: none */
 static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e, truepose_real* correction) {
   truepose_real e[6];
@@ -150,8 +150,8 @@ static int asked_for(truepose_corrector* tej, const truepose_corrector_input* in
   return 1;
 }
 
-/** A motor was homed where motion read it: q - c. From now on its readings are q - c of then, and
- * nothing is left of c. */
+/** Handles homing. The motor was homed to motion's reading q - c; from then on its reading is that
+ * q - c and c is 0. */
 static void homed(truepose_corrector* tej, const truepose_corrector_input* input,
                   truepose_real* q_e) {
   for (int i = 0; i < tej->motors; ++i) {
@@ -168,7 +168,7 @@ static void homed(truepose_corrector* tej, const truepose_corrector_input* input
   }
 }
 
-/** Once referenced, do the readings fit each other, for all that tolerances allow? */
+/** Tests once after referencing whether the readings are consistent within the tolerances. */
 static void question(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e) {
   truepose_real x[6];
@@ -195,8 +195,8 @@ static truepose_real clamped(truepose_real value, truepose_real most) {
   return fmax(-most, fmin(value, most));
 }
 
-/** The drives go off: what is held is the correction, and of the drives' own error as much as
- * counts and noise make of it, so that motion reads the command that it gave last. */
+/** Handles drives going off. Holds the correction, and the part of the drives' own error within
+ * counts and noise, so that motion reads its last command. */
 static void hold(truepose_corrector* tej) {
   truepose_real T[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS];
   const truepose_description* robot = &tej->table.robot;
@@ -215,8 +215,8 @@ static void hold(truepose_corrector* tej) {
   }
 }
 
-/** The correction while the drives are off: a motor that moves by its counts and noise only, at a
- * count's edge, has not moved. */
+/** Correction while the drives are off: motion within counts and noise, at a count's edge, is
+ * ignored. */
 static void held(truepose_corrector* tej, const truepose_real* q_e) {
   for (int i = 0; i < tej->motors; ++i) {
     const truepose_chain* chain = &tej->table.robot.chain[i];
@@ -226,8 +226,8 @@ static void held(truepose_corrector* tej, const truepose_real* q_e) {
   tej->law = TRUEPOSE_LAW_JOINT;
 }
 
-/** Goes on from the correction that is applied to the one asked for: `from` is held, and ramped out
- * with no step of its rate. */
+/** Blends from the applied correction to the requested one: the difference `from` is ramped out
+ * without a step of its rate. */
 static void blend(truepose_corrector* tej, const truepose_corrector_input* input, int32_t law,
                   const truepose_real* asked) {
   if (law != tej->law || tej->changed) {
@@ -282,13 +282,13 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
     watched(tej, input, q_e);
   const uint32_t unheard = not_finite(q_e, readings);
   if (unheard != 0) fails(tej, TRUEPOSE_TEJ_READING, TRUEPOSE_NOT_FINITE, first(unheard));
-  if (not_finite(q_e, tej->motors)) { /* its drive is to hold still */
+  if (not_finite(q_e, tej->motors)) { /* the drive must hold still */
     memset(tej->error, 0, sizeof tej->error);
     return;
   }
   for (int i = 0; i < tej->motors; ++i) {
     tej->e_q[i] = input->q_d[i] - q_e[i];
-    if (starts) tej->correction[i] = -tej->e_q[i]; /* as held: motion read it, and it is 0 */
+    if (starts) tej->correction[i] = -tej->e_q[i]; /* as held: motion read the command */
   }
   tej->changed |= starts;
   learn(tej, input, q_e);

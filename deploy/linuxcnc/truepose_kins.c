@@ -1,9 +1,9 @@
-/* A kinematics module of LinuxCNC for any parallel robot; docs/linuxcnc.md is its guide.
+/* LinuxCNC kinematics module for any parallel robot. Guide: docs/linuxcnc.md.
  *
  *   loadrt truepose_kins table=FILE [unit=mm|inch|m] [extra=uv]
  *   loadrt truepose_kins pins=genhexkins|lineardeltakins|rotarydeltakins [extra=…]
  *
- * The mathematics is in kins_core.c; this is LinuxCNC's interface of 2.9, and HAL's. MIT. */
+ * The mathematics is in kins_core.c; this is the interface of LinuxCNC 2.9 and HAL. MIT. */
 #define COMPONENT "truepose_kins"
 #include "component.h"
 #include "kinematics.h"
@@ -24,7 +24,7 @@ typedef enum source { FROM_TABLE, FROM_HEXAPOD, FROM_LINEAR_DELTA, FROM_ROTARY_D
 static source from;
 static truepose_kins kins;
 
-/* What this module says of itself, whatever the pins that describe the robot. */
+/* Output pins of this module, whatever pins describe the robot. */
 static struct says {
   hal_s32_t *status, *part, *iterations, *most_iterations;
   hal_u32_t* refused;
@@ -32,10 +32,10 @@ static struct says {
   hal_float_t* refused_at[TRUEPOSE_KINS_AXES];
 }* says;
 
-static truepose_outcome told; /* the refusal that stands in the log, */
-static int since;             /* and how many calls were answered since */
+static truepose_outcome told; /* refusal in the log, */
+static int since;             /* and number of calls since */
 
-/* genhexkins' pins, by the names that configurations use; switchkins' too. */
+/* Pins of genhexkins and switchkins, by the names that configurations use. */
 static struct hexapod_pins {
   hal_float_t *base[6][3], *platform[6][3], *base_n[6][3], *platform_n[6][3];
   hal_float_t *correction[6], *gui[6], *shown[6];
@@ -50,9 +50,9 @@ static struct delta_pins {
 
 static truepose_hexapod hexapod;
 static truepose_real delta[4];
-static int loaded;      /* the model is of the pins as they are */
-static int switched;    /* 0: the robot's; 1, 2: identity */
-static int identity[9]; /* the axis of each joint */
+static int loaded;      /* the model matches the pins */
+static int switched;    /* 0: the robot's kinematics; 1, 2: identity */
+static int identity[9]; /* axis of each joint */
 
 static double* axis_of(EmcPose* pose, int axis) {
   double* axes[] = {&pose->tran.x, &pose->tran.y, &pose->tran.z, &pose->a, &pose->b,
@@ -86,7 +86,7 @@ static void extras(void) {
   truepose_kins_extras(&kins, *extra != '\0' || !passes ? extra : "abcuvw");
 }
 
-/* The robot that the pins describe by now: cheap while they stay. The pose found last stays. */
+/* Updates the robot from the pins: cheap while they are constant. The last pose is kept. */
 static int refresh(void) {
   if (from == FROM_HEXAPOD) {
     truepose_hexapod now;
@@ -115,8 +115,7 @@ static int refresh(void) {
   return loaded;
 }
 
-/** The latest refusal stays on the pins, and is said once in LinuxCNC's log: again only after AGAIN
- * answers, or where it is another one. */
+/** Keeps the last refusal on the pins; logs it once, and again after AGAIN answers or a change. */
 static void say(int forward) {
   enum { AGAIN = 1000 };
   const int refused = kins.outcome.status > TRUEPOSE_OK;
@@ -154,7 +153,7 @@ int kinematicsForward(const double* joints, EmcPose* pose, const KINEMATICS_FORW
   (void)iflags;
   if (!refresh()) return -1;
   to_axes(pose, axes);
-  if (from == FROM_HEXAPOD && switched) { /* the pose that a picture shows */
+  if (from == FROM_HEXAPOD && switched) { /* the pose for a visualisation */
     for (int k = 0; k < 6; ++k) axes[k] = *hexapod_pins->gui[k];
   }
   for (int i = 0; i < 9; ++i) q[i] = i < kins.motors + kins.extras ? joints[i] : 0;
@@ -301,7 +300,7 @@ static int load_table(void) {
 
 static int pins_of_source(void) {
   static const char* const linear[] = {"lineardeltakins.R", "lineardeltakins.L"};
-  static const double linear_values[] = {131, 269}; /* any delta, until the pins are set */
+  static const double linear_values[] = {131, 269}; /* a valid delta, until the pins are set */
   static const char* const rotary[] = {"rotarydeltakins.platformradius",
                                        "rotarydeltakins.thighlength", "rotarydeltakins.shinlength",
                                        "rotarydeltakins.footradius"};

@@ -1,10 +1,10 @@
-/* A machine for LinuxCNC's HAL that is simulated: truepose_tej's other side. plant_core.c is what
- * it does; docs/linuxcnc.md the guide. MIT.
+/* Simulated machine for LinuxCNC's HAL, the counterpart of truepose_tej. The model is in
+ * plant_core.c, the guide in docs/linuxcnc.md. MIT.
  *
  *   loadrt truepose_plant table=FILE [unit=mm|inch|m] [period_us=1000]
  *   addf truepose_plant servo-thread    # last
  *
- * Its motors stand at `start` when the thread begins, where their encoders begin to count. */
+ * When the thread begins, its motors are at `start`, where their encoders count from. */
 #define COMPONENT "truepose_plant"
 #include "component.h"
 

@@ -1,5 +1,5 @@
-/* The law of redundant sensors as a component of LinuxCNC's HAL, between motion and pid;
- * docs/linuxcnc.md is its guide, tej_core.c the mathematics. MIT.
+/* HAL component of the redundant sensors' law, between motion and pid. Guide: docs/linuxcnc.md;
+ * mathematics: tej_core.c. MIT.
  *
  *   loadrt truepose_tej table=FILE [unit=mm|inch|m] [period_us=1000] [keep=FILE]
  *   addf truepose_tej servo-thread      # after motion-controller, before pid */
@@ -38,10 +38,10 @@ static struct tej_pins {
 static truepose_corrector tej;
 static truepose_index seen[TRUEPOSE_SENSORS];
 static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
-static int32_t told, waits;  /* the fault that stands in the log; that an index is waited for */
-static uint32_t told_failed; /* readings whose failure stands in the log */
+static int32_t told, waits;  /* fault in the log; whether "waiting for an index" is in the log */
+static uint32_t told_failed; /* failed readings in the log */
 
-/** Sensors' readings, and whether the zero of all is known. */
+/** Reads the sensors. @return 1: the zero of each is known */
 static int32_t sensors(truepose_real* readings) {
   int32_t all = 1;
   for (int k = 0; k < tej.sensors; ++k) {
@@ -56,7 +56,7 @@ static int32_t sensors(truepose_real* readings) {
   return all;
 }
 
-/** A reading as messages name it. */
+/** Name of a reading in messages. */
 static const char* name_of(int reading, char* name, int size) {
   if (reading < 0) return "";
   if (reading < tej.motors)
@@ -66,8 +66,7 @@ static const char* name_of(int reading, char* name, int size) {
   return name;
 }
 
-/** Each fault once in LinuxCNC's log, each reading that fails, and that a law must wait for an
- * index. */
+/** Logs each fault, each failed reading and a law's wait for an index once. */
 static void tell(const truepose_corrector_input* in, int32_t index_known) {
   static const char* const symptoms[] = {"no symptom", "missing", "out of range",
                                          "too fast",   "stuck",   "disagrees with the others"};
@@ -210,12 +209,12 @@ static int make_pins(void) {
   return bad;
 }
 
-/** What was learnt of this very table in an earlier session takes its place. */
+/** Replaces the table by what an earlier session identified from this same table. */
 static int remember(void) {
   const uint64_t from = tej.table.from;
   FILE* const there = fopen(keep, "rb");
   const char* why = NULL;
-  if (there == NULL) return 0; /* nothing was learnt yet */
+  if (there == NULL) return 0; /* nothing was identified yet */
   fclose(there);
   why = truepose_read_table(keep, &tej.table);
   if (why == NULL && tej.table.from == from) return 0;

@@ -8,12 +8,16 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 import truepose as tp
 from truepose.integrations.klipper import assessment
 from truepose.integrations.klipper import figures as of_printer
 from truepose.integrations.klipper.config import Config
 from truepose.paper import article, faulty, figures, following, with_paper_errors
+from truepose.show.colours import COLOURS
+from truepose.show.plotted import plotted
+from truepose.show.table import as_csv
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 PRINTER = Path(__file__).parents[2] / "tests/python/integrations/klipper/data/phnxdrgn536.cfg"
@@ -112,7 +116,7 @@ def path_accuracy() -> Figure:
     return figures.following(following.study(tp.load("h4"), robots=1, seed=0, full=False))
 
 
-def what_faults_do() -> Figure:
+def fault_consequences() -> Figure:
     """Return the report's, of 30 moves: worst errors under each fault and law, watched and not."""
     return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
 
@@ -138,17 +142,123 @@ def klipper_parameters() -> Figure:
     return of_printer.parameters(_printer())
 
 
-DRAWN_BY = (five_bar, rest, over_table_2, path_accuracy, what_faults_do)
+class Oblique:
+    """Axes that draw points of space: x to the right, y to the back, z up."""
+
+    def __init__(self, figure: Figure) -> None:
+        self.axes = figure.add_axes((0, 0, 1, 1))
+        self.view = np.array([[1, -0.3, 0], [-0.1, 0.48, 1]])
+
+    def line(self, *points, **style) -> None:
+        """Draw a line through points."""
+        self.axes.plot(*(self.view @ np.transpose(points)), **style)
+
+    def arrow(self, start, end, colour) -> None:
+        """Draw an arrow between two points."""
+        style = {"arrowstyle": "-|>", "mutation_scale": 17, "shrinkA": 0, "shrinkB": 0}
+        style |= {"color": colour, "lw": 1.8}
+        self.axes.annotate("", self.view @ end, self.view @ start, arrowprops=style, zorder=9)
+
+    def arc(self, centre, start, end, radius, colour) -> None:
+        """Draw the arc of the angle between two directions."""
+        start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
+        angle, share = np.arccos(start @ end), np.linspace(0, 1, 40)[:, None]
+        way = np.sin((1 - share) * angle) * start + np.sin(share * angle) * end
+        self.line(*(centre + radius * way / np.sin(angle)), color=colour, lw=1.6, zorder=8)
+
+    def label(self, text, at, off=(0, 0), **style) -> None:
+        """Write a text at a point, shifted by points of print."""
+        style = {"ha": "center", "va": "center", "size": 18, "zorder": 12} | style
+        self.axes.annotate(text, self.view @ at, off, textcoords="offset points", **style)
+
+
+def chain() -> Figure:
+    """Draw one chain of a Schoenflies robot with the symbols of the closure equation."""
+    figure = Figure(figsize=(7.2, 5.3))
+    draw = Oblique(figure)
+    e, u, down = np.array([[1, 0, 0], [0, 1, 0], [0, 0, -1]])  # down: u×e
+    q, theta, O, P, D = 0.42, 0.6, np.zeros(3), 0.2 * e, np.array([-0.16, 0, -0.45])
+    forward = e * np.cos(q) + down * np.sin(q)
+    B, c = P + 0.3 * forward, 0.2 * np.array([np.cos(theta), np.sin(theta), 0])
+    A = D + c - 0.23 * u
+    plane = A - B - u * (u @ (A - B))  # the rod in the plane of the arm
+    parts = ("base", "motor", "arm", "rod", "lateral bar", "central bar", "tool")
+    grey, motor, arm, rod, bar, platform, angle = (COLOURS[part] for part in parts)
+
+    plate = [(-0.16, -0.12, 0), (0.26, -0.12, 0), (0.26, 0.2, 0), (-0.16, 0.2, 0)]
+    draw.axes.fill(*(draw.view @ np.transpose(plate)), color=grey, alpha=0.2, lw=0)
+    draw.line(P - 0.05 * u, P + 0.05 * u, color=motor, lw=15, solid_capstyle="round")
+    draw.line(P, B, color=arm, lw=5)
+    draw.line(B - 0.06 * u, B + 0.06 * u, color=arm, lw=3)
+    draw.line(A - 0.06 * u, D + c, color=bar, lw=5)
+    draw.line(D - c, D + c, color=platform, lw=8, solid_capstyle="round")
+    for side in (-0.06, 0.06):
+        draw.line(B + side * u, A + side * u, color=rod, lw=2.5)
+    draw.line(B, A, color=rod, lw=1.2, ls="--")
+    for start, way in ((B, 0.16 * forward), (B, 0.5 * plane), (D, 0.2 * e)):
+        draw.line(start, start + way, color=grey, lw=1.2, ls="--")
+    draw.arc(P, e, forward, 0.15, angle)
+    draw.arc(B, forward, plane, 0.11, angle)
+    draw.arc(B, plane, A - B, 0.22, angle)
+    draw.arc(D, e, c, 0.13, angle)
+    for start, way, colour in (
+        *((O, 0.1 * axis, grey) for axis in (e, u, -down)),
+        *((P, way, motor) for way in (0.17 * u, 0.22 * e)),
+        *((D, c, "black"), (D + c, A - D - c, "black"), (O, D, platform)),
+    ):
+        draw.arrow(start, start + way, colour)
+    for name, at, off in (("P", P, (-6, -24)), ("B", B, (18, 12)), ("A", A, (-20, -10))):
+        draw.line(at, color="black", marker="o", ms=8, zorder=11)
+        draw.label(name, at, off, weight="bold")
+    draw.line(D, color="black", marker="o", ms=8, zorder=11)
+    for name, at, off, colour in (
+        *(("x", 0.12 * e, (0, 0), grey), ("y", 0.12 * u, (0, 0), grey)),
+        *(("z", -0.12 * down, (0, 0), grey), ("O", O, (-12, -8), grey)),
+        *(("u", P + 0.17 * u, (-4, 14), motor), ("e", P + 0.22 * e, (12, 4), motor)),
+        *(("l", P + 0.25 * forward, (10, 14), arm), ("L", (A + B) / 2, (16, -40), rod)),
+        *(("q", P + 0.175 * e, (-2, -18), angle), ("θ", D + 0.15 * e, (0, -16), angle)),
+        *(("R c", D + 0.5 * c, (-4, 18), "black"), ("a", D + c - 0.1 * u, (14, 8), "black")),
+    ):
+        draw.label(name, at, off, color=colour, style="italic")
+    for name, at, off, colour in (
+        ("base", np.array([0.06, -0.09, 0]), (0, 0), grey),
+        ("D = (x, y, z)", D / 2, (-62, 0), platform),
+        ("moving platform", D - c, (62, -24), platform),
+        ("rod_in_plane", B + 0.11 * forward, (-14, -56), angle),
+        ("rod_lateral", B + 0.42 * plane, (-18, 28), angle),
+    ):
+        draw.label(name, at, off, color=colour, size=14)
+    draw.axes.set_aspect("equal")
+    draw.axes.set_axis_off()
+    draw.axes.margins(0.07)
+    return figure
+
+
+DRAWN_BY = (chain, five_bar, rest, over_table_2, path_accuracy, fault_consequences)
 DRAWN_BY += (klipper_bed, klipper_held_out, klipper_parameters)
 
 
+def named(figure: Figure, record: dict) -> dict:
+    """Round a point's numbers; give a row of names its name in place of its height."""
+    axes = figure.axes[record["panel"] - 1].yaxis
+    rounded = {k: float(f"{v:.7g}") if isinstance(v, float) else v for k, v in record.items()}
+    if "y" in record and isinstance(ticks := axes.get_major_locator(), FixedLocator):
+        nearest = min(ticks.locs, key=lambda at: abs(at - record["y"]))
+        rounded["y"] = axes.get_major_formatter()(nearest)
+    return rounded
+
+
 def main() -> None:
-    """Draw them all; the same file each time."""
+    """Draw them all, with their points as CSV; the same files each time."""
     mpl.rcParams["svg.hashsalt"] = "truepose"
     PICTURES.mkdir(exist_ok=True)
     for draw in DRAWN_BY:
         file = PICTURES / f"{draw.__name__.replace('_', '-')}.svg"
-        draw().savefig(file, metadata={"Date": None})
+        figure = draw()
+        figure.savefig(file, metadata={"Date": None})
+        if draw not in (chain, five_bar, klipper_bed):  # drawings, a map of colours
+            data = [named(figure, record) for record in plotted(figure)]
+            file.with_suffix(".csv").write_text(as_csv(data), encoding="utf-8")
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 
 

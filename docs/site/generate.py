@@ -204,15 +204,21 @@ def public() -> dict[str, list[str]]:
     return names
 
 
-def python() -> str:
-    """Every public name, by the submodule where it lives."""
-    names, text = public(), ""
-    for room in sorted(names, key=lambda room: (*ROOMS, room).index(room)):
+def python() -> tuple[str, dict[str, str]]:
+    """Every public name: a list of the subjects, and a page for each submodule."""
+    names, text, pages = public(), "", {}
+    rooms = sorted(names, key=lambda room: (*ROOMS, room).index(room))
+    for room in rooms:
         what = inspect.getdoc(importlib.import_module(f"truepose.{room}")) or room
-        text += f"\n## {what.splitlines()[0].rstrip('.')}\n"
-        for name in names[room]:
-            text += f"\n### `{name}`\n\n```{{eval-rst}}\n{_directive(name)}\n```\n"
-    return text
+        subject = what.splitlines()[0].rstrip(".")
+        listed = sorted(names[room], key=lambda name: name != "load")
+        text += f"- [{subject}](python/{room}.md): {', '.join(f'`{name}`' for name in listed)}\n"
+        page = f"# {subject}\n"
+        for name in listed:
+            page += f"\n## `{name}`\n\n```{{eval-rst}}\n{_directive(name)}\n```\n"
+        pages[f"python/{room}.md"] = page
+    places = "\n".join(f"python/{room}" for room in rooms)
+    return f"{text}\n```{{toctree}}\n:hidden:\n\n{places}\n```\n", pages
 
 
 def _directive(name: str) -> str:
@@ -263,11 +269,16 @@ def _subject(header: Path) -> str:
 def parts(doxygen: bool) -> dict[str, str]:
     """Every generated part, by the name under which a page includes it; and pages."""
     headers, pages = cpp(doxygen)
-    return pages | {
-        "generated/robot-file.md": robot_file(),
-        "generated/robots.md": robots(),
-        "generated/commands.md": commands(),
-        "generated/python.md": python(),
-        "generated/cpp.md": headers,
-        "generated/c.md": c(doxygen),
-    }
+    names, subjects = python()
+    return (
+        pages
+        | subjects
+        | {
+            "generated/robot-file.md": robot_file(),
+            "generated/robots.md": robots(),
+            "generated/commands.md": commands(),
+            "generated/python.md": names,
+            "generated/cpp.md": headers,
+            "generated/c.md": c(doxygen),
+        }
+    )

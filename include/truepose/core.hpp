@@ -1,22 +1,21 @@
 /// @file
-/// One include for a machine's controller: everything here is of the control path, which allocates
-/// nothing, locks nothing, throws nothing and ends after a bounded number of steps. Simulation,
-/// calibration of logs and prediction are in truepose/offline.hpp.
+/// The control path in one include: no allocation, lock or exception, and bounded steps.
+/// Simulation, calibration of logs and prediction are in truepose/offline.hpp.
 ///
-/// Fill a truepose::Robot, pass it to truepose::finish (and truepose::finish_full for the level of
-/// single rods), look at the truepose::Outcome; then ask it anything:
+/// Fill a truepose::Robot, pass it to truepose::finish (and truepose::finish_full for the full
+/// level) and check the truepose::Outcome. Then call:
 ///
 /// - truepose::ikm, truepose::fkm, truepose::rkm, truepose::jacobian, truepose::tej, and their
-///   ..._full of every rod by itself; truepose::command, which refuses another assembly mode
-/// - truepose::estimate: the pose that all readings together say, with its covariance
-/// - truepose::control: one cycle of a controller; truepose::calibrate_online: online
-///   calibration by one row of readings
-/// - truepose::compensate_latency: what slow and late sensors would read now
+///   ..._full with every rod by itself; truepose::command, which refuses other assembly modes
+/// - truepose::estimate: the pose of all readings together, with its covariance
+/// - truepose::control: one cycle of a controller; truepose::calibrate_online: online calibration
+///   by one row of readings
+/// - truepose::compensate_latency: present values of slow and delayed sensors
 /// - truepose::monitor_faults: faulty readings; truepose::control_fault_tolerant: a controller that
 ///   continues without them
 /// - truepose::set_parameters: another geometry ξ of the same robot
 ///
-/// Every answer is an Outcome, or has a Status: nothing may be believed before it was looked at.
+/// Every result is an Outcome or has a Status: check it before using the output.
 #pragma once
 
 #include "truepose/control/command.hpp"

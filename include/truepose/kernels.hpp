@@ -1,6 +1,6 @@
-// Kernels of every mobility, compiled once at full optimisation, in the library
-// `truepose_kernels`. A file that includes this header calls them and must link the library;
-// without this header the templates of the core are compiled where they are used.
+// Kernels of every mobility, compiled once at full optimisation in the library `truepose_kernels`.
+// Files that include this header must link it; without this header the core's templates are
+// compiled where they are used.
 #pragma once
 
 #include "truepose/control/command.hpp"
@@ -10,9 +10,8 @@
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"
 
-/// Of one mobility. Inverse model, Jacobian, TEJ and dynamics are not among them: they are short,
-/// and a tenth faster where they are inlined. @param PREFIX  extern, or nothing where they are to
-/// be compiled
+/// Kernels of one mobility. Inverse model, Jacobian, TEJ and dynamics are not among them: they are
+/// short, and a tenth faster inlined. @param PREFIX  extern, or nothing to compile them
 #define TRUEPOSE_KERNELS(PREFIX, K)                                                               \
   PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&, int);                       \
   PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
@@ -40,7 +39,7 @@
   PREFIX template Outcome observe<K, MODEL>(const Robot&, const OnlineSettings&, const Extended&, \
                                             OnlineState&, Robot&, Pose&, Real*);
 
-/// Of a mobility whose rods come in pairs: the full level of the others is their ideal one.
+/// Kernels of a mobility with paired rods: the full level of the others is their ideal one.
 #define TRUEPOSE_FULL_KERNELS(PREFIX, K)                                                          \
   PREFIX template FullResult fkm_full<K>(const Robot&, const Joint&, FullPose&, FullClosure<K>&,  \
                                          int);                                                    \

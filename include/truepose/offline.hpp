@@ -1,7 +1,6 @@
 /// @file
-/// What takes its time, and memory: the exact plant, its effects and faults, statics, stretch,
-/// calibration of logs, the accuracy to be had, assembly modes. Not for the control path
-/// (truepose/core.hpp).
+/// Functions that take time and memory, not for the control path (truepose/core.hpp): plant,
+/// effects, faults, statics, compliance, calibration of logs, attainable accuracy, assembly modes.
 #pragma once
 
 #include "truepose/core.hpp"

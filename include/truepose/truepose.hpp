@@ -1,7 +1,7 @@
 /// @file
-/// The compiled library for controllers in C++20: the functions of truepose.h as methods. Needs
-/// neither Eigen nor templates of every robot; links truepose::truepose. docs/cpp.md is the guide.
-/// truepose/core.hpp has the same functions as header-only templates, for inlining.
+/// The compiled library for controllers in C++20: the functions of truepose.h as methods, without
+/// Eigen or templates per robot. Links truepose::truepose. Guide: docs/cpp.md. For inlining,
+/// truepose/core.hpp has the same functions as header-only templates.
 ///
 /// Every method returns an Outcome; outputs are unchanged where it is false. Nothing allocates,
 /// locks or throws. Units m, rad, s, kg, N, N·m; base frame.
@@ -23,8 +23,8 @@ inline Outcome outcome_of(truepose_outcome from) {
   return {static_cast<Status>(from.status), from.part};
 }
 
-/// What is known of a robot's geometry and readings, for laws that weigh, and the work space of
-/// truepose_work() numbers that these need. Default: nothing, for laws that do not weigh.
+/// Knowledge of a robot's geometry and readings, for laws that weigh, and their work space of
+/// truepose_work() numbers. Default: none, for laws that do not weigh.
 struct Weights {
   const truepose_knowledge* known = nullptr;
   Real* work = nullptr;
@@ -34,7 +34,7 @@ struct Weights {
 class Model {
  public:
   Model() : model_{} {}
-  /// @return as truepose_load(); a model that was refused answers Status::unfinished
+  /// @return as truepose_load(); a refused model answers Status::unfinished
   Outcome load(const truepose_description& robot) {
     return outcome_of(truepose_load(&model_, sizeof model_, &robot));
   }
@@ -43,11 +43,11 @@ class Model {
   int freedoms() const { return truepose_freedoms(&model_); }
   int sensors() const { return truepose_sensors(&model_); }
 
-  /// q = IKM(x); poses beyond a stop or a singularity are refused.
+  /// q = IKM(x); refuses poses beyond a stop or a singularity.
   Outcome ikm(const Coordinates& x, Joint& q) const {
     return outcome_of(truepose_ikm(&model_, x.data(), q.data()));
   }
-  /// The same of a pose. @param conditioning  out unless null: 0 (singular) to 1
+  /// The same for a pose. @param conditioning  out unless null: 0 (singular) to 1
   Outcome ikm(const truepose_pose& pose, Joint& q, Real* conditioning = nullptr) const {
     return outcome_of(truepose_ikm_pose(&model_, &pose, q.data(), conditioning));
   }
@@ -75,16 +75,16 @@ class Model {
     return outcome_of(truepose_servo(&model_, law, band, x_d.data(), q_e.data(), weights.known,
                                      weights.work, &cycle));
   }
-  /// Pose of all readings by weighted least squares. @param x  in: a guess
+  /// Pose of all readings by weighted least squares. @param x  in: a guess; out
   truepose_estimate_result estimate(const Extended& q_e, Weights weights, Coordinates& x) const {
     return truepose_estimate(&model_, weights.known, q_e.data(), weights.work, x.data());
   }
-  /// Joint state of a platform on passive axes from its motors'. @param joints  in: a guess
+  /// Joint state of a platform on passive axes from its motors'. @param joints  in: a guess; out
   Outcome joint_state(const truepose_axis_state& motors, truepose_axis_state& joints,
                       int cap = 12) const {
     return outcome_of(truepose_joint_state(&model_, &motors, cap, &joints));
   }
-  /// Motor command from a joint command, at the state given.
+  /// Motor command from a joint command, at the given state.
   Outcome motor_command(const truepose_axis_state& motors, const truepose_axis_state& joints,
                         const truepose_axis_command& wanted, truepose_axis_command& given) const {
     return outcome_of(truepose_motor_command(&model_, &motors, &joints, &wanted, &given));
@@ -94,7 +94,7 @@ class Model {
   truepose_model model_;
 };
 
-/// A controller with torques for its answer, with or without the fault monitor.
+/// A controller with torques as output, with or without the fault monitor.
 class Controller {
  public:
   /// @return as truepose_controller_init()
@@ -105,13 +105,12 @@ class Controller {
   Outcome begin(const truepose_fault_monitor_settings& settings) {
     return outcome_of(truepose_fault_monitor_init(&guard_, sizeof guard_, &settings));
   }
-  /// One cycle.
   Outcome step(const Model& model, const truepose_setpoint& setpoint, const Extended& q_e,
                Joint& torque, Weights weights = {}) {
     return outcome_of(truepose_control(model.c(), &controller_, &setpoint, q_e.data(),
                                        weights.known, weights.work, torque.data()));
   }
-  /// One cycle with the readings monitored. @param finest  the model of the highest level
+  /// One cycle with the readings monitored. @param finest  model of the highest level
   Outcome step(const Model& model, const Model& finest, const truepose_setpoint& setpoint,
                const Extended& q_e, Joint& torque, truepose_fault_report& report,
                Weights weights = {}) {
@@ -119,11 +118,11 @@ class Controller {
                                                       &setpoint, q_e.data(), weights.known,
                                                       weights.work, torque.data(), &report));
   }
-  /// Another law from the next cycle on, without a step of the torque.
+  /// Changes the law from the next cycle on, without a step of the torque.
   Outcome change_law(truepose_law law) {
     return outcome_of(truepose_change_law(&controller_, law));
   }
-  /// The reading was repaired. @param reading  from 0
+  /// Marks a repaired reading as valid. @param reading  from 0
   Outcome acknowledge(int reading) {
     return outcome_of(truepose_fault_monitor_acknowledge(&guard_, reading));
   }

@@ -1,4 +1,4 @@
-// Laws, controllers and guards for C.
+// Laws, controllers and fault-tolerant controllers for C.
 #include "description.hpp"
 #include "model.hpp"
 
@@ -104,7 +104,7 @@ void report_on(const FaultTolerantSetup& guarding, truepose_fault_report* report
 
 constexpr Outcome kUnfinished{Status::unfinished, -1};
 
-/// ê_q of a law, and the rest of the cycle unless null.
+/// ê_q of a law; the other results of the cycle unless null.
 truepose_outcome servo(const truepose_model* model, std::int32_t law, Real band,
                        const truepose_real* x_d, const truepose_real* q_e,
                        const truepose_knowledge* known, truepose_real* work, truepose_real* e,

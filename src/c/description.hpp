@@ -1,4 +1,4 @@
-// Correspondence of the C interface's numbers and the core's. Field by field, both ways.
+// Field-by-field conversion between the C interface's structs and the core's.
 #pragma once
 
 #include "truepose/core.hpp"
@@ -6,7 +6,7 @@
 
 namespace truepose::c {
 
-/// Calls f(name, of the C struct, of the core's) for every number and every vector.
+/// Calls f(name, field of the C struct, field of the core's) for every number and vector.
 template <class C, class Core, class F>
 void chain_fields(C& c, Core& core, F&& f) {
   f("base", c.base, core.base);
@@ -55,7 +55,7 @@ void body_fields(C& c, Core& core, F&& f) {
   f("mass", c.mass, core.mass);
   f("pivot", c.pivot, core.pivot);
   f("anchor", c.anchor, core.anchor);
-  f("inertia", c.inertia, core.inertia);  // symmetric: by rows as by columns
+  f("inertia", c.inertia, core.inertia);  // symmetric: the same by rows and by columns
 }
 
 template <class C, class Core, class F>
@@ -76,7 +76,7 @@ void control_fields(C& c, Core& core, F&& f) {
   f("kd", c.kd, core.kd);
   f("ki", c.ki, core.ki);
 }
-/// @param stops  of a guard, beside its watch
+/// @param stops  of a fault-tolerant controller, beside its fault monitor
 template <class C, class FaultMonitor, class Stops, class F>
 void watch_fields(C& c, FaultMonitor& watch, Stops& stops, F&& f) {
   f("period", c.period, watch.period);
@@ -121,7 +121,7 @@ struct Copy {
   }
 };
 
-/// Asks whether all numbers of a part are finite.
+/// Checks that all numbers of a part are finite.
 struct Finite {
   bool all = true;
   void operator()(const char*, const truepose_real& number, const auto&) {
@@ -133,7 +133,7 @@ struct Finite {
   }
 };
 
-/// The description of a robot that is finished, or as drawn.
+/// Writes the description of a finished robot, or of a nominal one.
 inline void describe(const Robot& robot, truepose_description& of) {
   constexpr Copy<false> copy;
   of = truepose_description{};
@@ -193,7 +193,7 @@ inline void describe(const FaultTolerantSettings& settings, truepose_fault_monit
   watch_fields(of, settings.watch, settings, Copy<false>{});
 }
 
-/// What truepose_load() says, and the robot, finished.
+/// Implements truepose_load(); returns the finished robot.
 Outcome load(const truepose_description& of, Robot& robot);
 
 }  // namespace truepose::c

@@ -9,7 +9,7 @@ using namespace truepose;
 namespace truepose::c {
 namespace {
 
-constexpr Real kRotation = by_precision(1e-6, 1e-5);  ///< by which R Rᵀ may differ from 1
+constexpr Real kRotation = by_precision(1e-6, 1e-5);  ///< tolerance of R Rᵀ = 1
 
 Mat3 matrix(const truepose_real* rows) {
   Mat3 R;
@@ -41,14 +41,14 @@ Pose place_of(const Robot& robot, const Coordinates& x) {
   });
 }
 
-/// A rigid body's pose: its numbers are finite and its matrix is a rotation.
+/// Converts the pose of a rigid body; its numbers must be finite, its matrix a rotation.
 Outcome body(const truepose_pose& pose, Pose& at) {
   at.R = matrix(pose.rotation);
   at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
   return {at.D.allFinite() ? rotation_status(pose.rotation) : Status::not_finite, -1};
 }
 
-/// Coordinates of a pose, if the mechanism can turn and move so. @param x  in: near them; out
+/// Converts a pose to coordinates if the mobility allows it. @param x  in: guess; out
 Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& x) {
   Pose at;
   const Outcome sound = body(pose, at);
@@ -85,7 +85,7 @@ Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
   return robot.rod_by_rod() ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
 }
 
-#ifdef TRUEPOSE_NO_PIVOTS  // for small machines: a few lines of a caller's, who has J
+#ifdef TRUEPOSE_NO_PIVOTS  // for small machines, whose caller has J
 Outcome mapped(const Robot&, const truepose_real*, const truepose_real*, bool, truepose_real*) {
   return {Status::not_compiled, -1};
 }
@@ -110,7 +110,7 @@ void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
   }
 }
 
-/// Torques of the motors as the joints feel them, J⁻ᵀ times, or back, Jᵀ times.
+/// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
 Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
                bool to_joints, truepose_real* to) {
   auto given = values<Coordinates>(from);
@@ -136,12 +136,12 @@ Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
   return outcome;
 }
 
-/// The same of a pose, and how far from singular it is.
+/// The same for a pose, with its conditioning.
 Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
                truepose_real* conditioned) {
   Joint found{};
   Outcome outcome;
-  if (robot.mobility == Mobility::spatial && !robot.rod_by_rod()) {  // every pose is one of its own
+  if (robot.mobility == Mobility::spatial && !robot.rod_by_rod()) {  // any pose is feasible
     Pose at;
     outcome = body(pose, at);
     if (outcome) outcome = command<Mobility::spatial>(robot, at, found, conditioned);
@@ -262,7 +262,7 @@ truepose_outcome truepose_readings(const truepose_model* model, const truepose_r
     Joint q{};
     Reading r{};
     Outcome outcome = full ? ikm_full(robot, at, q) : ikm(robot, at, q);
-    if (outcome.status == Status::joint_limit) outcome = {};  // q is there
+    if (outcome.status == Status::joint_limit) outcome = {};  // q is computed
     if (outcome) outcome = full ? rkm_full(robot, at, r) : rkm(robot, at, r);
     if (outcome) {
       std::fill_n(q_e, kMaxReadings, 0);

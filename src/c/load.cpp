@@ -1,11 +1,11 @@
-// Validation of a C table. Every count, index, enum and number is looked at before use.
+// Validation of a C table: every count, index, enum and number is checked before use.
 #include "description.hpp"
 #include "model.hpp"
 
 namespace truepose::c {
 namespace {
 
-static_assert(kSensorPart == 6 && kBodyPart == 18 && kAxisPart == 26);  // as truepose.h says
+static_assert(kSensorPart == 6 && kBodyPart == 18 && kAxisPart == 26);  // as in truepose.h
 
 bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
 
@@ -49,7 +49,7 @@ Status body_status(const truepose_body& c, const Body& body) {
 }
 
 Status axis_status(const truepose_axis& c, const PassiveAxis& axis) {
-  truepose_axis finite = c;  // as of a chain
+  truepose_axis finite = c;  // as for a chain
   if (std::isinf(c.low)) finite.low = 0;
   if (std::isinf(c.high)) finite.high = 0;
   Finite numbers;
@@ -60,7 +60,7 @@ Status axis_status(const truepose_axis& c, const PassiveAxis& axis) {
 
 bool within(std::int32_t count, int most) { return count >= 0 && count <= most; }
 
-/// Copies, so far as counts allow; parts_exist then looks at the rest. @param robot  as made
+/// Copies as far as counts allow; parts_exist checks the rest. @param robot  newly constructed
 Outcome copied(const truepose_description& of, Robot& robot) {
   constexpr Copy<true> copy;
   if (!within(of.chains, kMaxChains) || !within(of.sensors, kMaxSensors) ||

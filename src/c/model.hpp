@@ -1,4 +1,4 @@
-// The core's structs in memory that C callers give, behind a word that marks them.
+// The core's structs in memory from C callers, after a marker word.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,12 @@
 
 namespace truepose::c {
 
-/// A struct in opaque memory. Memory in which none was made says so: `mark` is another.
+/// A struct in opaque memory. `mark` differs in memory without a struct.
 template <class Opaque, class Itself, std::uint32_t kMark>
 struct InMemory {
   std::uint32_t mark = kMark;
 
-  /// @return nullptr where the memory is too small or not aligned
+  /// @return nullptr if the memory is too small or not aligned
   static Itself* make(Opaque* memory, std::size_t size) {
     static_assert(sizeof(Itself) <= sizeof(Opaque) && alignof(Itself) <= alignof(Opaque));
     static_assert(std::is_trivially_destructible_v<Itself>);
@@ -23,7 +23,7 @@ struct InMemory {
                       reinterpret_cast<std::uintptr_t>(memory) % alignof(Itself) == 0;
     return fits ? new (memory) Itself : nullptr;
   }
-  /// @return nullptr where none was made
+  /// @return nullptr if the memory holds no struct
   static Itself* of(Opaque* memory) {
     Itself* itself = std::launder(reinterpret_cast<Itself*>(memory));
     return itself->mark == kMark ? itself : nullptr;
@@ -40,7 +40,7 @@ inline truepose_outcome answer(Outcome outcome) {
   return {static_cast<std::int32_t>(outcome.status), outcome.chain};
 }
 
-/// f(robot) of a model that was loaded; of another `otherwise`.
+/// f(robot) of a loaded model, else `otherwise`.
 template <class Answer, class F>
 Answer of_robot(const truepose_model* model, Answer otherwise, F&& f) {
   const Model* made = Model::of(model);
@@ -51,7 +51,7 @@ truepose_outcome asked(const truepose_model* model, F&& f) {
   return answer(of_robot(model, Outcome{Status::unfinished, -1}, f));
 }
 
-/// The core's array of a C array.
+/// Copies a C array to the core's array.
 template <class Values>
 Values values(const truepose_real* from) {
   Values result{};
@@ -63,12 +63,12 @@ void give(const Values& from, truepose_real* to) {
   std::copy_n(from.begin(), from.size(), to);
 }
 
-/// The core's view of a knowledge and of work space; nothing where there is none, or where it is
-/// not `asked`: whether its columns are the robot's takes as long as a third of a plain cycle.
+/// The core's view of a knowledge and work space, empty where missing or not `asked`: the check of
+/// its columns takes a third of a plain cycle.
 struct Known {
   Knowledge knowledge;
   Weighing weighing;
-  Outcome sound;  ///< no_such_part: its count, or the column `chain`, is not the robot's
+  Outcome sound;  ///< no_such_part: invalid count, or invalid column number `chain`
 
   Known(const Robot& robot, const truepose_knowledge* known, truepose_real* work,
         CachedGain* kept = nullptr, bool asked = true) {

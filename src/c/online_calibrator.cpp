@@ -1,4 +1,4 @@
-// The pose of all readings, and a geometry that is learnt from them, for C.
+// Estimation and online calibration for C.
 #include "model.hpp"
 
 using namespace truepose;
@@ -10,7 +10,7 @@ struct Pupil : InMemory<truepose_online_calibrator, Pupil, 0x6c697075U> {
   OnlineCalibrator learner;
 };
 
-/// Numbers for ξ̂, S, what is kept of them, and work.
+/// Size of the memory in numbers: ξ̂, S, rollback state and work space.
 std::size_t memory(const Robot& robot, std::int32_t count) {
   const std::size_t p = static_cast<std::size_t>(count);
   return static_cast<std::size_t>(parameter_count(robot)) + p * p +
@@ -96,7 +96,7 @@ truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* lea
   return c::asked(drawn, [&](const Robot& robot) -> Outcome {
     c::Pupil* made = c::Pupil::make(learner, size);
     if (made == nullptr) return {Status::too_small, -1};
-    made->mark = 0;  // until it has begun
+    made->mark = 0;  // invalid until initialised
     if (prior->count >= 1 && count < c::memory(robot, prior->count)) return {Status::too_small, -1};
     const Outcome outcome = c::begin(robot, *prior, memory, made->learner);
     if (outcome) made->mark = c::Pupil{}.mark;

@@ -1,4 +1,4 @@
-// The kernels of mobilities whose rods come in pairs, at both levels, compiled.
+// Compiled kernels of mobilities with paired rods, at both levels.
 #include "truepose/kernels.hpp"
 
 namespace truepose {

@@ -1,4 +1,4 @@
-// The kernels of mobilities whose chains have one rod each, compiled.
+// Compiled kernels of mobilities with one rod per chain.
 #include "truepose/kernels.hpp"
 
 namespace truepose {

@@ -1,4 +1,4 @@
-// The kernels of pivots, compiled.
+// Compiled kernels of rotational platforms.
 #include "truepose/kernels.hpp"
 
 namespace truepose {

@@ -132,7 +132,7 @@ def test_a_nacelle_has_no_more_bars_than_fit(h4_text, tmp_path, count, sensors):
     bars = "\n[[bar]]\ndirection = [1.0, 0.0, 0.0]\npivot = 0.06\n" * (count - 2)
     text = h4_text.replace('sensors = ["theta"]', f"sensors = {sensors}") + bars
     path.write_text(text.replace("bar = 2", f"bar = {count}", 1), encoding="utf-8")
-    assert complaint(path) == f"FILE: {count} bars: a nacelle has at most 2 here"
+    assert complaint(path) == f"FILE: {count} bars: a platform has at most 2 here"
 
 
 def test_the_core_refuses_a_bar_that_is_not_there(h4):

@@ -149,7 +149,7 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, readings, tmp_path):
             ["h4", "log.csv", "--loss", "cubes"],
             "'cubes' is not one of 'squares', 'huber', 'student'",
         ),
-        (["delta", "log.csv"], "nothing to learn from"),
+        (["delta", "log.csv"], "nothing to calibrate from"),
     ],
 )
 def test_wrong_words_are_one_line(run, log, words, said):
@@ -263,7 +263,7 @@ def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run
     ("words", "said"),
     [
         ((), "LOG: none; name a log of readings, --known-pose, or both"),
-        (("--known-pose", "log.csv"), "log.csv: known_pose: no column says where it stood: measu"),
+        (("--known-pose", "log.csv"), "log.csv: known_pose: no column with its pose: measured_x"),
         (("--known-pose", "no.csv"), "no.csv: "),
     ],
 )

@@ -125,7 +125,7 @@ def test_the_delta_printer_trap(rng):
 
 def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
     robot, x = any_robot.with_sensors(), anywhere(any_robot, 10, rng)
-    with pytest.raises(tp.InputError, match="nothing to learn from"):
+    with pytest.raises(tp.InputError, match="nothing to calibrate from"):
         tp.calibrate(robot, robot.sample(1).read(x))
 
 

@@ -281,7 +281,7 @@ def test_empty_cells_and_repeats_are_said(robot, q_e):
     texts = [f.text for f in found(robot, holes)]
     assert texts[0] == "row 4: left out: a motor was not read"
     assert texts[1].startswith("z_telemeter: 65 empty cells: rows 1, 8, 15, 22, 29, … 60 more")
-    assert texts[2].endswith("as an earlier line, digit for digit: each counts once")
+    assert texts[2].endswith("identical to an earlier line: each counts once")
     shaken = np.vstack([q_e, q_e + np.array([0, 0, 0, 0, 1e-5, 1e-6]), q_e])
     assert found(robot, shaken)[1].text.startswith("300 rows at only 150 different poses: repeats")
 
@@ -296,8 +296,8 @@ def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
     (finding,) = found(robot, q_e[:4])
     assert finding.text.startswith("too few poses: 8 equations at 4 different poses for ")
     (finding,) = found(h4.with_sensors(), q_e[:, :4])
-    assert finding.refused and finding.text.startswith("nothing to learn from: 4 motors")
-    with pytest.raises(tp.InputError, match="nothing to learn from"):
+    assert finding.refused and finding.text.startswith("nothing to calibrate from: 4 motors")
+    with pytest.raises(tp.InputError, match="nothing to calibrate from"):
         tp.calibrate(h4.with_sensors(), q_e[:, :4])
     measured = found(h4.with_sensors(), q_e[:, :4], measured_z=np.full(150, -0.4))
     assert not any(f.refused for f in measured)

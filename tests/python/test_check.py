@@ -86,8 +86,8 @@ def test_a_robot_in_millimetres_is_asked_for(checked, name):
     [
         ("h4", "limits = [-0.5236, 1.5708]", "limits = [-30, 90]", "degrees? -0.5236, 1.571 rad"),
         ("h4", "arm = 0.26 ", "yaw = 10.0\narm = 0.26 ", "degrees? 0.1745 rad"),
-        ("h4", "-0.4, 0.0]", "-0.4, 20.0]", "home: the nacelle's angle = 20 rad: more than a turn"),
-        ("h4", "-0.45, -0.5235987755982988]", "-0.45, -30]", "workspace.minimum: the nacelle's"),
+        ("h4", "-0.4, 0.0]", "-0.4, 20.0]", "home: the platform's angle = 20 rad: more than a"),
+        ("h4", "-0.45, -0.5235987755982988]", "-0.45, -30]", "workspace.minimum: the platform's"),
         ("hexa", "-0.45, 0.4, 0.4, 0.4]", "-0.45, 20, 20, 20]", "degrees? 0.3491, 0.3491, 0.3491"),
     ],
 )
@@ -271,7 +271,7 @@ def test_rods_along_their_rail_are_asked_which_way_they_lie_apart(checked, run, 
     text = text if base is None else re.sub(r"base = \[.*?\]", f"base = [{base}]", text)
     robot, told = checked(text)
     assert robot is None
-    asked = "chain 1: its rail and its rods are parallel at home: say"
+    asked = "chain 1: its rail and its rods are parallel at home: give"
     assert asked in told and "pair_axis" in told
     for command in ("check", "info", "accuracy"):  # in the folder that `checked` writes to
         status, _, said = run(command, "robot.toml")

@@ -217,8 +217,8 @@ def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
     wide = box.model_copy(update={"minimum": (-1.0, *box.minimum[1:])})
     robot = tp.Robot(h4.spec.model_copy(update={"workspace": wide}))
     assert 0.1 < info.measure(robot, samples=2000).reachable < 0.9
-    first, second, condition = info.condition_map(robot, points=21)
-    assert first[0] == -1 and second[-1] == 0.1
+    x, condition = info.condition_map(robot, points=21)
+    assert x[0, 0, 0] == -1 and x[-1, -1, 1] == 0.1
     assert np.isnan(condition[:, 0]).all() and np.isfinite(condition[:, -1]).all()
 
 

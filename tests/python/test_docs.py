@@ -107,8 +107,11 @@ def test_the_reference_has_every_command_and_option(site, name, params):
 
 
 def test_the_reference_has_every_public_name(site):
-    told = site["generate"].python()
-    names = re.findall(r"^### `([\w.]+)`$", told, flags=re.MULTILINE)
+    index, pages = site["generate"].python()
+    first, told = next(iter(pages.values())), "".join(pages.values())
+    assert re.findall(r"^## `([\w.]+)`$", first, flags=re.MULTILINE)[0] == "load"
+    names = re.findall(r"^## `([\w.]+)`$", told, flags=re.MULTILINE)
+    assert all(f"`{name}`" in index for name in names)
     modules = {name for name in tp.__all__ if inspect.ismodule(getattr(tp, name))}
     inner = {f"{room}.{name}" for room in modules for name in getattr(tp, room).__all__}
     assert set(names) == {*tp.__all__} - modules | inner
@@ -159,9 +162,7 @@ def test_what_a_page_loads_from_elsewhere_is_found(site, tmp_path, remote):
 
 
 needs_sphinx = pytest.mark.skipif(
-    not all(
-        map(importlib.util.find_spec, ("sphinx", "myst_parser", "furo", "breathe", "numpydoc"))
-    ),
+    not all(map(importlib.util.find_spec, ("sphinx", "myst_nb", "furo", "breathe", "numpydoc"))),
     reason='needs pip install "truepose[docs]"; `make docs` makes the same checks',
 )
 

@@ -181,7 +181,7 @@ def test_a_rigid_nacelle_is_overconstrained_and_keeps_its_ideal_level(load):
 
 def test_rods_one_above_the_other_leave_a_linear_delta_loose(load):
     upright = LINEAR_DELTA.replace("rod = 0.6,", "rod = 0.6, pair_axis = [0, 0, 1],")
-    assert load(upright).full.reason.startswith("loose by 1: 6 rods, 6 freedoms")
+    assert load(upright).full.reason.startswith("underconstrained by 1: 6 rods, 6 freedoms")
 
 
 @pytest.mark.parametrize("level", ["Full", "", 2, ["full"]])

@@ -120,7 +120,7 @@ def test_a_pose_that_contradicts_the_rest_is_named(robot, poses, call):
     )
     assert right == ()
     assert re.match(
-        r"known_pose: row 1: contradicts all else: .* stood x -[12]\d\.?\d* mm", wrong[0]
+        r"known_pose: row 1: contradicts all other data: .* stood x -[12]\d\.?\d* mm", wrong[0]
     )
 
 

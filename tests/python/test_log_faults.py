@@ -198,11 +198,11 @@ def test_the_same_log_twice_counts_once_and_says_so(cases):
     robot, q_e = cases["h4"]
     once, twice = tp.calibrate(robot, q_e), tp.calibrate(robot, np.vstack([q_e, q_e]))
     assert twice.covariance == pytest.approx(once.covariance, rel=1e-6)
-    assert twice.notes == ("100 rows as an earlier one, digit for digit: each counts once",)
+    assert twice.notes == ("100 rows identical to an earlier one: each counts once",)
     assert len(twice.x) == 200 and once.notes == ()
     table = dict(zip(robot.readings, np.vstack([q_e, q_e]).T, strict=True))
     (note,) = tp.calibrate(robot, table).notes
-    assert note.startswith("rows 101, 102, 103, 104, 105, … 95 more: as an earlier line, digit for")
+    assert note.startswith("rows 101, 102, 103, 104, 105, … 95 more: identical to an earlier line")
 
 
 def test_measurements_that_are_there_twice_count_once_and_stay_the_callers(tracked):
@@ -217,7 +217,7 @@ def test_measurements_that_are_there_twice_count_once_and_stay_the_callers(track
 def test_a_log_with_a_robots_own_sensors_is_told_how_to_use_them(cases):
     robot, q_e = cases["delta"]
     table = dict(zip(robot.readings, q_e.T, strict=True))
-    with pytest.raises(tp.InputError, match=r"nothing to learn from: .* the log has elbow1, elbow"):
+    with pytest.raises(tp.InputError, match=r"nothing to calibrate .* the log has elbow1, elbow"):
         tp.calibrate(robot.with_sensors(), table)
     fit = tp.calibrate(robot.with_sensors("elbow1"), table)
     assert any("--sensors elbow1,elbow2,elbow3" in note for note in fit.notes)

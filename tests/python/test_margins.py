@@ -127,8 +127,8 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
 @pytest.mark.parametrize(
     ("name", "law", "held", "refused", "reason"),
     [
-        ("h4", "tej", 3e-3, 4e-3, "26.2 rad/s.*friction.*counts let the nacelle hunt by"),
-        ("delta", "joint", 1e-3, 2e-3, "95.6 rad/s.*before friction holds the nacelle 1 mm off"),
+        ("h4", "tej", 3e-3, 4e-3, "26.2 rad/s.*friction.*counts cause a limit cycle of"),
+        ("delta", "joint", 1e-3, 2e-3, "95.6 rad/s.*before friction shifts the platform by 1 mm"),
         ("five-bar", "joint", 3e-3, 5e-3, "dB.*cycles are left"),
         ("stewart", "joint", 1e-2, 2e-2, "at 10 rad/s, the slowest, .*cycles are left"),
         ("h4", "joint", 2e-3, 5e-2, "it is unstable"),
@@ -146,7 +146,7 @@ def test_a_period_at_which_no_gains_hold_the_robot_is_refused_with_the_reason(
 def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):
     tp.Controller.for_robot(h4, law="joint", period=2e-3)
     sticky = Effects(motor_friction=1.0)
-    with pytest.raises(tp.InputError, match="before friction holds the nacelle 1 mm off"):
+    with pytest.raises(tp.InputError, match="before friction shifts the platform by 1 mm"):
         tp.Controller.for_robot(h4, sticky, "joint", period=2e-3)
 
 
@@ -235,7 +235,7 @@ def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
             "h4: period 0.05 s: the joint law cannot hold it",
         ),
         (("h4", "--rate", "0.1"), "period = 10.0: must be at most 0.2 s; is it in ms?"),
-        (("light.toml",), "five-bar: moves without inertia: its file has to name masses"),
+        (("light.toml",), "five-bar: has motions without inertia: add masses to its file"),
         (("h4", "--rate", "0"), "--rate = 0.0: must be a finite number greater than 0"),
         (("h4", "--gains", "1,2,3,4"), "--gains 1,2,3,4: must be POLES[,FILTER[,DAMPING]]"),
         (("h4", "--gains", "fast"), "--gains fast: must be POLES[,FILTER[,DAMPING]]"),

@@ -70,7 +70,7 @@ def changed(text: str, *changes: str) -> str:
     [
         (MEETING, r"singular: .* against turning about z through \(10, 0, 0\) mm$"),
         (BALL, r"against turning about [xyz], nor against turning about [xyz], nor against turn"),
-        (SHELF, r"singular: the chains do not hold the nacelle against moving along y$"),
+        (SHELF, r"singular: the chains do not constrain the platform against moving along y$"),
     ],
     ids=["legs that meet", "legs to one point", "legs in a plane"],
 )
@@ -109,16 +109,19 @@ def test_too_few_and_too_many_chains(write, h4_text):
     one = h4_text[: h4_text.index("[[bar]]")]
     last = one[one.rindex("[[chain]]") :]
     fewer, more = h4_text.replace(last, ""), h4_text.replace(last, last + last)
-    with pytest.raises(tp.RobotFileError, match=r"not 3; 1 of the nacelle's .* held by nothing"):
+    with pytest.raises(tp.RobotFileError, match=r"not 3; 1 of the platform's .* unconstrained"):
         tp.load(write(fewer))
-    with pytest.raises(tp.RobotFileError, match="not 5; 1 of them would work against the others"):
+    with pytest.raises(tp.RobotFileError, match="not 5; 1 too many: the platform would be"):
         tp.load(write(more))
 
 
 def test_a_freedom_that_only_the_single_rods_show_is_told_by_check(write):
     path = write(UPRIGHT)
     robot, problems = check(path)
-    told = r"loose by 1: 6 rods, 6 freedoms; the rods do not hold the nacelle against turning about"
+    told = (
+        "underconstrained by 1: 6 rods, 6 freedoms; "
+        "the rods do not constrain the platform against turning about"
+    )
     assert robot is None and len(problems) == 1
     assert re.match(rf"{path}:\d+: upright: {told} z", problems[0])
     assert re.match(told, tp.load(path).full.reason)  # the ideal level takes the rods for one

@@ -30,7 +30,7 @@ def some_readings():
 
 
 MISTAKES = {
-    "a pose in mm": (lambda: H4.ikm([50, 50, -400, 0.2]), r"unreachable; m and rad\? \(not mm"),
+    "a pose in mm": (lambda: H4.ikm([50, 50, -400, 0.2]), r"unreachable; is it in mm or degrees"),
     "an angle in degrees": (
         lambda: H4.ikm([0.05, 0.05, -0.4, 11.5]),
         r"theta = 11.5 rad .*degrees",
@@ -142,7 +142,7 @@ MISTAKES = {
     "no duration": (lambda: tp.simulate(H4, duration=0), "duration = 0: must be .* greater than 0"),
     "a circle in mm": (
         lambda: tp.simulate(H4, path=tp.simulation.Circle(centre=H4.home, radius=50, frequency=1)),
-        r"m and rad\? \(not mm",
+        "is it in mm or degrees",
     ),
     "no robots": (lambda: tp.monte_carlo("rest", "h4", 0), "count = 0: must be at least 1"),
     "a study misspelt": (lambda: tp.monte_carlo("rst", "h4", 2), r"mean 'rest'.*file\.py:function"),

@@ -102,9 +102,9 @@ def test_a_spatial_robot_turns_by_a_rotation_vector():
         ({"points": 0}, "points = 0: must be a whole number of at least 1"),
         (
             {"path": tp.simulation.Line(start=[0, 0, -0.4, 0], end=[0, 0, -0.4, 1])},
-            "path: only turns",
+            "path: pure rotation",
         ),
-        ({"runs": np.zeros((1, 2000, 4))}, "runs: no point of the path is passed by all of them"),
+        ({"runs": np.zeros((1, 2000, 4))}, "runs: no point of the path is passed by all runs"),
     ],
 )
 def test_what_cannot_be_judged_is_refused(h4, change, said):
@@ -144,7 +144,7 @@ def test_without_a_limit_there_is_no_share_of_the_speed():
         )
     )
     line = tp.simulation.Line(start=robot.home, end=robot.home + np.array([0.01, 0]))
-    with pytest.raises(tp.InputError, match="five-bar: the motors allow any speed"):
+    with pytest.raises(tp.InputError, match="five-bar: no motor limit in its file"):
         tp.simulation.path_accuracy(free, line, speed=0.5)
 
 

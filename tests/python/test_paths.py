@@ -219,7 +219,7 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
         ),
         (
             tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0], [0, 0, -0.4, 1]], linear=(1, 1, 1)),
-            "path: move 1 is a mere turn: name its limits too",
+            "path: move 1 is a pure rotation: give its limits too",
         ),
         (tp.simulation.Circle(centre=[0] * 4, radius=0, frequency=1), "radius = 0: must be"),
         (tp.simulation.Circle(centre=[0] * 4, radius=1, frequency=1, ramp=2), "ramp = 2: must be"),

@@ -254,6 +254,7 @@ def test_poses_measured_from_outside_promise_what_they_teach(delta, registration
         measured=plan.poses,
         measured_sigma=2e-5,
         registration=registration,
+        loss="squares",
     )
     P = tp.accuracy(fit.robot, plan.over)
     assert plan.sigma[-1, -1] == pytest.approx(position(robot, P), rel=0.01)
@@ -273,7 +274,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     level = robot.highest_level
     visited = np.vstack([step.poses for step in plan.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
-    fit = tp.calibrate(robot, readings, measured=visited, **known)
+    fit = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
     promised = position(robot, fit.accuracy_seen(x[:6]))
     assert plan.sigma[-1, -1] == pytest.approx(promised, rel=0.02)
     if sensors:
@@ -281,7 +282,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     other = tp.plan_poses(robot, 15, candidates=candidates, poses=x[:6])
     visited = np.vstack([step.poses for step in other.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
-    apart = tp.calibrate(robot, readings, measured=visited, **known)
+    apart = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
     assert promised <= position(robot, apart.accuracy_seen(x[:6])) * (1 + 1e-6)
 
 

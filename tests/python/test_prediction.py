@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy, info
+from truepose.commands import accuracy
+from truepose.design import prediction
+from truepose.robot.maps import workspace_slice
+from truepose.robot.units import summed
 from truepose.robot.workspace import workspace_grid
 
 
@@ -15,18 +18,20 @@ def test_table_2_is_the_grid_of_the_h4s_workspace(h4, table2):
 
 
 def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):
-    sets = accuracy.sensor_sets(h4)
+    sets = prediction.sensor_sets(h4)
     assert sets[:3] == [(), ("theta",), ("theta", "z_telemeter")]
     assert set(sets[-1]) == {s.name for s in h4.spec.sensor} and len(set(sets)) == len(sets)
     for robot in map(tp.load, tp.list_robots()):
-        for names in accuracy.sensor_sets(robot):
+        for names in prediction.sensor_sets(robot):
             assert robot.with_sensors(*names).r == len(names)
 
 
 def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
     """More is never worse: a row's σ is at most that of motors alone; learning helps or not."""
     poses = anywhere(any_robot, 30, rng)
-    found = accuracy.predict(any_robot, poses=poses, calibrated=True, reference_pose=any_robot.home)
+    found = prediction.predict(
+        any_robot, poses=poses, calibrated=True, reference_pose=any_robot.home
+    )
     assert list(found.sigma) == [
         "as built",
         "as built, referenced",
@@ -41,7 +46,7 @@ def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
 
 def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
     poses = table2[::50]
-    found = accuracy.predict(h4, [["theta"]], poses)
+    found = prediction.predict(h4, [["theta"]], poses)
     variance = np.einsum("kii->ki", tp.accuracy(h4, poses)).mean(axis=0)
     assert found.sigma["as built"][0, :4] == pytest.approx(np.sqrt(variance))
     assert found.sigma["as built"][0, 4] == pytest.approx(np.sqrt(variance[:3].sum()))
@@ -53,7 +58,7 @@ def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
 def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
     box = h4.spec.workspace.model_copy(update={"minimum": (-1.0, -0.1, -0.45, -0.5)})
     robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
-    found = accuracy.predict(robot, [["theta"]])
+    found = prediction.predict(robot, [["theta"]])
     assert found.left_out > 100 and len(found.poses) + found.left_out == 625
     assert np.isfinite(found.sigma["as built"]).all()
 
@@ -73,12 +78,39 @@ def test_the_command_takes_sets_poses_and_a_level(run, tmp_path, table2):
     words = ("--sensors", "theta", "--sensors", "theta,z_telemeter", "--sensors", "none")
     status, out, err = run("accuracy", "h4", *words, "--poses", path, "--level", "full")
     assert (status, err) == (0, "")
-    rows = [line.split() for line in out.splitlines() if re.search(r"\d\.\d+ +\d", line)]
+    bound = out[out.index("bound of the pose") :]
+    rows = [line.split() for line in bound.splitlines() if re.search(r"\d\.\d+ +\d", line)]
     assert [row[0] for row in rows] == ["theta", "theta,", "motors"]
     P = tp.accuracy(tp.load("h4"), table2[::25], level="full")
     position = 1e3 * np.sqrt(np.einsum("kii->ki", P)[:, :3].sum(axis=1).mean())
     assert float(rows[0][-1]) == pytest.approx(position, rel=1e-2)
     assert "25 poses of" in out
+
+
+@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "estimated"])
+@pytest.mark.parametrize("name", ["h4", "3rrr", "g1-ankle"])
+def test_the_predicted_error_of_a_law_is_that_of_sampled_robots(name, law, anywhere, rng):
+    robot = tp.load(name)  # with sensors that have counts, and no noise that is not sampled here
+    robot = robot.with_sensors(*("*_encoder" if name == "g1-ankle" else "all",))
+    x = anywhere(robot, 5, rng)
+    squares = []
+    for seed in range(200):
+        away = tp.steady_state(robot, robot.sample(seed), x, law) - x
+        squares.append((away[:, summed(robot).columns] ** 2).sum(axis=1).mean())
+    sampled = np.sqrt(np.mean(squares))  # to 1/sqrt(2 · 200 · a few) of itself
+    assert prediction.steady_state_error(robot, x, law) == pytest.approx(sampled, rel=0.12)
+
+
+def test_the_overview_names_the_best_law_sensors_and_poses(run, h4):
+    status, out, _ = run("accuracy", "h4")
+    assert status == 0 and re.search(r"Self-calibrated on 160 poses, all 11: 0\.\d+ mm", out)
+    found = prediction.predict(h4, [["theta"], ["theta", "wire1", "wire2", "wire3"]])
+    table = prediction.overview(found)
+    assert [row[0] for row in table.rows] == ["theta, wire*", "theta"]  # the best first
+    half = np.random.default_rng(0).permutation(found.poses)[:40]
+    known = tp.accuracy(h4, found.poses, calibrated_on=half).rms
+    assert table.records()[1]["40 poses (mm)"] == pytest.approx(1e3 * known)
+    assert "the bound the mean: chain1.arm" in run("accuracy", "h4")[1]
 
 
 def test_the_command_draws_a_map(run, tmp_path):
@@ -90,14 +122,18 @@ def test_the_command_draws_a_map(run, tmp_path):
 
 
 def test_the_map_shows_the_bound(h4):
-    figure = accuracy.draw_map(h4, points=11)
-    title = figure.axes[0].get_title()
-    assert "slice through home" in title and "theta; as built" in title
-    x = info.workspace_slice(h4, 11)[2]
-    P = tp.accuracy(h4, x)
-    sigma = 1e3 * np.sqrt(np.einsum("ijkk->ijk", P)[..., :3].sum(axis=-1))
+    x = workspace_slice(h4, 11)
+    found = tp.accuracy(h4, x)
+    figure = found.plot()
+    title = figure.subfigs[0].get_suptitle()
+    assert title.startswith("h4, as built\nslice through home")
+    sigma = 1e3 * np.sqrt(np.einsum("ijkk->ijk", found)[..., :3].sum(axis=-1))
     low, high = figure.axes[1].get_ylim()
-    assert (low, high) == pytest.approx((sigma.min(), sigma.max()), rel=1e-6)
+    assert (low, high) == pytest.approx((0, sigma.max()), rel=1e-6)
+    row, column = np.unravel_index(sigma.argmax(), sigma.shape)
+    ring = figure.axes[0].lines[-1]
+    assert np.ravel(ring.get_data()) == pytest.approx(1e3 * x[row, column, :2])
+    assert figure.subfigs[1].get_suptitle() == "sensors in use: theta"
 
 
 @pytest.mark.parametrize(

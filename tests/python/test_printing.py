@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy, cli, info, options
+from truepose.commands import cli, info, options
+from truepose.design import prediction
 from truepose.paper import with_paper_errors
+from truepose.robot.units import label
 from truepose.show import terminal
 from truepose.show.table import Table, fixed, number
 from truepose.show.terminal import laid_out
@@ -58,15 +60,17 @@ def test_accuracy_shows_the_figures_that_it_gives_programs(run, monkeypatch, rob
     assert max(map(len, shown.splitlines()[:-1])) <= columns
     status, data, said = run(*words, "--format", "json")
     tables = json.loads(data)
-    assert status == 0 and list(tables) == ["accuracy_as_built", "accuracy_self_calibrated"]
-    assert said.startswith(f"{robot}: ")
+    assert status == 0
+    assert list(tables) == ["overview", "accuracy_as_built", "accuracy_self_calibrated"]
+    assert f"\n{robot}: " in said
     for row in (row for table in tables.values() for row in table):
         for name, value in list(row.items())[1:]:
-            assert name.endswith((" (mm)", " (°)")) and str(number(value)) in shown.split()
+            assert name.endswith((" (mm)", " (°)")) and str(number(value)) in ["", *shown.split()]
     rows = list(csv.DictReader(io.StringIO(run(*words, "--format", "csv")[1])))
-    found = accuracy.predict(tp.load(robot), [row["sensors"].split(",") for row in rows[:1]])
+    rows = [row for row in rows if row["table"] != "overview"]
+    found = prediction.predict(tp.load(robot), [rows[0]["sensors"].split(",")])
     assert float(rows[0]["x (mm)"]) == 1e3 * found.sigma["as built"][0, 0]
-    assert {row["table"] for row in rows} == set(tables)
+    assert {row["table"] for row in rows} == set(tables) - {"overview"}
     for row in rows:
         (same,) = (r for r in tables[row["table"]] if r["sensors"] == row["sensors"])
         assert all(float(row[name]) == same[name] for name in list(same)[1:])
@@ -89,7 +93,7 @@ def test_info_gives_programs_si(run, h4):
         (["info", "h4", "--samples", "20"], "full - ideal of x"),
         (["accuracy", "h4", "--sensors", "theta"], "bound of the pose"),
         (["accuracy", "h4", "--sensors", "theta", "--format", "json"], '"x (mm)"'),
-        (["accuracy", "--help"], "sigma of each coordinate"),
+        (["accuracy", "--help"], "bound (1sigma) of each coordinate"),
         (["accuracy", "σ.toml"], "sigma.toml: cannot be read"),
     ],
 )
@@ -130,7 +134,7 @@ def test_a_glob_of_no_sensor_is_said_with_what_there_is(h4, text):
 
 
 def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
-    sets = accuracy.sensor_sets(any_robot)
+    sets = prediction.sensor_sets(any_robot)
     kinds = {s.name: s.kind for s in any_robot.spec.sensor if s.name not in any_robot.sensors}
     for kind in kinds.values():
         group = [name for name in kinds if kinds[name] == kind]
@@ -139,8 +143,8 @@ def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
 
 
 def test_a_group_is_named_as_it_may_be_asked_for(h4):
-    for names in accuracy.sensor_sets(h4)[1:-1]:
-        assert options.parse_set(h4, accuracy.label(h4, names)) == names
+    for names in prediction.sensor_sets(h4)[1:-1]:
+        assert options.parse_set(h4, label(h4, names)) == names
 
 
 def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
@@ -192,7 +196,7 @@ def test_words_that_hold_a_number_are_one_for_programs():
     [
         ("list", "Shipped robots"),
         ("info h4", "H4 parallel robot"),
-        ("accuracy h4 --calibrated", "h4: 625 poses"),
+        ("accuracy h4 --calibrated", "As built, best: estimated law, all 11"),
         ("faults h4", "h4, theta: 625 poses"),
         ("margins delta", "delta at 1000 Hz"),
         ("simulate h4", "h4, law tej"),

@@ -58,9 +58,9 @@ def test_raw_columns_are_the_same_readings(hexapod, tmp_path):
         (
             "q1_turns",
             "",
-            r"what is one worth\? Say it .* or give chain 1 its lead",
+            r"its unit has no value: give it .* or give chain 1 its lead",
         ),
-        ("roll_turns", "", r"column roll_turns: what is one worth\? .* = 0.001 rad'$"),
+        ("roll_turns", "", r"column roll_turns: its unit has no value: .* = 0.001 rad'$"),
     ],
 )
 def test_a_raw_column_of_unknown_worth_is_refused(tmp_path, column, comment, message):

@@ -63,7 +63,7 @@ def test_a_row_that_the_result_cannot_reach_is_named(log):
     q_e[20, :3] = -1.5  # lines too short to meet
     fit = fitted(guess, q_e, measured)
     assert np.flatnonzero(fit.status != "ok").tolist() == [20]
-    assert fit.notes[0] == "row 21: left out: by the calibrated robot unreachable"
+    assert fit.notes[0] == "row 21: left out: unreachable with the calibrated geometry"
     assert np.isnan(fit.x[20]).all() and fit.weights[20] == 0
     table = dict(zip(guess.readings, q_e.T, strict=True))
     table |= dict(zip(("measured_x", "measured_y", "measured_z"), measured.T, strict=True))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import truepose as tp
 from truepose import files
@@ -25,6 +26,7 @@ from truepose.paper import (
     tables,
 )
 from truepose.robot.laws import LAWS
+from truepose.show.plotted import plotted
 
 
 def started(*arguments):
@@ -112,7 +114,7 @@ def test_it_ends_well_and_prints_table_3_beside_the_papers(made):
 
 def test_every_verdict_names_a_test_that_exists(made):
     with (made[1] / "verdicts.csv").open(encoding="utf-8") as file:
-        named = {"def test_" + row["test"].replace(" ", "_") for row in csv.DictReader(file)}
+        named = {f"def {row['test'].split('::')[1]}" for row in csv.DictReader(file)}
     tests = "".join(p.read_text(encoding="utf-8") for p in Path(__file__).parent.glob("*.py"))
     assert [name for name in named if f"{name}(" not in tests] == []
 
@@ -135,6 +137,7 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
     numbers = ["verdicts", "table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
     numbers += ["self-calibrated", "sensing", "following_circle", "faults"]
+    numbers += ["ratios", "rest", "following"]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}
     expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
     assert {file.name for file in out.iterdir()} == expected
@@ -152,16 +155,62 @@ def test_the_page_stands_alone(made):
     assert "nan" not in re.sub(r"data:image[^\"]*", "", page).lower().split()
 
 
-@pytest.mark.parametrize("name", ["table3_one_robot", "table3_robots"])
-def test_what_the_paper_prints_keeps_the_papers_digits(made, name):
+@pytest.mark.parametrize("name", ["one_robot", "many_robots"])
+def test_what_the_paper_prints_keeps_the_papers_digits(made, reproduction, name):
     """0.5 of it is 0.5, not 0.500, which would claim a precision that nobody printed."""
     printed = article.table3_as_printed()
-    table = rows(made[1] / f"{name}.csv")
-    for row, (_, key, label) in zip(table, tables.cells(), strict=True):
-        assert row[tables.UNITS] == label
+    table = getattr(tables, name)(reproduction)
+    data = rows(made[1] / f"{table.name}.csv")
+    for row, record, (_, key, label) in zip(table.rows, data, tables.cells(), strict=True):
+        assert row[0] == label == record["error"]
         for law, entries in printed.items():
             name = {"redundant": "TEJ"}.get(law, law)
-            assert row[f"{name}, paper"] == entries[key]
+            assert row[table.header.index(f"{name}, paper")] == entries[key]
+            assert float(record[f"{name}, paper"]) == float(entries[key])
+
+
+def is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("report", ["made", "with_experiment"])
+def test_a_column_of_a_csv_holds_numbers_or_words_and_every_figure_has_a_csv(report, request):
+    out = request.getfixturevalue(report)[1]
+    files = sorted(out.glob("*.csv"))
+    figures = {path.stem for path in out.glob("*.svg")} - {"robot"}  # a drawing
+    assert {path.stem for path in files} >= figures
+    listed = (out / "report.html").read_text(encoding="utf-8")
+    logs = {path for path in files if re.match("experiment-.*-", path.stem)}  # of every run
+    for path in set(files) - logs:
+        found = rows(path)
+        for name in found[0]:
+            numbers = [is_number(row[name]) for row in found if row[name]]
+            assert len(set(numbers)) <= 1, f"{path.name}: {name}"
+        assert f"<code>{path.name}</code>" in listed
+
+
+def test_the_data_of_a_figure_are_its_points():
+    figure = Figure()
+    left, right = figure.subplots(1, 2, sharey=True)
+    left.plot([1, 2], [3, 4], color="red", label="a")
+    left.axhline(3.5)
+    left.set(xlabel="time (s)", ylabel="error (mm)", title="one")
+    right.plot([5], [6], color="red")
+    right.bar([1], [7], color="blue", label="b")
+    figure.add_subplot().plot([8], [9], color="green", label="_c")
+    right.set(xlabel="share (%)")
+    a, b = ({"title": "", "kind": kind, "series": k} for kind, k in (("line", "a"), ("bar", "b")))
+    assert plotted(figure) == [
+        {"panel": 1, **a, "title": "one", "time (s)": 1, "error (mm)": 3},
+        {"panel": 1, **a, "title": "one", "time (s)": 2, "error (mm)": 4},
+        {"panel": 2, **a, "share (%)": 5, "error (mm)": 6},
+        {"panel": 2, **b, "share (%)": 1, "error (mm)": 7},
+        {"panel": 3, **a, "series": "c", "x": 8, "y": 9},
+    ]
 
 
 def test_the_page_says_what_a_reader_would_stumble_over(made):
@@ -206,22 +255,22 @@ def test_the_csv_hold_the_numbers_behind_the_tables(made):
 
 def test_the_report_says_how_robots_follow_a_circle(made):
     """Calibrated a robot is nearer to it, at nearly the same scatter, under every control."""
-    table = {row["speed, law"]: row for row in rows(made[1] / "following_circle.csv")}
-    *drawn, learnt = table.values()
-    assert len(drawn) == 4 and "estimated, calibrated" in list(table)[-1]
+    table = rows(made[1] / "following_circle.csv")
+    *drawn, learnt = table
+    assert len(drawn) == 4 and (learnt["law"], learnt["robot"]) == ("estimated", "calibrated")
     assert all(float(learnt["AT (mm)"]) < 0.9 * float(row["AT (mm)"]) for row in drawn)
-    scatter = [float(row["RT (mm)"]) for row in table.values()]
+    scatter = [float(row["RT (mm)"]) for row in table]
     assert max(scatter) < 1.3 * min(scatter)
 
 
 def test_the_report_sets_faults_without_the_fault_monitor_beside_those_with_it(made):
     table = {row["fault"]: row for row in rows(made[1] / "faults.csv")}
-    assert table["none"]["detected"] == "0 of 5" and table["θ: stuck"]["detected"] == "5 of 5"
+    assert (table["none"]["found"], table["θ: stuck"]["found"]) == ("0", "5")
     for law in LAWS:
-        alone, watched = table["none"][f"{law} (mm, °)"].split(" → ")
-        assert alone == watched
-    alone, watched = table["θ: stuck"]["tej (mm, °)"].split(" → ")
-    assert alone.endswith("(1)") and float(watched.split(",")[0]) < 1
+        healthy = table["none"]
+        assert healthy[f"{law}, position (mm)"] == healthy[f"{law}, watched position (mm)"]
+    assert float(table["θ: stuck"]["tej, watched position (mm)"]) < 1
+    assert "(1) → " in (made[1] / "report.html").read_text(encoding="utf-8")
 
 
 def test_statistics_have_every_path_and_speed_and_law(h4, monkeypatch):

@@ -1,11 +1,18 @@
-"""Printing and drawing of results."""
+"""Printing and drawing of results: every public result class shows itself."""
+
+import inspect
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import zero
+from truepose.faults.monitor import Review
 from truepose.robot.laws import usual
+from truepose.robot.redundancy import Estimate
 from truepose.robot.units import summed
+from truepose.show.results import Shown
 from truepose.show.units import PRINT, printed
 
 
@@ -34,7 +41,7 @@ def test_a_run_says_how_far_off_it_was_and_draws_that(any_robot):
     assert f"{total.name}: {printed(most, total.unit, '.3g')} off at most" in said
     assert ("turn: " in said) == any(unit == "rad" for _, unit in any_robot.coordinates)
     lines = [line for axes in run.plot().axes for line in axes.lines if len(line.get_xdata()) > 2]
-    assert len(lines) == 2 * any_robot.n
+    assert len(lines) == 3 * any_robot.n  # of each torque its mean as well
     drawn = PRINT[any_robot.coordinates[0][1]][0] * run.error[:, 0]
     assert np.allclose(lines[0].get_ydata(), drawn)
 
@@ -72,6 +79,131 @@ def test_an_estimate_that_was_not_found_is_left_out_of_both(h4):
 def test_a_pivots_estimates_are_drawn_in_degrees():
     ankle = tp.load("g1-ankle").with_sensors("roll_encoder")
     (axes,) = ankle.estimate(ankle.extended_positions([[0.1, 0.05], [0.2, -0.1]])).plot().axes
-    assert axes.get_xlabel() == "first axis (°)"
+    assert axes.get_xlabel() == "pitch (°)"
     assert np.degrees([0.1, 0.2]) == pytest.approx(axes.lines[0].get_xdata())
     assert len(axes.patches) == 2
+
+
+def poses_of(robot, count=12):
+    """Draw poses from the inner half of a robot's workspace."""
+    box = robot.spec.workspace
+    middle = (np.array(box.minimum) + box.maximum) / 2
+    half = (np.array(box.maximum) - box.minimum) / 4
+    return np.random.default_rng(1).uniform(middle - half, middle + half, (count, robot.n))
+
+
+def reviewed(robot):
+    run = tp.simulate(robot, controller="joint")
+    q_e = run.q_e.copy()
+    q_e[200:, -1] += 0.5
+    return tp.FaultMonitor().review(robot, q_e)
+
+
+def isolated(robot):
+    q_e = robot.expected().extended_positions(poses_of(robot))
+    q_e[:, 0] += 0.2
+    return tp.faults.isolate(robot, q_e)
+
+
+#: How a result of every public class is made of a robot with a redundant sensor.
+RESULTS = {
+    "Robot": lambda robot: robot,
+    "Estimate": lambda robot: robot.estimate(robot.extended_positions(poses_of(robot))),
+    "Accuracy": lambda robot: tp.accuracy(robot, poses_of(robot)),
+    "Calibration": lambda robot: tp.calibrate(robot, robot.expected().read(poses_of(robot))),
+    "SensorSelection": lambda robot: tp.select_sensors(
+        robot, dict.fromkeys(robot.sensors, 90), poses=poses_of(robot), target=1.0
+    ),
+    "Placement": lambda robot: tp.design.place_sensors(
+        tp.load("h4"), ["wire1"], within={"*": (-0.1, 0.1)}, poses=poses_of(tp.load("h4"), 2)
+    ),
+    "PosePlan": lambda robot: tp.plan_poses(robot, 4, candidates=poses_of(robot), target=1.0),
+    "StabilityMargins": lambda robot: tp.control.stability_margins(
+        robot, "joint", poses=[robot.home]
+    ),
+    "Simulation": lambda robot: tp.simulate(robot, controller="joint"),
+    "SteadyState": lambda robot: tp.steady_state(robot, robot, poses_of(robot), "joint"),
+    "PathAccuracy": lambda robot: tp.simulation.path_accuracy(
+        robot, tp.simulation.Circle(centre=robot.home, radius=0.02, frequency=4), runs=2
+    ),
+    "Study": lambda robot: tp.monte_carlo("rest", robot, count=3, workers=0),
+    "Detectability": lambda robot: tp.faults.detectability(robot, poses_of(robot)),
+    "Isolation": isolated,
+    "Review": reviewed,
+    "Zeroing": lambda robot: zero(robot, robot.expected().extended_positions([robot.home])),
+}
+MADE = {"h4": "theta,z_telemeter", "stewart": "z_telemeter,roll", "g1-ankle": "roll_encoder"}
+#: Of a robot that turns about two axes alone, these have no meaning.
+WITHOUT = {("g1-ankle", "PathAccuracy")}
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, kind) for name in MADE for kind in RESULTS if (name, kind) not in WITHOUT],
+)
+def test_every_result_shows_itself(name, kind):
+    robot = tp.load(name).with_sensors(*MADE[name].split(","))
+    if kind == "Zeroing" and name != "g1-ankle":
+        robot = tp.load("g1-ankle")
+    result = RESULTS[kind](robot)
+    assert isinstance(result, Shown) and type(result).__name__ == kind
+    table = result.table()
+    page = ElementTree.fromstring(result._repr_html_().replace("&nbsp;", " "))
+    (shown,) = page.iter("table")
+    assert shown.findtext("caption") == table.title
+    rows = [["".join(cell.itertext()) for cell in row] for row in shown.iter("tr")]
+    assert rows == [list(table.header), *([*map(str, row)] for row in table.rows)]
+    assert rows[1:] and all(record for record in table)
+    figure = result.plot()
+    try:
+        assert figure.axes
+        for axes in figure.axes:
+            labels = {axes.get_xlabel(), axes.get_ylabel()}
+            named = any("(" in label and ")" in label for label in labels) or "pose" in labels
+            assert named, (kind, labels)
+        figure.canvas.draw()
+    finally:
+        figure.clear()
+
+
+def test_every_class_that_a_public_function_returns_shows_itself():
+    given = {tp.logs.Log, tp.calibration.NuisanceParameter}  # given to other functions
+    rooms = [tp, *(getattr(tp, name) for name in tp.__all__ if inspect.ismodule(getattr(tp, name)))]
+    functions = [
+        function
+        for room in rooms
+        for function in map(room.__dict__.get, room.__all__)
+        if inspect.isfunction(function)
+    ]
+    assert {tp.accuracy, tp.steady_state, tp.faults.isolate} <= set(functions)
+    seen = {Estimate, Review}  # of methods
+    for function in functions:
+        word = inspect.signature(function).return_annotation
+        returned = vars(inspect.getmodule(function)).get(word.partition("[")[0])
+        if isinstance(returned, type) and returned not in given:
+            assert issubclass(returned, Shown), (function, returned)
+            seen.add(returned)
+    assert {of.__name__ for of in seen} == set(RESULTS)
+
+
+@pytest.mark.parametrize("package", ["pandas", "polars"])
+def test_parameters_go_into_a_data_frame(h4, package):
+    frames = pytest.importorskip(package)
+    frame = frames.DataFrame(h4.table())
+    assert list(frame.columns) == ["name", "value", "unit", "sigma"]
+    assert list(frame["name"]) == list(h4.parameters)
+    assert list(frame["value"]) == [p.value for p in h4.parameters.values()]
+    assert list(frame["sigma"]) == [p.sigma for p in h4.parameters.values()]
+    assert set(frame["unit"]) == {"m", "rad", ""}
+    fit = tp.calibrate(h4, h4.expected().read(poses_of(h4)))
+    learnt = frames.DataFrame(fit.table())
+    assert list(learnt["parameter"]) == list(fit.names)
+    assert list(learnt["value"]) == [p.value for p in fit.parameters.values()]
+
+
+def test_what_is_computed_from_an_accuracy_is_a_plain_array(h4):
+    P = tp.accuracy(h4, [h4.home, h4.home])
+    for values in (P[0], P - P, np.exp(P), 2 * P, P.copy()):
+        assert type(values) is np.ndarray or values._repr_html_() is None
+    assert P.sigma.shape == (2, 5)
+    assert P.rms == pytest.approx(P.worst) == P.at(0.5) == P.sigma[0, -1]

@@ -109,7 +109,9 @@ def test_robots_that_share_a_name_alone_are_not_compared(h4, delta, others):
     known = calibrate(h4, simulate_log(h4, drawn(h4, 1), 50).q_e).robot.with_sensors()
     namesake = tp.Robot(delta.spec.model_copy(update={"name": h4.name})).with_sensors()
     robot, truth = (namesake if other else h4.with_sensors() for other in others)
-    with pytest.raises(tp.InputError, match=r"^h4: drawn, true and calibrated have different par"):
+    with pytest.raises(
+        tp.InputError, match=r"^h4: nominal, true and calibrated have different par"
+    ):
         missed(robot, truth, known)
 
 
@@ -131,7 +133,7 @@ def test_a_tracker_sees_one_marker_from_one_place():
         (("h4", "--sensors", "thta"), "unknown sensor 'thta'; did you mean 'theta'?"),
         (("h4", "--truth", "simulated.csv"), "are the same file"),
         (("h4", "--found", "none.toml"), "simulated.truth.toml: cannot be read"),
-        (("h4", "--found", "h4", "--truth", "par4"), "par4: is another robot than h4"),
+        (("h4", "--found", "h4", "--truth", "par4"), "par4: must be the same robot as h4"),
         (("h4", "--found", "h4", "--truth", "h4"), "h4: is not calibrated"),
     ],
 )

@@ -11,7 +11,7 @@ from truepose.design.candidates import CandidatePoses
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot import compliance
 
-LEFT_OUT = "compliance and load count for nothing there\n"
+LEFT_OUT = "compliance and load are ignored\n"
 LEVELS = ("ideal", "full")
 
 
@@ -284,11 +284,11 @@ def test_the_command_finds_the_compliance_of_a_log_with_loads(run, tmp_path, any
     status, out, _ = run("info", "found.toml", "--samples", "100")
     assert status == 0 and "strain of its rods there" in out
     status, _, err = run("export", "c", "found.toml", "-o", "found.h")
-    assert status == 0 and "a controller takes its rods as stiff" in err
+    assert status == 0 and "a controller assumes stiff rods" in err
     assert "stiff" not in run("export", "c", "stewart", "-o", "stiff.h")[2]
     status, _, err = run("simulate", "found.toml", "--law", "joint")
     assert status == 0
-    assert err == "truepose: stewart: a simulation takes its rods as stiff: " + LEFT_OUT
+    assert err == "truepose: stewart: a simulation assumes stiff rods: " + LEFT_OUT
 
 
 def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff(h4):
@@ -298,7 +298,7 @@ def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff
         lambda: tp.simulate(soft, duration=0.2),
         lambda: tp.OnlineCalibrator(soft),
     ):
-        with pytest.warns(UserWarning, match="takes its rods as stiff"):
+        with pytest.warns(UserWarning, match="assumes stiff rods"):
             work()
 
 

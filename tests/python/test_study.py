@@ -274,7 +274,7 @@ def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
     status, out, errors = run(*words, "-o", tmp_path / "kept", "--grid", "n=1,2")
     assert status == 0 and "3rrr   2  rod" in out and "Kept in" in out, errors
     for wrong, said in (
-        ("nothing", "question 'nothing'"),
+        ("nothing", "function 'nothing'"),
         (f"{script}:rod", "did you mean 'rods'"),
         (f"{tmp_path / 'no.py'}:rods", "cannot be read"),
     ):

@@ -176,7 +176,7 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
             "q1,q2,posture",
             "0,0,a",
             ("--at", "0,0"),
-            "the column 'posture' says that it",
+            "the column 'posture' implies a flat",
         ),
         (
             "delta",
@@ -206,7 +206,7 @@ def test_a_log_that_no_ankle_of_these_tolerances_reads_is_refused(ankle):
     two = 2 * tp.calibration.zero(ankle, flat()).motors[0].prior_sigma
     found = tp.calibration.zero(ankle, flat(q1=np.full(4, two)))
     assert abs(found.motors[0].off - two) < 5 * found.motors[0].sigma
-    far = r"posture a: rows 1, 2: q1 = 0.51.* \(drawn: 0\), q2 = .* is 0, by .* σ .*: in degrees"
+    far = r"posture a: rows 1, 2: q1 = 0.51.* \(nominal: 0\), q2 = .* is 0, by .* σ .*: in degrees"
     with pytest.raises(InputError, match=far):
         tp.calibration.zero(ankle, flat(q1=np.array(flat()["q1"]) + 0.5))
     with pytest.raises(InputError, match=r"posture a: .*: in degrees, a sign, the order"):
@@ -217,7 +217,7 @@ def test_a_log_that_no_ankle_of_these_tolerances_reads_is_refused(ankle):
 
 def test_a_posture_that_slips_a_little_is_told_and_used(ankle):
     found = tp.calibration.zero(ankle, flat(q1=[0.01, 0.02, 0.01, 0.01]))
-    assert "rows 1, 2: the robot moves while it stands, q1 by 0.01 rad" in found.notes[0]
+    assert "rows 1, 2: the robot moves within the posture, q1 by 0.01 rad" in found.notes[0]
 
 
 def test_a_line_without_all_its_motors_is_left_out(ankle):
@@ -315,4 +315,4 @@ def test_a_posture_at_another_angle_is_compared_with_the_others_too(ankle, rng):
 def test_one_posture_alone_says_what_it_cannot_show(ankle):
     _, q = standing(ankle, 1)
     (note,) = tp.calibration.zero(ankle, q).notes
-    assert re.match(r"one posture: .* below pitch \d\.\d°, roll \d\.\d° goes into the zeros", note)
+    assert re.match(r"one posture: .* below pitch \d\.\d°, roll \d\.\d° goes into the homing", note)

@@ -409,7 +409,7 @@ static const truepose_control_settings linear_delta_control = {
 
 #endif
 
-/* h4, for truepose/truepose.h; laws that weigh, and the watch, are to be given &h4.
+/* h4, for truepose/truepose.h; weighted laws and the fault monitor need &h4.
  * By `truepose export c` of truepose 0.1.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_H4_H
@@ -1363,7 +1363,7 @@ static const truepose_control_settings stewart_control = {
 
 #endif
 
-/* g1-ankle, for truepose/truepose.h; laws that weigh, and the watch, are to be given &g1_ankle.
+/* g1-ankle, for truepose/truepose.h; weighted laws and the fault monitor need &g1_ankle.
  * By `truepose export c` of truepose 0.1.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_G1_ANKLE_H

@@ -8,7 +8,7 @@ namespace truepose {
 
 namespace command_detail {
 
-/// branch_lost where the rows of every rod have a determinant of another sign than at home.
+/// branch_lost if the determinant of all rods' rows has another sign than at home.
 template <Mobility K>
 inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
   FullClosure<K> closure;
@@ -26,13 +26,12 @@ inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
 
 }  // namespace command_detail
 
-/// q = IKM(x) for motors that will go there. The chains alone close on poses of any assembly mode,
-/// also on those that the robot could only reach through a singular pose, where its motors no
-/// longer hold it: they are refused (other_mode).
-///
-/// @param conditioning  out unless null: the least of Conditioning's
+/// q = IKM(x) for a command to the motors. The chains also close at poses of other assembly modes,
+/// which the robot could reach only through a singular pose, where its motors no longer hold it:
+/// these are refused (other_mode).
+/// @param conditioning  out unless null: the smallest number of Conditioning
 /// @return branch_lost: in another assembly mode; singular: between two; joint_limit and
-/// unreachable as of ikm
+/// unreachable as ikm
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome command(const Robot& robot, const Pose& pose, Joint& q,
                                         Real* conditioning = nullptr) {
@@ -57,7 +56,6 @@ inline Outcome command(const Robot& robot, const Coordinates& x, Joint& q) {
   });
 }
 
-/// The same at the full level.
 inline Outcome command_full(const Robot& robot, const Coordinates& x, Joint& q) {
   const Outcome outcome = ikm_full(robot, x, q);
   if (!outcome) return outcome;

@@ -17,62 +17,61 @@ enum class FeedForward : int {
 
 /// What kp, kd and ki mean.
 enum class Gains : int {
-  diagonal = 0,  ///< torques, each motor's of its own error alone: N·m/rad (N/m) and so on
+  diagonal = 0,  ///< torques, each motor's from its own error alone: N·m/rad (N/m) and so on
   inertia = 1,   ///< accelerations, 1/s², 1/s and 1/s³, that the joint inertia turns into torques
 };
 
 /// Constant during a run.
 struct ControlSettings {
   Law law = Law::joint;
-  /// Times every reading's own σ, in the weights of laws that weigh. A calibration leaves errors
-  /// that nearly cancel in the readings; the best weights for what it leaves multiply readings'
-  /// differences, hence also what arms and drives do to them. Larger σ, smaller multiples.
+  /// Factor on every reading's own σ in laws that weigh. A calibration leaves errors that nearly
+  /// cancel in the readings; their optimal weights multiply differences of readings, hence also the
+  /// effects of arms and drives on these. Larger σ, smaller multiples.
   int sigma_scale = 1;
   Gains gains = Gains::diagonal;
   FeedForward feed_forward = FeedForward::full;
   Real period = 1e-3;              ///< s
   Real velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
-  Real damped_below = 0;           ///< conditioning from which on J is damped (0: never)
-  Real lead_out = 0.2;             ///< s over which a switch of law or readings takes effect
+  Real damped_below = 0;           ///< conditioning below which J is damped (0: never)
+  Real lead_out = 0.2;             ///< time over which a switch of law or readings takes effect, s
   Joint kp{};                      ///< N·m/rad (N/m), or 1/s²
   Joint kd{};                      ///< N·m·s/rad, or 1/s
   Joint ki{};                      ///< N·m/(rad·s), or 1/s³; 0: no integral action
 };
 
-/// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
+/// State of a controller. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{};    ///< the tracking loops: of the readings, or of x̂
-  Extended rate{};        ///< theirs: of the desired less that, rates of the error
-  Extended desired{};     ///< rate of the desired at the last cycle
+  Extended position{};    ///< of the tracking loops: the readings, or x̂
+  Extended rate{};        ///< of the tracking loops: rates of the error, desired minus actual
+  Extended desired{};     ///< desired rate in the last cycle
   Joint integral{};       ///< N·m
   Joint torque{};         ///< the last one commanded; held when a cycle fails
   Joint error{};          ///< ê_q of the last good cycle
-  Joint error_rate{};     ///< its rate, as found
-  Joint q_d{};            ///< desired readings of the motors a period later, as far as is known
-  Joint load{};           ///< N·m, what of the torque answers no error
-  Parasitic nearby;       ///< of a robot that is understood rod by rod, at x_d
+  Joint error_rate{};     ///< its rate, estimated
+  Joint q_d{};            ///< desired motor readings a period later, extrapolated
+  Joint load{};           ///< feed-forward and integral part of the torque, N·m
+  Parasitic nearby;       ///< residual motion at x_d, at the full level
   Law law = Law::joint;   ///< whose terms `position` and `rate` are in
-  bool switched = false;  ///< set where readings are replaced by others: no step follows
-  Joint held{};           ///< by how much ê_q was larger before the last switch than after it,
-  Real leaving = 0;       ///< led out in so many seconds more
-  /// Motors whose brakes are asked for, as bits: their feed-forward alone acts on them.
+  bool switched = false;  ///< set where readings are substituted: prevents a step
+  Joint held{};           ///< ê_q before the last switch minus ê_q after it,
+  Real leaving = 0;       ///< and the time over which it is still led out, s
+  /// Motors with requested brakes, as bits: only their feed-forward acts.
   std::uint32_t braked = 0;
 };
 
-/// Rate of an error whose reading is quantized, as a drive estimates it: a tracking loop of second
-/// order (α-β filter) with both poles at p = exp(-bandwidth · period), hence stable for any.
+/// Rate of an error from a quantized reading, as in a drive: a second-order tracking loop (α-β
+/// filter) with both poles at p = exp(-bandwidth · period), hence stable for any bandwidth.
 ///
-/// A loop on the reading y alone finds ẏ with a lag of about 2/bandwidth, F(s) = 1 / (1 + s/b)²;
-/// ẏ_d - Fẏ then demands (1 - F) ẏ_d of a robot that follows exactly, and the PD buys that with a
-/// tracking error of (kd/kp) (1 - F) ẏ_d. Here ẏ_d passes the same filter, F (ẏ_d - ẏ): the loop
-/// predicts y by what is desired, less the rate ė that it has found,
+/// A loop on the reading y alone estimates ẏ with a lag of about 2/bandwidth,
+/// F(s) = 1 / (1 + s/b)². Then ẏ_d - Fẏ demands (1 - F) ẏ_d of a robot that follows exactly, which
+/// costs a tracking error of (kd/kp) (1 - F) ẏ_d. Here ẏ_d passes the same filter, F (ẏ_d - ẏ): the
+/// loop predicts y from the desired rate minus its estimate ė,
 ///
 ///     ŷ(k) = ŷ(k-1) + T ((ẏ_d(k-1) + ẏ_d(k)) / 2 - ė(k-1)),
 ///
-/// and what the reading does otherwise is news of ė alone. The trapezoid is right to T³. That y_d
-/// enters by its rate only is meant: a setpoint that jumps moves no reading, and kicks nothing.
-///
+/// and the innovation corrects ė alone. The trapezoid is accurate to T³. Only the rate of y_d
+/// enters, on purpose: a step of the setpoint moves no reading and causes no kick.
 /// @param reading   y
 /// @param expected  mean rate of y_d in the period that has passed
 /// @param position  in and out: ŷ
@@ -85,7 +84,7 @@ inline void track(const ControlSettings& settings, Real pole, Real reading, Real
   rate -= (1 - pole) * (1 - pole) / settings.period * innovation;
 }
 
-/// A motor error's rate as rates of the errors that a law is made of.
+/// Maps a motor error's rate to rates of the errors that a law corrects.
 template <Mobility K>
 inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference<K>& reference,
                             int r) {
@@ -103,19 +102,19 @@ inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Referenc
   return result;
 }
 
-/// A torque, no larger than the motor can.
+/// Limits a torque to the motor's.
 inline Real limited(const Chain& chain, Real torque) {
   const Real limit = chain.torque_limit;
   return limit > 0 ? std::clamp(torque, -limit, limit) : torque;
 }
 
-/// Remaining share of the offset held at a switch, from 1 to 0 without a corner.
+/// Remaining share of the offset held at a switch, from 1 to 0, smooth at both ends.
 inline Real led_out(Real leaving, Real whole) {
   const Real u = whole > 0 ? leaving / whole : 0;
   return u * u * (3 - 2 * u);
 }
 
-/// The steps of one cycle, in their order: correct, measure, blend, follow, drive, keep.
+/// The steps of one cycle in order: correct, measure, blend, follow, drive, keep.
 template <Mobility K>
 class ControlCycle {
  public:
@@ -137,7 +136,7 @@ class ControlCycle {
         leaving_(state.leaving),
         nearby_(state.nearby) {}
 
-  /// A law needs the readings that it uses: usual control goes on without sensors.
+  /// Whether the inputs that the law uses are finite: the joint law runs without sensors.
   bool finite() const {
     return all_finite(q_e_, readings()) && all_finite(setpoint_.x, n) &&
            all_finite(setpoint_.rate, n) && all_finite(setpoint_.acceleration, n);
@@ -154,10 +153,9 @@ class ControlCycle {
     return outcome ? regular : outcome;
   }
 
-  /// What the tracking loops follow. The rate of ê_q is the law's own map of the rates of the
-  /// errors that it is made of: of the motors, of all readings, or of the estimated pose (so that
-  /// θ is damped by its own, finer counts). A TEJ moves with x_d; that term is of second order in
-  /// the error and is left out.
+  /// Collects the inputs of the tracking loops. The rate of ê_q is the law's own map of the rates
+  /// of its errors: of the motors, of all readings, or of the estimated pose (so θ is damped by its
+  /// own, finer counts). The TEJ's own rate is left out: of second order in the error.
   void measure() {
     std::copy_n(q_e_.begin(), readings(), measured_.begin());
     joint_rate_ = reference_.jacobians.joint_rate(setpoint_.rate);
@@ -166,8 +164,7 @@ class ControlCycle {
     std::copy_n(x.begin(), n, measured_.begin());
   }
 
-  /// Where law or readings were switched, the error keeps its value and its rate; the difference
-  /// is led out.
+  /// After a switch of law or readings the error keeps its value and rate, and the jump is led out.
   void blend() {
     if (!state_.started || switches()) position_ = measured_;
     if (switches()) {
@@ -184,7 +181,7 @@ class ControlCycle {
   void follow() {
     const Pose from = to_tangent();
     const Real pole = std::exp(-settings_.velocity_bandwidth * settings_.period);
-    // Switched on, a robot counts as following until its readings say otherwise.
+    // At the start the robot counts as following until its readings differ.
     const Real half = state_.started ? 0.5 : 0;
     const int tracked = corrects_ == Corrects::readings ? n + robot_.r : n;
     Coordinates twist{};  // of x_d against x̂
@@ -209,12 +206,11 @@ class ControlCycle {
 
   /// Torques of model, integrals and gains, limited.
   ///
-  /// A motor's inertia, and how it pulls at the others, change with the pose: gains of the diagonal
-  /// at one pose place their poles there, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
-  /// a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a: each component by itself,
-  /// everywhere.
+  /// A motor's inertia and its coupling to the others change with the pose: diagonal gains place
+  /// the poles at one pose, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
+  /// a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a, decoupled at every pose.
   Outcome drive() {
-    for (int i = 0; i < n && state_.braked; ++i)  // nor do the others allow for what it does not do
+    for (int i = 0; i < n && state_.braked; ++i)  // the others do not compensate it
       if (braked(i)) error_[i] = error_rate_[i] = integral_[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
     for (int i = 0; i < n; ++i) {
@@ -240,12 +236,12 @@ class ControlCycle {
     for (int i = 0; i < n && state_.braked; ++i)
       if (braked(i)) pd[i] = steps[i] = 0;
     for (int i = 0; i < n; ++i) limit(i, torque[i], pd[i], steps[i]);
-    // One NaN in what is remembered would fail every later cycle, and what overflows then as well.
+    // A NaN in the state would fail every later cycle, as would what overflows then.
     if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
     return {};
   }
 
-  /// What the controller remembers where every step had an answer.
+  /// Stores the state after all steps had an answer.
   void keep(ControlState& state) const {
     state.started = true;
     state.switched = false;
@@ -304,14 +300,14 @@ class ControlCycle {
       }
   }
 
-  /// @param step  of the integral: none while it would push a saturated motor further
+  /// Limits a torque. @param step  of the integral: none that pushes a saturated motor further
   void limit(int i, Real model, Real pd, Real step) {
     const Real most = robot_.chain[i].torque_limit;
     load_[i] = model + integral_[i];
     const Real wanted = load_[i] + pd;
     const bool pushes = most > 0 && std::fabs(wanted) > most && wanted * step > 0;
     if (!pushes) integral_[i] += step;
-    // Before the limit and the brakes, which hide what is infinite.
+    // Before the limit and the brakes, which hide infinities.
     sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(held_[i]) + std::fabs(joint_rate_[i]);
     torque_[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
   }
@@ -326,7 +322,7 @@ class ControlCycle {
   Pose found_;           ///< x̂, of laws of the pose
   Extended measured_{};  ///< readings, or x̂
   Joint joint_rate_{};   ///< of q_d
-  Real sum_ = 0;         ///< of all that is remembered
+  Real sum_ = 0;         ///< of all that is stored: not finite if any of it is not
   // As of ControlState:
   Extended position_, rate_, desired_;
   Joint integral_, held_, error_{}, error_rate_{}, torque_{}, load_{};
@@ -334,13 +330,12 @@ class ControlCycle {
   Parasitic nearby_;
 };
 
-/// One cycle. Bounded work, no allocation, no exception, no lock.
-///
-/// @param q_e       readings of motors and sensors, size n + r
-/// @param state     in and out; state.torque is the command
-/// @param known     for laws that weigh
-/// @return no answer: the torque of the last good cycle is held, nothing else changes;
-/// near_singular: the torque is that of the damped J
+/// Runs one cycle. Bounded work, no allocation, no exception, no lock.
+/// @param q_e    readings of motors and sensors, size n + r
+/// @param state  in and out; state.torque is the command
+/// @param known  for laws that weigh
+/// @return no answer: the last valid torque is held, nothing else changes; near_singular: the
+/// torque is that of the damped J
 template <Mobility K>
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known = {}) {
@@ -367,9 +362,9 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
   });
 }
 
-/// PD gains by pole placement. Of the diagonal: motor i alone, held at that pose, answers as a
-/// second order of that natural frequency (rad/s) and damping ratio. Shaped by the inertia: so does
-/// every motor at every pose, and x is not asked for more than that it exists.
+/// PD gains by pole placement: a second-order response of that natural frequency (rad/s) and
+/// damping ratio. Diagonal gains give it to motor i alone, held at pose x; gains shaped by the
+/// inertia to every motor at every pose, and x must only be valid.
 inline Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
                            ControlSettings& settings) {
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -384,7 +379,7 @@ inline Outcome place_poles(const Robot& robot, const Coordinates& x, Real freque
     if (!outcome) return outcome;
     const auto inertia = joint_inertia<K>(model, jacobians.J);
     for (int m = 0; m < n; ++m) {
-      // The error is one of readings, the torque the motor's own.
+      // The error is in readings, the torque is the motor's own.
       const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
       settings.kp[m] = of * frequency * frequency;
       settings.kd[m] = 2 * damping * of * frequency;

@@ -1,8 +1,8 @@
 // The reduced dynamic model, in the platform's coordinates.
 //
-// Driven by the pose, every loop closes exactly: q, q̇, q̈ follow from x, ẋ, ẍ through the closure
-// and its two derivatives. Rotors and arms turn about the motors' axes, rods are slender (their
-// velocity is linear between B and A, which is exact), nacelle bodies are rigid. D'Alembert:
+// Every loop closes exactly: q, q̇, q̈ follow from x, ẋ, ẍ through the closure and its two
+// derivatives. Rotors and arms turn about the motors' axes, rods are slender (velocity linear
+// between B and A, which is exact), platform bodies are rigid. D'Alembert:
 //
 //     M(x) ẍ + c(x, ẋ) = Kᵀ (τ - friction(q̇)),     q̇ = K ẋ,  K = J⁻¹ = J_q⁻¹ J_x
 #pragma once
@@ -33,15 +33,15 @@ inline Vec3 turning(const Vec3& omega, const Vec3& l) {
     return Vec3::Zero();
 }
 
-/// Ṫ ẋ of a pivot: how D accelerates and the nacelle's turn changes while every joint turns evenly.
-/// An axis is turned by those before it, ȧ_j = ω_{j-1} × a_j, and so is its arm, by all.
+/// Ṫ ẋ of a platform on passive axes: how D accelerates and the platform's turn changes at constant
+/// joint rates. The axes before it turn an axis, ȧ_j = ω_{j-1} × a_j; all axes turn its arm.
 template <Mobility K>
 inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
                       [[maybe_unused]] const Coordinates& rate) {
   Twist drift;
   if constexpr (kPivots<K>) {
     constexpr int n = kDof<K>;
-    std::array<Vec3, n> swept;  // velocity of D seen from p_j: of all axes that come after
+    std::array<Vec3, n> swept;  // velocity of D relative to p_j, by the axes from j on
     Vec3 after = Vec3::Zero();
     for (int j = n - 1; j >= 0; --j) {
       swept[j] = after + rate[j] * carried.linear[j];
@@ -50,7 +50,7 @@ inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
     Vec3 omega = Vec3::Zero();  // of the frame that carries axis j
     for (int j = 0; j < n; ++j) {
       const Vec3 turned = omega.cross(carried.axis[j]);
-      // D - p_j changes by what the frame turns it, and by what the axes from j on move D.
+      // D - p_j changes by the turn of the frame and by the axes from j on.
       const Vec3 arm = omega.cross(carried.arm[j]) + swept[j];
       drift.omega += rate[j] * turned;
       drift.velocity += rate[j] * (turned.cross(carried.arm[j]) + carried.axis[j].cross(arm));
@@ -68,14 +68,14 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   constexpr int n = kDof<K>;
   const Carried<K>& twists = closure.carried;
   const Twist twist = to_twist<K>(twists, rate);
-  const Twist drift = drifting<K>(twists, rate);  // of the nacelle at ẍ = 0
+  const Twist drift = drifting<K>(twists, rate);  // of the platform at ẍ = 0
   const Vec3 g = robot.gravity();
   for (int i = 0; i < n; ++i) {
     model.mass[i].fill(0);
     model.bias[i] = 0;
   }
 
-  // What hangs on the nacelle adds up to one spatial inertia about D and one wrench.
+  // Masses on the platform add up to one spatial inertia about D and one wrench.
   Real mass = 0;
   Vec3 first = Vec3::Zero();   // Σ m l
   Mat3 second = Mat3::Zero();  // Σ m (|l|² - l lᵀ), and the bodies' own inertia
@@ -99,7 +99,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     jx_row<K>(twists, at.v, at.lever, k);
     if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
-    // The motor's true angle counts here, not what an eccentric encoder makes of it.
+    // The motor's true angle counts here, not an eccentric encoder's reading.
     const Real per_jq = at.rate / at.jq, slope = 1 / at.rate;
     const Vec3 dB = slope * at.dB;
     model.slope[i] = slope;
@@ -192,7 +192,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   return {};
 }
 
-/// Motor torques that give the acceleration: τ = Jᵀ (M ẍ + c), friction not counted.
+/// Motor torques for an acceleration, without friction: τ = Jᵀ (M ẍ + c).
 template <Mobility K>
 inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
                               const Coordinates& acceleration) {
@@ -207,7 +207,7 @@ inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>
   return torque;
 }
 
-/// Twist J v of the nacelle for rates v of the readings.
+/// Twist J v of the platform for rates v of the readings.
 template <Mobility K>
 inline Coordinates pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
   Coordinates result{};
@@ -229,16 +229,16 @@ inline Matrix<kDof<K>, kDof<K>> joint_inertia(const DynamicModel<K>& model,
   return inertia;
 }
 
-/// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) so
-/// that the integration stays regular; a robot at rest creeps within that speed.
+/// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) to
+/// keep the integration regular; a robot at rest creeps below that speed.
 inline constexpr Real kStiction = 1e-3;
 inline Real friction(const Chain& chain, Real rate) {
   const Real viscous = chain.viscous * rate;
   return chain.coulomb > 0 ? viscous + chain.coulomb * std::tanh(rate / kStiction) : viscous;
 }
 
-/// Acceleration ẍ under torques that may depend on how the motors stand and turn.
-/// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it asks the closure for q
+/// Acceleration ẍ under torques that may depend on the motors' positions and rates.
+/// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it uses q of the closure
 /// @return unreachable, singular, not_finite, or ok
 template <Mobility K, bool NeedAngle, class Torque>
 inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Coordinates& rate,
@@ -266,7 +266,6 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   return outcome;
 }
 
-/// Acceleration ẍ under motor torques.
 template <Mobility K>
 inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                 const Joint& torque, Coordinates& acceleration) {
@@ -274,8 +273,7 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coor
       robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
 }
 
-/// Motor torques under which the robot accelerates so, friction included: the inverse of
-/// forward_dynamics.
+/// Motor torques for an acceleration, with friction: the inverse of forward_dynamics.
 template <Mobility K>
 inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                 const Coordinates& acceleration, Joint& torque) {
@@ -307,7 +305,7 @@ inline Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mas
   return std::isfinite(sum) ? outcome : Outcome{Status::not_finite, -1};
 }
 
-/// Kinetic and potential energy (J); their sum is kept in free motion without friction.
+/// Kinetic and potential energy, J; their sum is constant in free motion without friction.
 struct Energy {
   Real kinetic = 0, potential = 0;
 };

@@ -1,18 +1,18 @@
 // Detection and isolation of faulty readings (FDI).
 //
-// Four questions a cycle. Alone: is a reading a number, within its range, no faster than the motors
-// can make it, and does it change while the robot moves? Together: is the parity (parity.hpp)
-// larger than readings and geometry allow (the level)? What the geometry adds to it changes with
-// the pose alone, slowly; the innovation of a tracker of the parity has little more than the
-// readings' own noise, and sees what comes at once far below the level (the change).
+// Single readings are tested in each cycle: a number, within range, no faster than the motors can
+// make it, and changing while the robot moves. The parity (parity.hpp) tests all readings together:
+// it must not be larger than readings and geometry allow (the level). The geometry's part of it
+// depends on the pose alone and changes slowly, so the innovation of a tracker of the parity has
+// little more than the readings' noise and reveals sudden faults far below the level (the change).
 //
-// A reading whose being wrong would leave too much of χ² cannot be the one. Of those that may be,
-// one that stands still while the robot moves, or that alone leaves its own track, is named; as
-// long as there are several, they are suspected together. (Willsky and Jones, A generalized
-// likelihood ratio approach to the detection and estimation of jumps in linear systems, 1976.)
+// A reading is a candidate if χ² is admissible without it. A candidate that stands still while the
+// robot moves, or that alone leaves its own track, is isolated; several candidates are suspected
+// together. (Willsky and Jones, A generalized likelihood ratio approach to the detection and
+// estimation of jumps in linear systems, 1976.)
 //
-// A reading that is not believed is replaced: by its own prediction for some cycles, afterwards by
-// what the others say it should be, its own error taken as unknown. Bounded work, no allocation.
+// A faulty reading is substituted: by its own prediction for some cycles, then by the value that
+// the others give, its own error taken as unknown. Bounded work, no allocation.
 #pragma once
 
 #include "truepose/control/fault_monitor_state.hpp"
@@ -23,7 +23,7 @@ namespace truepose {
 
 namespace watch_detail {
 
-/// One cycle of the watch.
+/// One cycle of the fault monitor.
 template <Mobility K>
 class Cycle {
  public:
@@ -50,7 +50,7 @@ class Cycle {
   }
 
   Outcome run() {
-    // It begins with the first readings that have a pose: before, nothing can stand for a motor.
+    // Starts at the first readings that have a pose: earlier, a motor has no substitute.
     const bool first_cycle = watch_.cycle == 0;
     for (int c = 0; first_cycle && c < n; ++c)
       if (!number(q_e_[c])) {
@@ -82,13 +82,13 @@ class Cycle {
   }
 
  private:
-  /// Multirate readings become present ones, by the motors that are believed.
+  /// Extrapolates multirate readings to the present by the believed motors.
   void bring_late_up() {
     Extended by = q_e_;
     std::copy_n(believed_.begin(), n, by.begin());
     if (!compensate_latency<K>(robot_, *late_, by)) return;
     std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
-    bool motors = true;  // only what is prompt may stand for one
+    bool motors = true;  // a delayed reading cannot substitute a motor
     for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
       if (late(c) && !motors) {
@@ -101,7 +101,6 @@ class Cycle {
     }
   }
 
-  /// Each reading by itself.
   void alone(int begin, int end) {
     for (int c = begin; c < end; ++c) {
       MonitoredReading& reading = watch_.reading[c];
@@ -115,13 +114,13 @@ class Cycle {
       const Real predicted = reading.own.predicted(settings_.period);
       const Real news = q_e_[c] - predicted;
       innovation_[c] = within_turn(robot_, c, news);
-      // The turns that an encoder has lost, or passed, since it began are nothing that moved.
+      // Whole turns that an encoder has lost or passed since the start are no motion.
       believed_[c] = innovation_[c] == news ? q_e_[c] : predicted + innovation_[c];
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) continue;
         bridge(settings_, watch_.cycle, symptom, every(c), reading);
-        if (!reading.begun) reading.health = Health::failed;  // by what would it be bridged?
+        if (!reading.begun) reading.health = Health::failed;  // nothing to extrapolate from
         symptomatic_ |= bit(c);
       }
       without_ |= bit(c);
@@ -129,7 +128,7 @@ class Cycle {
     }
   }
 
-  /// Also what would make numbers overflow later is none.
+  /// False also where later numbers would overflow.
   static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
 
   bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
@@ -142,8 +141,8 @@ class Cycle {
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
     const bool followed = watch_.cycle - watch_.began > kFollowed;
     if (!followed || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
-    // While nothing is read the way adds up: after m cycles another m(m + 3)/2 of an acceleration.
-    // One that has jumped must come back to where it would be.
+    // m missing cycles allow another m(m + 3)/2 of an acceleration. A reading that jumped must
+    // return to its prediction.
     const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
     const Real way = settings_.period * settings_.period * settings_.fastest[c] *
                      (settings_.own.acceleration + 0.5 * m * (m + 3));
@@ -161,7 +160,7 @@ class Cycle {
     return parity_.place(robot_, near, believed_, watch_.beyond);
   }
 
-  /// A reading's error is taken as unknown: by as much as hides it in every equation.
+  /// Takes a reading's error as unknown: with a variance that hides it in every equation.
   void leave_out(int c) {
     const Reading g = parity_.signature(r_, c);
     Real size = 0, known = 0;
@@ -175,7 +174,7 @@ class Cycle {
     ++left_out_;
   }
 
-  /// @param gain  of the readings' own variances @param share  of the geometry's
+  /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
   bool covariance(Real gain, Real share, ReadingCovariance& V) const {
     Extended variance{};
     for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
@@ -183,9 +182,9 @@ class Cycle {
     return V.factor(r_);
   }
 
-  /// What of the geometry's error bends on the way, as a share of all of it: its σ in the parity
-  /// tracker's innovation. The error is a function of the pose, so an acceleration moves it as far
-  /// as the pose, a velocity by its square.
+  /// σ of the geometry's error in the parity tracker's innovation, as a share of the whole error.
+  /// That error is a function of the pose: an acceleration changes it as far as the pose, a
+  /// velocity by its square.
   Real bending() const {
     Real way2 = 0, bend2 = 0;
     for (int i = 0; i < n; ++i) {
@@ -197,14 +196,14 @@ class Cycle {
     return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
   }
 
-  /// All readings together: level and change of the parity.
+  /// Tests level and change of the parity.
   void together() {
     Reading change{};
     for (int k = 0; k < r_; ++k)
       change[k] = parity_.value[k] - watch_.parity[k].predicted(settings_.period);
     Verdict changed, level;
     ReadingCovariance V;
-    // While something is doubted the tracker only predicts, for some cycles.
+    // During a disagreement the tracker only predicts, for some cycles.
     const Real coasted = 1 + 0.5 * watch_.disagreed * (1 - kParityPole);
     const Real bend = bending() * coasted * coasted;
     if (!watch_.undecided && covariance(settings_.together.variance, bend * bend, V))
@@ -221,11 +220,11 @@ class Cycle {
     }
     name(changed, level);
     if (watch_.doubted & (watch_.doubted - 1)) {  // several
-      // A drift is beyond its limit now and then, then always.
+      // A drift exceeds its limit now and then at first, then always.
       if (!watch_.undecided) watch_.disagreed += 2;
       watch_.undecided = watch_.undecided || watch_.disagreed > 2 * settings_.decide;
-      // Until it is known which, sensors say what they would if nothing had changed, and a motor
-      // that stands still goes where it is asked to go: its encoder may drive it away meanwhile.
+      // Before isolation, sensors get the value expected without the change, and a motor that
+      // stands still gets its setpoint: a frozen encoder would drive it away.
       for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
       for (int c = 0; c < n && !watch_.undecided; ++c)
         if (watch_.doubted & bit(c) & ~without_ && watch_.reading[c].still >= kStill) {
@@ -245,9 +244,9 @@ class Cycle {
     watch_.doubted = 0;
   }
 
-  /// Which readings may alone be wrong, as far as is known by now.
+  /// Narrows down the readings that alone may be faulty.
   void name(const Verdict& changed, const Verdict& level) {
-    if (watch_.undecided) return;  // a robot that is being stopped is another one
+    if (watch_.undecided) return;  // a stopping robot behaves differently
     const std::uint32_t first = changed.alarm ? changed.may : ~0U;
     const std::uint32_t second = level.alarm ? level.may : ~0U;
     std::uint32_t may = first & second ? first & second : first | second;
@@ -269,11 +268,11 @@ class Cycle {
     watch_.doubted = both ? both : may;
   }
 
-  /// Cycles after which a reading stands still.
+  /// Unchanged cycles after which a reading stands still.
   static constexpr int kStill = 3;
-  /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
+  /// Share of `moved` above which a reading that stands still during an alarm is isolated.
   static constexpr Real kStoodBy = 0.4;
-  /// σ by which a motor may be beside where it usually is beside its setpoint.
+  /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
 
   bool leaves_track(int c, Real innovation) const {
@@ -281,7 +280,7 @@ class Cycle {
     return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
   }
 
-  /// What a motor has lost since a late sample was taken shows when that arrives: whether it may.
+  /// Whether a motor left its track since a delayed sample was taken, which shows it only now.
   bool motor_left(int c) const {
     bool any = false;
     for (int i = 0; late(c) && i < n; ++i)
@@ -292,16 +291,16 @@ class Cycle {
 
   Real model(int c) const {
     if (late(c)) return late_->then[c - n];
-    // Where the motors say that the robot is: `expected` is of the pose from which that was found.
+    // At the motors' pose; `expected` is at the pose from which that was found.
     return c < n ? desired_[c] : parity_.read[c] - parity_.value[c - n];
   }
 
-  /// What tells whether a reading stands still, and beside which model: a late one's last sample.
+  /// Value whose changes show that a reading moves: of a delayed sensor its last sample.
   Real raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
 
-  /// A motor whose encoder stands still is driven by an error that only seems, δ = q_d less what it
-  /// was when the reading changed last: it leaves its setpoint by ∬ kp δ + kd dδ/dt. An error at
-  /// which a healthy motor may rest drives nothing, and lets it come to rest.
+  /// Phantom error of a frozen encoder: δ = q_d minus q_d when the reading changed last. It drives
+  /// the motor off its setpoint by ∬ kp δ + kd dδ/dt. An error at which a healthy motor may rest
+  /// drives nothing and lets it stop.
   void drive(int c) const {
     MonitoredReading& reading = watch_.reading[c];
     const Real away = desired_[c] - reading.model;
@@ -314,16 +313,16 @@ class Cycle {
     reading.way += settings_.period * reading.speed;
   }
 
-  /// Motion of the model beside a reading that stands still which is too much. A motor that swings
-  /// about its path, as where a sensor is late by which a law leads it, stands still where it
-  /// turns, while its setpoint passes: it is judged by what it follows its setpoint to.
+  /// Largest model motion while a reading stands still. A motor that oscillates about its path, for
+  /// example by a law with a delayed sensor, stands still at its turning points while its setpoint
+  /// moves on: its usual deviation counts.
   Real much(int c, Real share) const {
     const MonitoredReading& reading = watch_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
   }
 
-  /// By how much the model has moved since the reading changed last, beyond what is noise; and by
-  /// how much away from the motor, not towards it.
+  /// Model motion beyond noise since the reading changed last: the smaller of that and of its
+  /// distance from the motor, so that motion towards the motor does not count.
   Real stood(int c) const {
     const MonitoredReading& reading = watch_.reading[c];
     const Real by = model(c) - reading.model + reading.way;
@@ -331,7 +330,7 @@ class Cycle {
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
 
-  /// By how much a motor is behind, and how that varies while it is seen to move.
+  /// Updates a motor's following error and, while it moves, mean and variance of that.
   void trail(int c) const {
     MonitoredReading& reading = watch_.reading[c];
     reading.behind = desired_[c] - believed_[c];
@@ -342,7 +341,7 @@ class Cycle {
     reading.strays += (off * off - reading.strays) / kSettling;
   }
 
-  /// What stands for the readings that are not believed: their errors unknown, b̂ = Σ_b GᵀV⁻¹ p.
+  /// Substitutes the excluded readings; failed ones have unknown errors, b̂ = Σ_b GᵀV⁻¹ p.
   void replace() {
     ReadingCovariance V, own;
     const bool regular = r_ > 0 && covariance(1, 1, V);
@@ -353,7 +352,7 @@ class Cycle {
     for (int c = 0; c < rows_; ++c) {
       if (!(without_ & bit(c))) continue;
       if (watch_.reading[c].health != Health::failed) {
-        // Bridged: a sensor goes where the motors go, a motor where it is asked to go.
+        // Extrapolated: a sensor follows the motors, a motor its setpoint.
         believed_[c] = watch_.reading[c].own.predicted(settings_.period);
         if (c < n && std::isfinite(desired_[c]))
           believed_[c] = desired_[c] - watch_.reading[c].behind;
@@ -372,7 +371,7 @@ class Cycle {
       const Real left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
       const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
       const Real b = unknown_[c] * score;
-      // A motor that is lost stays so: by now its brake closes.
+      // A lost motor stays lost: its brake is closing.
       const bool lost = watch_.lost & bit(c);
       if (good && number(b) && !lost && (c >= n || replaceable(c, left, g, V, own))) {
         believed_[c] -= b;
@@ -380,17 +379,17 @@ class Cycle {
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
       } else if (c < n) {
         watch_.lost |= bit(c);
-        believed_[c] = desired_[c];  // nothing is asked of the motor
+        believed_[c] = desired_[c];  // the motor's error is 0
       } else {
-        believed_[c] = parity_.read[c] - parity_.value[c - n];  // as far as the motors can say
+        believed_[c] = parity_.read[c] - parity_.value[c - n];  // as far as the motors determine it
       }
     }
     parity_.pose = moved<K>(parity_.pose, step);
   }
 
-  /// Whether b̂ is good enough to drive a motor by: σ² in all, and that of the part which is new in
-  /// every cycle, Σ_b² gᵀV⁻¹ V_s V⁻¹g of the readings' own errors; the velocity loop shakes by it.
-  /// @param left  variance of b̂ @param g  of the reading, whitened by V @param own  V_s
+  /// Whether b̂ may drive a motor: its σ², and its variance from the readings' own errors, Σ_b²
+  /// gᵀV⁻¹ V_s V⁻¹g, which is new in every cycle and shakes the velocity loop.
+  /// @param left  variance of b̂ @param g  signature of the reading, whitened by V @param own  V_s
   bool replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
                    const ReadingCovariance& own) const {
     if (!(left < settings_.replaceable * settings_.replaceable)) return false;
@@ -403,19 +402,19 @@ class Cycle {
     return unknown_[c] * unknown_[c] * sum < most * most;
   }
 
-  /// Every reading's next value. @return the first that is not valid, or -1
+  /// Updates the state of every reading. @return the first that is not valid, or -1
   int follow() {
     int first = -1;
     std::uint32_t without = 0;
-    bool motors = watch_.placed;  // whether they say where the robot is
+    bool motors = watch_.placed;  // whether they give the pose
     for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
       MonitoredReading& reading = watch_.reading[c];
-      // With a motor lost the robot does not do what it is asked to. One that stops since nobody
-      // knows which reading is faulty does: it may still be isolated.
+      // With a lost motor the robot does not follow its setpoint. While it stops on an undecided
+      // fault it does: the faulty motor may still be isolated.
       const bool judged = (!watch_.doubted || (watch_.undecided && c < n)) && !symptomatic_ &&
                           !watch_.lost && settings_.moved[c] > 0 && (c < n || motors);
-      // What is asked is only known from the second cycle on.
+      // Setpoints are known from the second cycle on.
       if (raw(c) != reading.raw || watch_.cycle - watch_.began < 2) {
         reading.raw = raw(c);
         if (c < n || watch_.placed) reading.model = model(c);
@@ -431,7 +430,7 @@ class Cycle {
         }
       }
       const bool believed = !(without_ & bit(c));
-      Real news = innovation_[c];  // what is not believed follows what stands for it
+      Real news = innovation_[c];  // an excluded reading follows its substitute
       if (!believed) news = believed_[c] - reading.own.predicted(settings_.period);
       if (believed) {
         if (reading.health == Health::suspect) reading.health = Health::valid;
@@ -449,7 +448,7 @@ class Cycle {
       Tracker& parity = watch_.parity[k];
       const Real change = parity_.value[k] - parity.predicted(settings_.period);
       if (watch_.cycle == watch_.began) parity = {parity_.value[k], 0};
-      const bool holds = watch_.doubted || symptomatic_;  // what may be wrong teaches nothing
+      const bool holds = watch_.doubted || symptomatic_;  // no correction by a possible fault
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
@@ -459,7 +458,7 @@ class Cycle {
     return first;
   }
 
-  /// Whether what is known of the geometry is of another pose, or an older learner's.
+  /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
   bool stale() {
     for (int i = 0; i < n; ++i) watch_.way += std::fabs(watch_.motion[i]);
     const bool far = watch_.way > kSamePlace * settings_.correlation;
@@ -468,7 +467,7 @@ class Cycle {
     return true;
   }
 
-  /// What the geometry leaves open, and what the full level adds, at the pose of the moment.
+  /// Updates the geometry's covariance and the full level's addition at the present pose.
   TRUEPOSE_APART Outcome refresh() {
     const Knowledge& known = *weighing_.known;
     Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
@@ -489,12 +488,12 @@ class Cycle {
     for (int k = 0; k < r_; ++k)
       for (int l = 0; l <= k; ++l)
         watch_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-    for (int k = 0; k < r_; ++k) {  // the parity's tracker must not take it for a change,
+    for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
       Real more = beyond[n + k] - watch_.beyond[n + k];
       for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - watch_.beyond[j]);
       if (!number(more)) continue;
       watch_.parity[k].value -= more;
-      watch_.reading[n + k].model += more;  // nor for a motion beside a sensor that stands still
+      watch_.reading[n + k].model += more;  // nor a sensor that stands still a motion
     }
     watch_.beyond = beyond;
     return {};
@@ -504,32 +503,30 @@ class Cycle {
   const FaultMonitorSettings& settings_;
   const Weighing& weighing_;
   const Joint& desired_;
-  Extended q_e_;  ///< as read; late ones as of now
+  Extended q_e_;  ///< readings; delayed ones extrapolated to now
   FaultMonitor& watch_;
   Extended& believed_;
-  Multirate* late_;  ///< sensors that are slow or late; nullptr: none
+  Multirate* late_;  ///< slow and delayed sensors; nullptr: none
   int r_, rows_;
   bool settled_;
   Parity<K> parity_;
   Extended noise_{};               ///< variances of the readings' own errors
-  Extended unknown_{};             ///< of errors of which nothing is known
-  int left_out_ = 0;               ///< how many
+  Extended unknown_{};             ///< of unknown errors
+  int left_out_ = 0;               ///< their number
   Extended innovation_{};          ///< of each reading's own tracker
-  std::uint32_t symptomatic_ = 0;  ///< that are bridged
-  std::uint32_t without_ = 0;      ///< that are not believed
-  std::uint32_t held_ = 0;         ///< motors that are doubted, and go where they are asked to go
+  std::uint32_t symptomatic_ = 0;  ///< extrapolated readings
+  std::uint32_t without_ = 0;      ///< excluded readings
+  std::uint32_t held_ = 0;         ///< candidate motors held at their setpoints
 };
 
 }  // namespace watch_detail
 
-/// One cycle.
-///
-/// @param weighing  what is known of the geometry and of the readings' own errors; work space
-/// @param desired   q_d: what a motor that stands still is measured by
-/// @param believed  out: the readings, or what stands for those that are not believed
-/// @param late      in and out: of slow and late sensors, which are brought up; nullptr: none
-/// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
-/// the readings
+/// Runs one cycle.
+/// @param weighing  knowledge of the geometry and of the readings' own errors; work space
+/// @param desired   q_d, by which frozen motors are detected
+/// @param believed  out: the readings, or their substitutes
+/// @param late      in and out: slow and delayed sensors, extrapolated here; nullptr: none
+/// @return `disagree` and the first reading that is not valid; no answer: the readings give no pose
 template <Mobility K>
 Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
                        const Weighing& weighing, const Joint& desired, const Extended& q_e,

@@ -1,7 +1,7 @@
 // The fault-tolerant controller: fault monitor, law, stop and brakes.
 //
-// Laws stay what they are: what is not believed any more is replaced before they see it, and weighs
-// nothing where they weigh. What cannot be replaced, or decided, stops the robot on its path.
+// Laws stay unchanged: they get substitutes for excluded readings and weigh these by nothing. If
+// there is no substitute, or the fault is not isolated, the robot stops on its path.
 #pragma once
 
 #include "truepose/control/control.hpp"
@@ -9,14 +9,14 @@
 
 namespace truepose {
 
-/// Time along a path: it passes as fast as real time, until the robot must stop.
+/// Time along a path: runs in real time until the robot must stop.
 struct PathClock {
   Real time = 0;     ///< s along the path
-  Real rate = 1;     ///< its derivative,
-  Real slowing = 0;  ///< and of that
-  Real since = 0;    ///< share of the stop that has passed
+  Real rate = 1;     ///< d time/dt
+  Real slowing = 0;  ///< d rate/dt, 1/s
+  Real since = 0;    ///< elapsed share of the stop, 0 to 1
 
-  /// One period. @param stop  s in which it comes to rest, which may change on the way; 0: goes on
+  /// Advances one period. @param stop  duration of the stop, s (may change); 0: continue
   void advance(Real period, Real stop) {
     if (stop > 0 && rate > 0) {
       since = std::min(since + period / stop, Real{1});
@@ -30,7 +30,7 @@ struct PathClock {
     }
   }
 
-  /// What is asked of the robot where the path has `at`.
+  /// The path's setpoint `at`, with rate and acceleration as the clock slows down.
   Setpoint paced(Setpoint at) const {
     for (std::size_t i = 0; i < at.rate.size(); ++i) {
       at.acceleration[i] = at.acceleration[i] * rate * rate + at.rate[i] * slowing;
@@ -43,30 +43,29 @@ struct PathClock {
 /// Constant during a run.
 struct FaultTolerantSettings {
   FaultMonitorSettings watch;
-  Real stop = 0.15;  ///< s in which the robot comes to rest along its path,
-  /// and with a lost motor: about twice the time in which a brake closes (20 ms, assumed). The
-  /// brake stops that motor wherever the path is by then; the way left to the others is the error.
+  Real stop = 0.15;  ///< duration of a stop along the path, s
+  /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
+  /// brake stops that motor wherever the path is by then; the error is the others' way left.
   Real stop_lost = 0.04;
-  Real held = 0.005;  ///< s at most for which a torque is held that no reading answers for
-  const Robot* finest =
-      nullptr;  ///< the robot as the watch understands it; nullptr: as the law does
+  Real held = 0.005;              ///< longest time for which the last valid torque is held, s
+  const Robot* finest = nullptr;  ///< model for the fault monitor; nullptr: the law's
 };
 
-/// What it remembers, and what it says. The caller's; a new one starts anew.
+/// State and report of the controller, owned by the caller; a new one starts afresh.
 struct FaultTolerantState {
   FaultMonitor watch;
-  bool stops = false;        ///< the path is to be left at rest, until acknowledge():
-  Real stop = 0;             ///< in so many s, for PathClock::advance(); 0: it goes on
-  std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits, until acknowledge()
-  Coordinates at{};          ///< the latest setpoint that was answered for
-  Joint weight{};            ///< N·m that hold the robot there, once all brakes are asked for
-  Real unanswered = 0;       ///< s since a torque was answered for
-  Real stopping = 0;         ///< s since the faulty reading is undecided
-  Knowledge known{};         ///< of the readings that are believed
+  bool stops = false;        ///< the path must stop, until acknowledge(),
+  Real stop = 0;             ///< in this time, s, for PathClock::advance(); 0: continue
+  std::uint32_t brakes = 0;  ///< motors whose brakes must hold, as bits, until acknowledge()
+  Coordinates at{};          ///< latest setpoint with a valid cycle
+  Joint weight{};       ///< torques that hold the robot there once all brakes are requested, N·m
+  Real unanswered = 0;  ///< time since the last valid torque, s
+  Real stopping = 0;    ///< time since the fault is undecided, s
+  Knowledge known{};    ///< with large σ for excluded readings
 };
 
-/// A reading that was mended is believed again, and the robot may go on: a new PathClock leads it
-/// from where it stands. What is still wrong stops it again.
+/// Marks a repaired reading as valid and lets the robot move: a new PathClock leads it from where
+/// it stands. A remaining fault stops it again.
 inline void acknowledge(FaultTolerantState& guard, int reading) {
   acknowledge(guard.watch, reading);
   guard.stops = false;
@@ -74,19 +73,17 @@ inline void acknowledge(FaultTolerantState& guard, int reading) {
   guard.stop = guard.unanswered = guard.stopping = 0;
 }
 
-/// σ of a reading that is not believed, over its own.
+/// σ of an excluded reading, over its own.
 inline constexpr Real kDisbelieved = 1e4;
 
-/// One cycle: as control(), with the readings watched.
+/// Runs one cycle: control() with the readings monitored.
 ///
-/// A motor whose brake is asked for follows its feed-forward: while the brake closes it slows down
-/// with the others. Once all brakes are asked for, the torques are those that hold the robot at
-/// rest where it was asked to be last. No PD acts on either again before acknowledge().
-///
-/// @param q_e    as read
-/// @param guard  in and out; `stops` and `brakes` are the caller's to obey
-/// @param late   in and out: of slow and late sensors; nullptr: there are none
-/// @return as control(); `disagree` and a reading: it is not valid, and the robot goes on without
+/// A motor whose brake is requested follows its feed-forward: it slows down with the others while
+/// the brake closes. Once all brakes are requested, the torques hold the robot at rest at its last
+/// valid setpoint. No PD acts on these motors before acknowledge().
+/// @param guard  in and out; the caller must obey `stops` and `brakes`
+/// @param late   in and out: slow and delayed sensors; nullptr: none
+/// @return as control(); `disagree` and a reading: it is not valid, the robot continues without it
 template <Mobility K>
 Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settings,
                                const FaultTolerantSettings& guarding, const Setpoint& setpoint,
@@ -101,7 +98,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   const bool held = guard.brakes == all;
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
   guard.brakes |= guard.watch.lost;
-  // Where the faulty reading is undecided, no loop is trusted longer than the stop takes.
+  // While the fault is undecided, no loop stays closed longer than the stop takes.
   if (guard.watch.undecided) guard.stopping += settings.period;
   if (guard.stopping > guarding.stop) guard.brakes = all;
   state.switched = state.switched || state.braked != guard.brakes;
@@ -113,8 +110,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     bool any = false, left = false, motor = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = guard.watch.reading[c].health == Health::failed;
-      // A lost motor is taken to be where it should be: a law that weighs would find its error by
-      // what says too little of it, and drive it by that.
+      // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
+      // from readings that hardly determine it, and drive it by that.
       if (failed && !(guard.watch.lost >> c & 1U)) guard.known.sigma[c] *= kDisbelieved;
       any = any || failed;
       motor = motor || (c < n && failed);
@@ -140,10 +137,10 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
         (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(guard.at), {}, {}, guard.weight)))
       guard.weight = {};
     for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], guard.weight[i]);
-    state.error = state.error_rate = state.integral = {};  // what follows acknowledge() is led in
+    state.error = state.error_rate = state.integral = {};  // blends in after acknowledge()
   } else if (outcome) {
     guard.at = setpoint.x;
-  } else {  // the last torques are held, but for the PD's of a motor lost in this cycle
+  } else {  // hold the last torques, without the PD of a motor lost now
     for (int i = 0; i < n; ++i)
       if (guard.brakes & bit(i)) state.torque[i] = limited(robot.chain[i], state.load[i]);
   }

@@ -1,8 +1,7 @@
-// Joint states from motor states, and motor commands from joint commands, of a platform on passive
-// axes.
+// Joint states from motor states, and motor commands from joint commands, on passive axes.
 //
-// x = FKM(q), ẋ = J q̇, joint torque J⁻ᵀτ; back q = IKM(x), q̇ = J⁻¹ẋ, motor torque Jᵀτ: torque times
-// rate is the same on both sides. Of another mobility a joint is a free coordinate of the pose.
+// x = FKM(q), ẋ = J q̇, joint torque J⁻ᵀτ; conversely q = IKM(x), q̇ = J⁻¹ẋ, motor torque Jᵀτ, with
+// torque times rate the same on both sides. For other mobilities joints are the free coordinates.
 #pragma once
 
 #include "truepose/control/command.hpp"
@@ -10,17 +9,17 @@
 
 namespace truepose {
 
-/// Of motors or of joints: rad or m, per s, N·m or N.
+/// State of motors or joints: rad or m, per s, N·m or N.
 struct AxisState {
   Coordinates position{}, velocity{}, torque{};
 };
-/// What a drive is given: torque + kp (position - measured) + kd (velocity - measured).
+/// Command to a drive: torque + kp (position - measured) + kd (velocity - measured).
 struct AxisCommand {
   AxisState state;
   Coordinates kp{}, kd{};
 };
 
-/// @param joints  in: near which position; out
+/// Joint state from motor state. @param joints  in: position guess; out
 /// @return as fkm() and jacobian()
 inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
                            AxisState& joints) {
@@ -47,8 +46,8 @@ inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
   });
 }
 
-/// Motor commands whose drives together act on the joints as the joint command says: exactly where
-/// motors and joints are now, and near it by the diagonals of Jᵀ diag(kp) J and Jᵀ diag(kd) J.
+/// Motor commands by which the drives together act on the joints as the joint command says: exactly
+/// at the present state, and near it by the diagonals of Jᵀ diag(kp) J and Jᵀ diag(kd) J.
 /// @param motors, joints  as of joint_state()
 /// @return as command() of the joint command's position
 inline Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,

@@ -1,8 +1,7 @@
 // Control laws: motor errors from readings, the paper's three and two that weigh the readings.
 //
-// A robot that is understood rod by rod (Robot::level) gets its desired readings, its weights and
-// its estimate from the full level; J and the paper's TEJ, which only turn errors into errors, and
-// the dynamics stay ideal.
+// For a robot at the full level (Robot::level), desired readings, weights and estimate come from
+// that level. J and the paper's TEJ, which only map errors to errors, and the dynamics stay ideal.
 #pragma once
 
 #include "truepose/control/tej.hpp"
@@ -20,23 +19,23 @@ enum class Law : int {
   estimated = 4,  ///< as cartesian, x̂ from `estimate`: any mobility, any sensors
 };
 
-/// In which terms a law corrects the robot.
+/// Errors that a law corrects.
 enum class Corrects : int {
   motors = 0,    ///< e_q of the motors' own readings
   readings = 1,  ///< all readings, mapped by a TEJ (see `map_of`)
   pose = 2,      ///< x_d - x̂ (see `found_pose`), mapped by J⁻¹
 };
 
-/// What a law asks for, and what it corrects.
+/// Properties of a law.
 struct LawProperties {
   Law law;
   const char* name;
   Corrects corrects;
-  bool weighs = false;  ///< by what is known of the robot: needs Weighing, its finest level
-  bool sensed = true;   ///< needs a redundant sensor in use: without one it would be another law
+  bool weighs = false;  ///< uses knowledge of the robot: needs Weighing, its highest level
+  bool sensed = true;   ///< needs a redundant sensor in use: without one it is another law
 };
 
-/// In the order of Law. Whoever must know something of a law asks here, Python included.
+/// In the order of Law. The only table of their properties, also for Python.
 inline constexpr std::array kLawTable{
     LawProperties{
         .law = Law::joint, .name = "joint", .corrects = Corrects::motors, .sensed = false},
@@ -53,12 +52,11 @@ constexpr const LawProperties& properties(Law law) {
   return kLawTable[static_cast<std::size_t>(law)];
 }
 
-/// What laws that weigh need besides the robot. One for each controller that runs at a time: the
-/// work space is written to.
+/// Inputs of laws that weigh, besides the robot. One per running controller: `work` is written to.
 struct Weighing {
   const Knowledge* known = nullptr;  ///< about the robot's own parameter values
   Real* work = nullptr;              ///< estimate_work(robot, known->count) numbers
-  CachedGain* kept = nullptr;        ///< from cycle to cycle; nullptr: each cycle has its own
+  CachedGain* kept = nullptr;        ///< cached from cycle to cycle; nullptr: no cache
   explicit operator bool() const { return known != nullptr && work != nullptr; }
 };
 
@@ -80,7 +78,7 @@ class Scaled {
   Knowledge known_;
 };
 
-/// Everything a law needs that depends on x_d alone: q_de, J, TEJ at x_d, q_d.
+/// Inputs of a law that depend on x_d alone: q_de, J, TEJ, q_d.
 template <Mobility K>
 struct Reference {
   Closure<K> closure;
@@ -89,7 +87,7 @@ struct Reference {
   Matrix<kMaxSensors, kDof<K>> jr;
   ExtendedColumns M;
   ExtendedRows tej;
-  Pose pose;  ///< laws of the pose: x̂ where the readings are q_de
+  Pose pose;  ///< laws of the pose: x̂ of the readings q_de
 };
 
 /// As linearise(), at the reference's pose.
@@ -103,7 +101,7 @@ inline Outcome linearise(const Robot& robot, const Reference<K>& reference, Exte
   return {};
 }
 
-/// The same with the weights there: those that are kept or, where they hold no longer, fresh ones.
+/// The same with the weights at that pose: cached, or fresh beyond their validity radius.
 /// @return singular where the motors alone do not determine the pose
 template <Mobility K>
 inline Outcome keep(const Robot& robot, const Weighing& weighing, const Reference<K>& reference,
@@ -122,8 +120,7 @@ inline Outcome keep(const Robot& robot, const Weighing& weighing, const Referenc
   return refresh<K>(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
 }
 
-/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C of the robot's own geometry there,
-/// or what is kept of it.
+/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
 template <Mobility K>
 TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest,
                                     Reference<K>& reference) {
@@ -146,7 +143,7 @@ TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing
   return outcome;
 }
 
-/// q_de where every rod closes its own loop.
+/// q_de with every rod closing its own loop.
 template <Mobility K>
 TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
                                          Reference<K>& reference) {
@@ -175,15 +172,14 @@ template <Mobility K>
 Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                    Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
 
-/// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere, the paper's law)
+/// Computes a law's reference at x_d.
+/// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)
 /// @param weighing  for the weighted law
-/// @param nearby    of a robot that is understood rod by rod: what the full level adds at the last
-///                  cycle's x_d, and then at this one's; nullptr: nothing is known beforehand
-/// @return near_singular where they are; not_compiled: a law that weighs, which was left out;
-/// not_measured: a law of redundant sensors, and none is in use, or of knowledge, and there is
-/// none; joint_limit where a motor would have to pass its stops; branch_lost where x_d is in
-/// another assembly mode than the robot's home (in the band, where the modes meet, both are its
-/// own)
+/// @param nearby    null, or the full level's residual motion at the last x_d, then at this one
+/// @return near_singular: J is damped; not_compiled: laws that weigh are left out; not_measured:
+/// the law needs knowledge, or a redundant sensor in use, and there is none; joint_limit: a motor
+/// would have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the
+/// band, where the modes meet, both are accepted)
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
                      Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
@@ -197,7 +193,7 @@ inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Refere
   const Outcome regular = outcome;
   Reading r;
   if (outcome) outcome = rkm<K>(robot, reference.closure, r, reference.jr);
-  // On the other side of a singularity the motors would have to pass through it to get there.
+  // The motors would have to pass through a singularity to reach another mode.
   const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
   if (outcome && !modes_meet && other_mode<K>(robot, reference.jacobians))
     outcome = {Status::branch_lost, -1};
@@ -206,7 +202,7 @@ inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Refere
   reference.pose = reference.closure.pose;
   if (robot.rod_by_rod()) {
     outcome = refer_full<K>(robot, rest, reference);
-    // What the ideal model makes of q_de is compared with what it makes of q_e: at x_d both agree.
+    // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
     if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
       outcome = found_pose<K>(robot, law, reference.closure.pose, reference.q_e, reference.pose,
                               weighing, rest);
@@ -217,15 +213,15 @@ inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Refere
   return outcome ? regular : outcome;
 }
 
-/// Whether the redundant FKM in closed form takes every reading: θ's sensor is the only one of a
-/// robot that turns about z, or a robot that cannot turn has none.
+/// Whether the closed-form redundant FKM uses every reading: a robot that turns about z has no
+/// sensor but θ's, or one that cannot turn has none.
 template <Mobility K>
 inline bool in_closed_form(const Robot& robot) {
   if (K == Mobility::schoenflies) return robot.r == 1 && properties(robot.sensor[0].kind).is_theta;
   return K == Mobility::translation && robot.r == 0;
 }
 
-/// Redundant FKM in closed form, the paper's: orientation from its sensor (or fixed by the
+/// Redundant FKM in closed form, as in the paper: orientation from its sensor (or fixed by the
 /// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
 template <Mobility K>
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
@@ -246,12 +242,12 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
   }
 }
 
-/// Steps from x_d after which the search starts again from what the motors say.
+/// Steps from x_d after which the search restarts at the motors' pose.
 inline constexpr int kNearIterations = 5;
 
-/// x̂ of all readings, searched for from where it is asked to be, with the weights of that pose.
-/// @param work  as of `estimate`; nullptr where nothing is known, known.count = 0
-/// @param rest  what the full level adds there
+/// x̂ of all readings, searched from the desired pose with the weights there.
+/// @param work  as of `estimate`; nullptr if known.count = 0
+/// @param rest  residual motion there
 template <Mobility K>
 TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, Real* work,
                                    const Pose& desired, const Extended& q_e, Pose& found,
@@ -269,11 +265,11 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, R
   return search(IdealModel{});
 }
 
-/// The redundant FKM of any robot and sensors: in closed form where that takes every reading, else
-/// the least squares of all of them, which count as in the paper's TEJ: motors by 1, sensors by
-/// their weights. To first order J⁻¹ (x_d - x̂) then is TEJ (q_de - q_e), the TEJ law's.
-/// @param near    its D is on the nacelle's side of the spheres' centres; least squares start there
-/// @param nearby  what the full level adds there
+/// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
+/// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order
+/// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
+/// @param near    start of the least squares; its D is on the platform's side of the spheres
+/// @param nearby  residual motion there
 template <Mobility K>
 inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
                              const Parasitic& nearby, Pose& pose) {
@@ -282,7 +278,7 @@ inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose
   if constexpr (!kLawsWeigh) {
     return {Status::not_compiled, -1};
   } else {
-    constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m; it decides when a search ends
+    constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
     Knowledge alike;
     alike.sigma.fill(kSigma);
     for (int k = 0; k < robot.r; ++k)
@@ -303,8 +299,8 @@ inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinate
   });
 }
 
-/// The same with weights that are kept: x̂ is where HᵀC⁻¹(q_e - h) = 0 in those of its own pose.
-/// Where that is far from the reference, they are taken anew.
+/// The same with cached weights: x̂ solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose. Far
+/// from the reference they are computed anew.
 template <Mobility K, class Model>
 inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
                          const Reference<K>& reference, const Extended& q_e, Pose& found,
@@ -347,8 +343,7 @@ TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weig
   return find_kept<K, IdealModel>(robot, weighing, reference, q_e, found, rest);
 }
 
-/// x̂ of a law of the pose, near where it is asked to be.
-/// @param nearby  what the full level adds there
+/// x̂ of a law of the pose, near the desired pose. @param nearby  residual motion there
 template <Mobility K>
 inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                           Pose& found, const Weighing& weighing, const Parasitic& nearby) {
@@ -358,8 +353,7 @@ inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, cons
   return find<K>(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
 }
 
-/// Motor error under a law.
-/// @param found     out, laws of the pose only: x̂
+/// Motor error under a law. @param found  out, laws of the pose only: x̂
 /// @param weighing  for the law of the estimate
 template <Mobility K>
 inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
@@ -389,7 +383,7 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
   return {};
 }
 
-/// What a servo cycle computes beside ê_q.
+/// Outputs of a servo cycle besides ê_q.
 struct ServoCycle {
   Joint q_d{};  ///< desired motor readings, at the robot's level
   JointMatrix J{};
@@ -397,11 +391,9 @@ struct ServoCycle {
   Coordinates x{};     ///< laws of the pose: the estimated one; else the desired one
 };
 
-/// One servo cycle of a robot of any mobility whose drives close their own loops: IKM, assembly
-/// mode, J, TEJ, ê_q.
-/// @param x_d    desired pose
+/// One servo cycle for drives that close their own loops: IKM, assembly mode, J, TEJ, ê_q.
 /// @param error  out: ê_q
-/// @param band   conditioning below which J and J⁻¹ are damped (0: nowhere)
+/// @param band   conditioning below which J and J⁻¹ are damped (0: never)
 /// @param kept   as `nearby` of refer()
 /// @param cycle  out unless null
 inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,

@@ -1,69 +1,68 @@
 // Multirate and delayed sensors: prediction of their present value.
 //
-// A reading is h(x) + p, h the believed sensor at the pose x that the motors alone give. What they
-// say of where the nacelle is may be off by millimetres, but of how it moved in a few milliseconds
-// by a hundredth of that way: p, what the geometry has wrong, is a function of the pose, and slow.
-// So of a sample y taken at s
+// A reading is h(x) + p, h the sensor's model at the motors' pose x. That pose may be off by
+// millimetres, but its motion over a few milliseconds only by a hundredth of itself: p, the
+// geometry's error, is a slow function of the pose. A sample y taken at s gives until the next one
 //
 //     p = y - h(x(s)),        reading now = h(x(t)) + p
 //
-// until the next. What follows fast is the motors' own; a loop closed through p would be late, and
-// is slow: laws act on p behind a low pass of the time that it is late anyway, and a slower one of
-// what is less than counts, which the robot would hunt. What p has changed by on the way since is
-// an error of the reading, of the known variance |sensitivity (x(t) - x(s))|².
+// Fast motion comes from the motors. A loop closed through p is delayed and must be slow: laws use
+// p behind a low-pass with the time constant of its delay, slower for changes below counts, which
+// would cause a limit cycle. The change of p since the sample is an error of the reading, with
+// variance |sensitivity (x(t) - x(s))|².
 #pragma once
 
 #include "truepose/control/parity.hpp"
 
 namespace truepose {
 
-inline constexpr int kOldest = 255;       ///< age, control periods
-inline constexpr int kSlowest = 1 << 20;  ///< from sample to sample, control periods
-inline constexpr Real kCalmest = 0.1;     ///< pace of the low pass for what is less than counts
-inline constexpr Real kCounts = 3;        ///< σ from which on p is followed rather than averaged
+inline constexpr int kOldest = 255;       ///< largest latency, control periods
+inline constexpr int kSlowest = 1 << 20;  ///< largest sample period, control periods
+inline constexpr Real kCalmest = 0.1;  ///< factor on the low-pass's gain for changes below counts
+inline constexpr Real kCounts = 3;     ///< σ above which p is followed rather than averaged
 
-/// Which sensors are slow or late. Constant during a run: fill it, then call start().
+/// Slow and delayed sensors. Constant during a run: fill it, then call start().
 struct MultirateSettings {
-  std::array<int, kMaxSensors> every{};  ///< from sample to sample, control periods; 0 as 1
-  std::array<int, kMaxSensors> age{};    ///< of a sample when it arrives, control periods
-  /// By how much p changes along each freedom of the nacelle, σ: rad or m, per m or rad.
+  std::array<int, kMaxSensors> every{};  ///< sample period, control periods; 0 as 1
+  std::array<int, kMaxSensors> age{};    ///< latency of a sample on arrival, control periods
+  /// Change of p along each freedom of the platform, σ: rad or m, per m or rad.
   Matrix<kMaxSensors, kMaxDof> sensitivity{};
 
   bool is(int sensor) const { return every[sensor] > 1 || age[sensor] > 0; }
 };
 
-/// What is remembered of them. Plain data, the caller's.
+/// State of these sensors. Plain data, the caller's.
 struct Multirate {
   // From start():
   MultirateSettings settings;
-  std::uint32_t which = 0;  ///< sensors that are slow or late, as bits
-  Reading pole{};           ///< of each one's low pass
+  std::uint32_t which = 0;  ///< slow and delayed sensors, as bits
+  Reading pole{};           ///< of each one's low-pass
 
-  std::uint32_t arrived = 0;  ///< in: those of which this cycle has a new sample, as bits
-  std::int64_t cycle = 0;     ///< that comes next
-  bool placed = false;        ///< the motors had a pose in the last cycle
-  Pose pose;                  ///< theirs
-  Coordinates motion{};       ///< in that cycle,
-  Coordinates way{};          ///< and since the start
-  Reading expected{};         ///< h there,
-  Reading change{};           ///< and by how much that has changed
-  Reading noise{};            ///< variance of h, by the motors' noise and counts
-  Matrix<kOldest + 1, kMaxSensors> was{};    ///< h of the last cycles: a ring,
-  Matrix<kOldest + 1, kMaxDof> was_there{};  ///< as `way` is
-  Reading sample{};                          ///< the last that arrived, as read,
+  std::uint32_t arrived = 0;               ///< in: sensors with a new sample in this cycle, as bits
+  std::int64_t cycle = 0;                  ///< next one
+  bool placed = false;                     ///< the motors had a pose in the last cycle
+  Pose pose;                               ///< of the motors
+  Coordinates motion{};                    ///< its change in that cycle,
+  Coordinates way{};                       ///< and since the start
+  Reading expected{};                      ///< h there,
+  Reading change{};                        ///< and its change in that cycle
+  Reading noise{};                         ///< variance of h by the motors' noise and counts
+  Matrix<kOldest + 1, kMaxSensors> was{};  ///< ring buffer of h,
+  Matrix<kOldest + 1, kMaxDof> was_there{};  ///< and of `way`
+  Reading sample{};                          ///< latest that arrived, as read,
   Reading then{};                            ///< h when it was taken,
   Matrix<kMaxSensors, kMaxDof> there{};      ///< `way` then,
-  Matrix<kMaxSensors, kMaxDof> before{};     ///< of the sample before that,
+  Matrix<kMaxSensors, kMaxDof> before{};     ///< `way` of the sample before,
   Reading off{};                             ///< and p
-  Reading slow{};                            ///< p behind the low pass; where begun
+  Reading slow{};                            ///< p behind the low-pass; of sensors in `begun`
   Matrix<kMaxSensors, kMaxDof> slowly{};     ///< `there`, likewise
   std::uint32_t begun = 0;
-  Reading present{};  ///< what they would read now
+  Reading present{};  ///< extrapolated readings
 
   bool is(int sensor) const { return (which & bit(sensor)) != 0; }
 };
 
-/// Starts anew. @return no_such_part and the first sensor whose period or age is none, or too long
+/// Starts afresh. @return no_such_part and the first sensor with an invalid period or latency
 inline Outcome start(const MultirateSettings& settings, Multirate& late) {
   late = Multirate{};
   for (int k = 0; k < kMaxSensors; ++k) {
@@ -80,8 +79,8 @@ inline Outcome start(const MultirateSettings& settings, Multirate& late) {
   return {};
 }
 
-/// Sensors of which a sample arrives in a cycle, as bits, where the controller's clock, whole
-/// cycles from 0, says when they are taken. In the first one what stood still before is read.
+/// Sensors with a sample arriving in a cycle, as bits, if the controller's clock, whole cycles from
+/// 0, triggers them. In the first cycle all arrive: the robot stood still before.
 inline std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle) {
   std::uint32_t bits = 0;
   for (int k = 0; k < kMaxSensors; ++k) {
@@ -94,11 +93,11 @@ inline std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cy
 
 namespace late_detail {
 
-/// The pose of the motors, and h there. @return no answer: none is closed by their readings
+/// Motors' pose, and h there. @return no answer: their readings close no pose
 template <Mobility K>
 inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
   constexpr int n = kDof<K>;
-  Extended fed{};  // the sensors as expected: the parity is by how much h has moved since
+  Extended fed{};  // sensors as expected: the parity is minus the change of h
   std::copy_n(q_e.begin(), n, fed.begin());
   std::copy_n(late.expected.begin(), robot.r, fed.begin() + n);
   Pose near = moved<K>(late.pose, late.motion);
@@ -127,17 +126,17 @@ inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
 
 }  // namespace late_detail
 
-/// One cycle: late readings become present ones. Set `late.arrived` before; see arrivals().
-/// Where the motors have no pose h goes on as it went.
-/// @param robot  finished, with the sensors that `late` speaks of
-/// @param q_e    in: as read; out: those that are slow or late as of now, NaN after such a sample
-/// @return no answer: the first cycle has no pose, and counts for none
+/// Runs one cycle: extrapolates delayed readings to the present. Set `late.arrived` before; see
+/// arrivals(). While the motors have no pose, h continues at its last rate.
+/// @param robot  finished, with the sensors of `late`
+/// @param q_e    in: readings; out: slow and delayed ones as of now, NaN after a NaN sample
+/// @return no answer: the first cycle has no pose, and does not count
 template <Mobility K>
 Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   constexpr int n = kDof<K>;
   if (!robot.finished) return {Status::unfinished, -1};
   const bool first = late.cycle == 0;
-  for (int k = 0; first && k < robot.r; ++k)  // in which turn it begins
+  for (int k = 0; first && k < robot.r; ++k)  // the initial turn
     late.expected[k] = std::isfinite(q_e[n + k]) ? q_e[n + k] : 0;
   const Outcome placed = late_detail::place<K>(robot, q_e, late);
   if (!placed && first) return placed;
@@ -164,15 +163,15 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   return {};
 }
 
-/// What laws act upon, once it is decided what is believed: p behind the low pass.
-/// @param q_e    in and out: late readings as of now
-/// @param holds  p stays: a motor that nothing reads must not be led by what comes late
+/// Low-passes p for the laws, after the fault monitor.
+/// @param q_e    in and out: delayed readings as of now
+/// @param holds  keep p: delayed values must not drive a motor without a reading
 inline void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds = false) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
     if (!late.is(k)) continue;
     const Real off = q_e[n + k] - late.expected[k];
-    if (!std::isfinite(off)) continue;  // the law says so
+    if (!std::isfinite(off)) continue;  // the law reports it
     if (!(late.begun & bit(k))) {
       late.begun |= bit(k);
       late.slow[k] = off;
@@ -191,7 +190,7 @@ inline void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool ho
 
 namespace late_detail {
 
-/// @param since  `way` where p is known
+/// Variance of the change of p. @param since  `way` where p is known
 inline Real latency_variance(const Multirate& late, int sensor,
                              const std::array<Real, kMaxDof>& since) {
   Real variance = 0;
@@ -204,8 +203,8 @@ inline Real latency_variance(const Multirate& late, int sensor,
 
 }  // namespace late_detail
 
-/// The knowledge that laws act upon: p may have changed since where the low pass is, and counts
-/// carried it. @param known  in and out
+/// Raises the σ of delayed readings for the laws: p may have changed since the sample behind the
+/// low-pass, and h has the motors' noise and counts. @param known  in and out
 inline void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {

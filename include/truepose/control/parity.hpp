@@ -1,11 +1,11 @@
-// The disagreement of the redundant readings with the motors.
+// Parity: the disagreement of the redundant readings with the motors.
 //
-// p = P (q_e - h), P = [-J_r J, I]: the redundant readings less what the motors say that they
-// should be, at the pose of the motors. It does not depend on the pose; a reading that is wrong by
-// b adds b g, g its column of P. Where all are right its covariance is V = P (Σ_s + H_ξ Σ_ξ H_ξᵀ)
-// Pᵀ, and pᵀV⁻¹p is χ². That one reading alone is wrong, by an unknown b, takes (gᵀV⁻¹p)²/(gᵀV⁻¹g)
-// from it (the generalised likelihood ratio) and leaves χ² of one degree of freedom less. (Gertler,
-// Fault detection and diagnosis in engineering systems, 1998, chapter 6.)
+// p = P (q_e - h), P = [-J_r J, I]: redundant readings minus the values that the motors predict, at
+// the motors' pose. p does not depend on the pose; an error b of one reading adds b g, g its column
+// of P. Without faults its covariance is V = P (Σ_s + H_ξ Σ_ξ H_ξᵀ) Pᵀ, and pᵀV⁻¹p is χ². An
+// unknown error b of one reading alone accounts for (gᵀV⁻¹p)²/(gᵀV⁻¹g) of it (generalised
+// likelihood ratio) and leaves χ² with one degree of freedom less. (Gertler, Fault detection and
+// diagnosis in engineering systems, 1998, chapter 6.)
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ struct Parity {
     return column;
   }
 
-  /// h, J and J_r J at a pose. @param beyond  what the full level adds to h
+  /// h, J and J_r J at a pose. @param beyond  the full level's addition to h
   Outcome look(const Robot& robot, const Pose& from, const Extended& beyond) {
     Closure<K> closure;
     Reading values;
@@ -53,9 +53,9 @@ struct Parity {
     return {};
   }
 
-  /// From a pose nearby to where the motors say it is, by Newton; p there.
+  /// Finds the motors' pose by Newton from a pose nearby, and p there.
   Outcome place(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond) {
-    constexpr Real kNear = 1e-3;  // of a motor: what one step leaves is its square
+    constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
     pose = near;
     read = q_e;
     Extended error;
@@ -93,7 +93,7 @@ struct Parity {
       }
   }
 
-  /// P H_ξ S, r rows of B: what of the geometry is open in the parity.
+  /// P H_ξ S, r rows of B: the geometry's uncertainty in the parity.
   void open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const {
     const int width = parameter_count(robot);
     for (int k = 0; k < robot.r; ++k)
@@ -106,7 +106,7 @@ struct Parity {
     times_root(known, robot.r, B);
   }
 
-  /// σ by which what the motors say that a sensor should read differs between two cycles at rest.
+  /// σ of the change, between cycles at rest, of a sensor's value predicted by the motors.
   Real expectation_noise(const Extended& noise, int reading) const {
     Real sum = 0;
     if (reading >= n)
@@ -115,18 +115,17 @@ struct Parity {
   }
 };
 
-/// χ² of a parity, and which readings may alone explain it.
+/// χ² of a parity, and the readings that alone may explain it.
 struct Verdict {
   Real chi2 = 0;
   int freedom = 0;
   bool alarm = false;
-  std::uint32_t may = 0;  ///< where there is an alarm: those, as bits,
-  Extended by;            ///< and by how much each would be wrong
+  std::uint32_t may = 0;  ///< in an alarm: those readings, as bits,
+  Extended by;            ///< and the error of each
 };
 
-/// @param most     χ² beyond which there is an alarm, by degrees of freedom
-/// @param V        factored
-/// @param without  readings that are believed anyway to be wrong; `left_out` of them weigh in V
+/// Tests a parity. @param most  χ² beyond which there is an alarm, by degrees of freedom
+/// @param V  factored @param without  excluded readings; `left_out` of them count in V
 template <Mobility K>
 inline Verdict judge(const Parity<K>& parity, const std::array<Real, kMaxSensors + 1>& most,
                      const ReadingCovariance& V, const Reading& value, int r, std::uint32_t without,

@@ -35,7 +35,7 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
     const Real scale = weight / (1 + weight * gCg);
     for (Real& entry : gain) entry *= scale;
     for (int c = 0; c < n + s; ++c) {
-      Real seen = 0;  // g M⁺: what of reading c the sensor sees again
+      Real seen = 0;  // g M⁺, entry c
       for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
       for (int i = 0; i < n; ++i) M_plus[i][c] -= gain[i] * seen;
     }

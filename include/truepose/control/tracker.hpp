@@ -9,18 +9,18 @@ namespace truepose {
 struct Tracker {
   Real value = 0, rate = 0;
 
-  /// What it expects now, one period after it was corrected last.
+  /// Prediction one period after the last correction.
   Real predicted(Real period) const { return value + period * rate; }
 
-  /// @param innovation  what was read less what it expected
+  /// @param innovation  reading minus prediction
   void correct(Real period, Real pole, Real innovation) {
     value += period * rate + (1 - pole * pole) * innovation;
     rate += (1 - pole) * (1 - pole) / period * innovation;
   }
 };
 
-/// What the innovation of a tracker makes of its input: ((1 - z⁻¹)/(1 - pole z⁻¹))², and so, of
-/// white noise, its variance, of counts, the largest sum, and of an acceleration, the last value.
+/// Gains from a reading to its innovation, h = ((1 - z⁻¹)/(1 - pole z⁻¹))²: Σh² for white noise,
+/// Σ|h| for bounded errors such as counts, the steady state for a constant second difference.
 struct TrackerGains {
   Real variance = 0, largest = 0, acceleration = 0;
 };
@@ -28,7 +28,7 @@ struct TrackerGains {
 inline TrackerGains tracker_gains(Real pole) {
   TrackerGains gains;
   gains.acceleration = 1 / ((1 - pole) * (1 - pole));
-  // (1 - pole z⁻¹)² h = (1 - z⁻¹)², until nothing of it is left
+  // impulse response: (1 - pole z⁻¹)² h = (1 - z⁻¹)², until it has decayed
   Real before = 0, last = 0;
   for (int k = 0; k < 1000; ++k) {
     const Real input = k == 0 ? 1 : k == 1 ? -2 : k == 2 ? 1 : 0;

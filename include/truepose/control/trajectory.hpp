@@ -12,7 +12,7 @@ struct Setpoint {
   Coordinates x{}, rate{}, acceleration{};
 };
 
-/// The setpoint between two of a path that is followed more slowly. @param share  0 to 1
+/// Interpolates two setpoints of a path that is followed more slowly. @param share  0 to 1
 inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, Real share) {
   return with_mobility(mobility, [&](auto K) {
     const Pose start = to_pose<K()>(a.x);
@@ -29,9 +29,9 @@ inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b,
   });
 }
 
-/// From `from` to `to` in `duration` seconds, at rest at both ends; before and after it stays.
-/// s = 10u³ - 15u⁴ + 6u⁵: velocity and acceleration vanish at the ends. Rotations turn about one
-/// fixed axis, so the twist is s' times a constant, exactly.
+/// Quintic move from `from` to `to` in `duration` seconds, at rest at both ends, constant outside:
+/// s = 10u³ - 15u⁴ + 6u⁵, with zero velocity and acceleration at the ends. Rotations turn about one
+/// fixed axis, so the twist is exactly s' times a constant.
 template <Mobility K>
 inline Setpoint quintic(const Coordinates& from, const Coordinates& to, Real duration, Real time) {
   const Real u = std::clamp(time / duration, 0.0, 1.0);

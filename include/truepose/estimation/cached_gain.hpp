@@ -1,9 +1,9 @@
-// The gain matrix of an estimate, cached from cycle to cycle. The geometry's part of C is kept in
-// coordinates in which it changes slowly with the pose.
+// The gain matrix of an estimate, cached from cycle to cycle.
 //
-// C = H_ξ Σ_ξ H_ξᵀ + Σ_s: the first term is dear, the second may change in any cycle (a reading
-// that is not believed). Of e = q_e - h take what the motors say of the pose, e_x = J e_q with J =
-// H_q⁻¹, and the parity, p = e_r - H_r e_x. Their errors have the covariance [[A, N], [Nᵀ, V]],
+// C = H_ξ Σ_ξ H_ξᵀ + Σ_s: the first term is expensive, the second may change in any cycle (excluded
+// readings). The first is cached in coordinates in which it changes slowly with the pose.
+// e = q_e - h is split into the motors' pose error, e_x = J e_q with J = H_q⁻¹, and the parity,
+// p = e_r - H_r e_x. Their errors have the covariance [[A, N], [Nᵀ, V]],
 //
 //     A = A_ξ + S,   N = N_ξ - S H_rᵀ,   V = V_ξ + Σ_r + H_r S H_rᵀ,   S = J Σ_q Jᵀ,
 //
@@ -11,19 +11,17 @@
 //
 //     δx = e_x - K p,   K = N V⁻¹,   cov(δx) = P = A - K V Kᵀ,   gain = [(I + K H_r) J, -K].
 //
-// A_ξ, N_ξ and V_ξ are kept; H, Σ_s and all that is made of them are those of the present. So
-// gain · H = I to rounding, whatever is kept: a robot where it should be has no error, and one that
-// is elsewhere has its whole error. What is wrong with the placing of the base moves e_x alone, by
-// the same at every pose, and a perfect sensor of one coordinate stays one: either would not be so
-// of C itself, or of K (docs/model.md).
+// A_ξ, N_ξ and V_ξ are cached; H, Σ_s and all that follows from them are current. So gain · H = I
+// to rounding with any cache: a robot at its target has no error, one that is off has its whole
+// error. An error in the placing of the base changes e_x alone, equally at every pose, and a
+// perfect sensor of one coordinate stays perfect; not so with C or K in the cache (docs/model.md).
 //
-// With K₀ of another pose x̂ moves by (K₀ - K) p: coordinate i by at most s σ_i √χ², χ² that of p
-// (r on average), by s σ_i in the root of the mean square, and its variance grows by s², where
+// With K₀ of another pose x̂ changes by (K₀ - K) p: coordinate i by at most s σ_i √χ², χ² that of p
+// (r on average), by s σ_i RMS, and its variance grows by s², where
 //
 //     s² = max_i [(K₀ - K) V (K₀ - K)ᵀ]_ii / P_ii.
 //
-// s grows with the way from where K₀ is from. A refresh finds what it had become, and sets how far
-// to go to the next one.
+// s grows with the distance from K₀'s pose. A refresh measures it and sets how far the next may be.
 #pragma once
 
 #include <bit>
@@ -32,17 +30,17 @@
 
 namespace truepose {
 
-/// Kept from cycle to cycle, the caller's, one for each controller. A new one knows nothing.
+/// The cache, the caller's, one for each controller. A new one is empty.
 struct CachedGain {
-  Real share = 0.1;      ///< s at most, as far as is foreseen
-  std::uint64_t of = 0;  ///< fingerprint of robot and knowledge; 0: nothing is kept
+  Real share = 0.1;      ///< largest s, as predicted
+  std::uint64_t of = 0;  ///< fingerprint of robot and knowledge; 0: empty
   Joint q{};             ///< of the motors where it was computed
-  Real reach = 0;        ///< rad or m: as far as the motors move less, together, it holds
-  Real became = 0;       ///< s that the last refresh found
-  Real slope = 0;        ///< s over the way at the refreshes before, the latest counting most
+  Real reach = 0;        ///< validity radius: travel of the motors, added up, rad or m
+  Real became = 0;       ///< relative gain error s found by the last refresh
+  Real slope = 0;        ///< s per travel, largest of the refreshes, older ones discounted
   Matrix<kMaxReadings, kMaxReadings> C{};  ///< lower triangle of [[A_ξ, N_ξ], [N_ξᵀ, V_ξ]]
 
-  /// How far the motors have moved, together.
+  /// Travel of the motors since the refresh, added up.
   Real way(int n, const Extended& q_e) const {
     Real sum = 0;
     for (int i = 0; i < n; ++i) sum += std::fabs(q_e[i] - q[i]);
@@ -55,13 +53,13 @@ namespace kept_detail {
 
 inline constexpr Real kFirstReach = 2e-3;  ///< rad or m
 inline constexpr Real kMostReach = 0.1;
-inline constexpr Real kTooFar = 0.3;   ///< s does not grow with the way any more
-inline constexpr Real kForgets = 0.9;  ///< what the slope before counts, a refresh later
-/// How much faster than on the way to the last refresh s may grow on the next one.
+inline constexpr Real kTooFar = 0.3;   ///< s no longer grows with the travel
+inline constexpr Real kForgets = 0.9;  ///< factor on the slope so far, per refresh
+/// Factor by which s may grow faster on the way to the next refresh than to the last.
 inline constexpr Real kFaster = 4;
 
-/// Of everything that the geometry's part of C depends on besides the pose: FNV-1a by words. (Of S
-/// its diagonal: no line of readings and no other prior leaves that as it was.)
+/// Fingerprint of everything but the pose that the geometry's part of C depends on: FNV-1a by
+/// words. (Of S the diagonal: no sample and no other prior leaves that as it was.)
 inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   std::uint64_t mark = 14695981039346656037ULL;
   const auto word = [&](std::uint64_t value) { mark = (mark ^ value) * 1099511628211ULL; };
@@ -100,7 +98,7 @@ inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
 
 }  // namespace kept_detail
 
-/// Generalised least squares at a pose, from weights that are kept.
+/// Generalised least squares at a pose, with cached weights.
 template <Mobility K>
 struct CachedFusion {
   static constexpr int n = kDof<K>;
@@ -111,7 +109,7 @@ struct CachedFusion {
   std::array<Real, n> variance;     ///< diagonal of P
   ReadingCovariance V;              ///< factored
 
-  /// J and H_r J. @return whether H_q has an inverse
+  /// Computes J and H_r J. @return whether H_q has an inverse
   bool place(const Robot& robot, const Matrix<kMaxReadings, n>& H_x) {
     std::array<Lanes<n>, n> columns;
     std::array<Real, n> size;
@@ -128,7 +126,7 @@ struct CachedFusion {
     return true;
   }
 
-  /// K and P of the cached gain. @return not_finite where V is no covariance
+  /// Computes K and P from the cache. @return not_finite where V is no covariance
   Outcome weigh(const Robot& robot, const Knowledge& known, const CachedGain& kept) {
     const int r = robot.r;
     const auto& C = kept.C;
@@ -158,7 +156,7 @@ struct CachedFusion {
     return {};
   }
 
-  /// The step to where all readings say the robot is. @param e  q_e - h @return χ² of the parity
+  /// Step to the pose of all readings. @param e  q_e - h @return χ² of the parity
   Real step(const Robot& robot, const Extended& e, Coordinates& step) const {
     Reading p{};
     for (int k = 0; k < robot.r; ++k) {
@@ -190,11 +188,11 @@ struct CachedFusion {
   }
 };
 
-/// Computes what is kept anew, at a pose, and what it had become by then.
-/// @param q_e     of the motors there
-/// @param at      in: placed; out: weighed
-/// @param H_xi    there; spoilt
-/// @param B       work space, (n + r)×count
+/// Refreshes the cache at a pose, and measures the error of the old one.
+/// @param q_e   motors' readings there
+/// @param at    in: placed; out: weighed
+/// @param H_xi  there
+/// @param B     work space, (n + r)×count
 /// @return not_finite where some σ is not a positive number
 template <Mobility K>
 TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
@@ -207,7 +205,7 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
   const bool compares =
       kept.of == mark && way > 0 && way < kept_detail::kTooFar && at.weigh(robot, known, kept);
   if (compares) before = at.gain;
-  kept.of = 0;  // until it is whole again
+  kept.of = 0;  // invalid until complete
   Knowledge geometry = known;
   geometry.sigma.fill(1);
   gather(robot, geometry, H_xi, rows, B);

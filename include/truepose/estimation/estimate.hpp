@@ -1,7 +1,7 @@
 // The pose estimate from all readings together, and its covariance.
 //
-// x̂ = argmin |q_e - h(x)|² in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: what the readings cannot be
-// trusted for, geometry and counts alike. The same weights make the weighted TEJ.
+// x̂ = argmin |q_e - h(x)|² in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: the uncertainty of the
+// readings, from geometry and counts alike. The weighted TEJ has the same weights.
 #pragma once
 
 #include <numbers>
@@ -14,38 +14,37 @@
 
 namespace truepose {
 
-inline constexpr int kEstimateIterations = 16;  ///< 5 where readings agree, from the motors' pose
+inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose where readings agree
 
-/// (step/σ)² from which on a Gauss-Newton step is the last: 1e-5 of a σ (single: 3e-3). What it
-/// leaves is a few per cent of it, where readings disagree by several σ, else its square.
+/// (step/σ)² below which a Gauss-Newton step is the last: 1e-5 of a σ (single: 3e-3). The remaining
+/// error is its square, or a few per cent of it where readings disagree by several σ.
 inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
-/// The same of the last two steps that there are: where readings disagree and hardly hold a
-/// coordinate, steps may shrink by no more than a tenth, and what is left is a few hundredths of σ.
+/// The same for the last two iterations: where readings disagree and hardly determine a coordinate,
+/// steps may shrink by no more than a tenth, and a few hundredths of σ remain.
 inline constexpr Real kLateStep = 1e-5;
 
-/// χ² that a step may still promise where the steps end: less than readings tell apart. Where they
-/// hardly hold a coordinate, curvature lets Gauss-Newton creep along it, well within σ.
+/// Decrease of χ² that a step may still promise at the last iteration: below the readings'
+/// resolution. Where these leave a coordinate open, curvature makes Gauss-Newton creep within σ.
 inline constexpr Real kFlat = 0.5;
 
-/// Share of a slope of the readings that the elastic full level may leave out: its derivatives hold
-/// the stress of the rods as it is (full/full.hpp). Of whitened readings, which decide on a step,
-/// this is up to 0.04 on Par4s that were calibrated.
+/// Share of the readings' slope that the elastic full level may neglect: its derivatives keep the
+/// rods' stress constant (full/full.hpp). Of whitened readings, which decide on a step, this is up
+/// to 0.04 on calibrated Par4s.
 inline constexpr Real kElasticSlope = 0.1;
 
 /// Whether a Gauss-Newton step is the last.
-/// @param size  of the step, (step/σ)² of the coordinate that moves most; `last`: of the one before
+/// @param size  (step/σ)² of the coordinate that moves most; `last`: of the step before
 /// @param chi2  of as many readings as there are rows
 inline bool is_last(Real size, Real last, Real chi2, int rows) {
-  // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
-  // shrinks is as near as one gets.
+  // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
   const Real enough =
       kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
   return size < enough || (size < 1e-6 && size > 0.25 * last);
 }
 
-/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
-/// which `rest` is the start of a solution and its end).
+/// Model of an estimate: one rod per chain (full/linearise.hpp has every rod, and `rest` starts its
+/// solution and takes the result).
 struct IdealModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
@@ -58,7 +57,7 @@ struct IdealModel {
   }
 };
 
-/// numbers of work space that `reading_covariance` (its H_xi and B) and `estimate` need
+/// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
   return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count);
 }
@@ -67,7 +66,7 @@ inline int estimate_work(const Robot& robot, int count) {
 struct ReadingCovariance {
   Matrix<kMaxReadings, kMaxReadings> L;
 
-  /// From the lower triangle of C, left in L. @return false where that is no covariance
+  /// Factors C from its lower triangle in L. @return false where C is no covariance
   bool factor(int rows) {
     for (int i = 0; i < rows; ++i)
       for (int j = 0; j <= i; ++j) {
@@ -102,7 +101,7 @@ struct ReadingCovariance {
   }
 };
 
-/// aᵀb in four sums, which need not wait for each other.
+/// aᵀb in four independent sums, for speed.
 inline Real dot(int size, const Real* a, const Real* b) {
   Real sum[4] = {};
   int k = 0;
@@ -128,8 +127,8 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, co
   return {positive && C.factor(rows) ? Status::ok : Status::not_finite, -1};
 }
 
-/// What is left of a difference of a reading when whole turns of a joint are taken out: which of
-/// them an encoder counts from is nobody's geometry.
+/// Removes whole turns of a joint from a difference of readings: the turn from which an encoder
+/// counts is not part of the geometry.
 inline Real within_turn(const Robot& robot, int reading, Real difference) {
   const int n = dof(robot.mobility);
   if (reading < n) return within_turn(robot.chain[reading], difference);
@@ -139,7 +138,7 @@ inline Real within_turn(const Robot& robot, int reading, Real difference) {
              : difference;
 }
 
-/// What was read less what was expected, whole turns of a joint left out.
+/// Readings minus expected ones, without whole turns of a joint.
 inline void innovation(const Robot& robot, const Extended& q_e, const Extended& expected,
                        Extended& residual) {
   for (int i = 0; i < dof(robot.mobility) + robot.r; ++i)
@@ -194,7 +193,7 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
   return {};
 }
 
-/// How an estimate of the pose ended, and how well the pose is known.
+/// Result of a pose estimate.
 template <Mobility K>
 struct Estimate {
   Outcome outcome;
@@ -204,15 +203,13 @@ struct Estimate {
   explicit operator bool() const { return bool(outcome); }
 };
 
-/// Weighted Gauss-Newton on all readings from a pose, at which the weights are taken.
-///
+/// Estimates the pose by weighted Gauss-Newton on all readings, with the weights at the start.
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the start; out: x̂
 /// @param work   estimate_work(robot, known.count) numbers; nullptr where known.count = 0
 /// @param rest   as of ikm_full, for the full level
 /// @param cap    steps
-/// @return not_converged, singular or unreachable where no pose is found; the pose is then the
-/// start
+/// @return not_converged, singular or unreachable where no pose is found; `pose` is then the start
 template <Mobility K, class Level>
 Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
                           Pose& pose, Real* work, Parasitic& rest, int cap) {
@@ -243,11 +240,10 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
       result.outcome = {Status::not_converged, -1};
       break;
     }
-    // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
-    // the cost by less than a quarter of the predicted decrease is shortened to where the parabola
-    // of both costs and the first slope is least, below 4/7 of it. Where slopes are inexact the
-    // cost may rise along it by what they leave out, 2 |whitened| times their share of the promised
-    // change of the readings.
+    // Where readings disagree by many σ, curvature makes steps overshoot: a step with less than a
+    // quarter of the predicted decrease is shortened to the minimum of the parabola of both costs
+    // and the first slope, below 4/7 of it. Inexact slopes may raise the cost along it by
+    // 2 |whitened| times their share of the promised change of the readings.
     const Real inexact =
         2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
     const bool shorter = next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost +
@@ -270,7 +266,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
         along += step[i] * before[i] / fusion.covariance[i][i];
         whole2 += before[i] * before[i] / fusion.covariance[i][i];
       }
-      // For the same reason steps may follow each other by a constant share: the secant then goes
+      // Curvature may also make successive steps shrink by a constant ratio: the secant then goes
       // to where they vanish, or ahead where they grow.
       if (std::fabs(along) > 0.25 * whole2)
         length = along < 0.9 * whole2
@@ -312,13 +308,13 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     }
     ++result.iterations;
     result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
-    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings'
+    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings
       result.outcome = {Status::not_converged, -1};
   }
   return result;
 }
 
-/// The same from the pose that the motors give.
+/// Estimates the pose, starting at the motors' pose.
 /// @param pose   in: a guess of that; out: x̂
 /// @param rest   nullptr: nothing is known beforehand
 template <Mobility K, class Level = IdealModel>
@@ -338,7 +334,7 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
   return result;
 }
 
-/// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ of M = H_x J, and so J⁻¹ times the gain.
+/// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ with M = H_x J, hence J⁻¹ times the gain.
 template <Mobility K>
 inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
                          const Fusion<K>& fusion, ExtendedRows& M_plus) {

@@ -5,8 +5,8 @@
 
 namespace truepose {
 
-/// Normal distributions of the uncertain parameters and of the readings. The arrays are the
-/// caller's: a prior of 50 parameters is as good here as the posterior of a calibration.
+/// Normal distributions of the uncertain parameters and of the readings' errors. The arrays are the
+/// caller's: a prior or the posterior of a calibration.
 struct Knowledge {
   int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ (parameters.hpp)
@@ -14,8 +14,8 @@ struct Knowledge {
   Extended sigma{};            ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
 };
 
-/// The uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
-/// @param last  how many of the last columns of B belong to no column of H_ξ: left as they are
+/// Gathers the uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
+/// @param last  number of last columns of B without a column of H_ξ: left unchanged
 inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi, int rows, Real* B,
                    int last = 0) {
   const int width = parameter_count(robot);
@@ -26,9 +26,8 @@ inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi,
   }
 }
 
-/// B S in place: entry j of a row takes from those at and behind it, a few entries at a time. Most
-/// of a motor's row is zero at first, but for its own chain's parameters: only those are
-/// multiplied.
+/// B S in place, in blocks: entry j of a row depends on those from j on. Only the nonzero span of a
+/// row is multiplied: at first a motor's row has only its own chain's parameters.
 inline void times_root(const Knowledge& known, int rows, Real* B) {
   constexpr int kBlock = 8;
   const int p = known.root ? known.count : 0;

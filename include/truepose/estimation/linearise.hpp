@@ -1,5 +1,4 @@
-// Values and derivatives of all readings at a pose, by pose and by parameter. q_e = [q; r], H_x =
-// ∂q_e/∂x and H_ξ = ∂q_e/∂ξ.
+// Values and derivatives of all readings at a pose: q_e = [q; r], H_x = ∂q_e/∂x, H_ξ = ∂q_e/∂ξ.
 #pragma once
 
 #include "truepose/model/parameters.hpp"
@@ -16,13 +15,12 @@ inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
   for (int k = 0; k < robot.r; ++k) H_x[n + k] = jr[k];
 }
 
-/// q_e, H_x and H_ξ of the ideal level at a pose, the motors holding it.
+/// q_e, H_x and H_ξ of the ideal level at a pose held by the motors.
 /// @param q_e   out: readings of the motors, then of the sensors in use
 /// @param H_x   out: along the free twist, n + r rows; the first n are J⁻¹, the others J_r
-/// @param H_xi  out: along ξ at fixed pose, (n + r) rows of parameter_count(robot), in memory the
-///              caller owns; or nullptr
-/// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where
-/// a sensor has no reading or one of the derivatives is not finite
+/// @param H_xi  out unless null: along ξ at fixed pose, (n + r)×parameter_count(robot) numbers
+/// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where a
+/// sensor has no reading or one of the derivatives is not finite
 template <Mobility K>
 Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
                   Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi) {

@@ -1,6 +1,6 @@
 // Online (recursive) calibration, one row of readings per cycle.
 //
-// A square-root filter on ξ. The pose of the moment is unknown and eliminated (eliminate.hpp): r
+// A square-root filter on ξ. The unknown pose of each row is eliminated (eliminate.hpp): r
 // equations about ξ alone remain, and each updates the root S of the covariance, Σ_ξ = S Sᵀ
 // (Carlson's triangular form; Bierman, Factorization Methods for Discrete Sequential Estimation,
 // 1977, chapter V). Bounded work, no allocation, no exception.
@@ -12,44 +12,44 @@
 
 namespace truepose {
 
-/// What the filter knows. The arrays are the caller's; it starts from the prior.
+/// State of the filter. The arrays are the caller's; it starts from the prior.
 struct OnlineState {
   int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ
   Real* xi = nullptr;                    ///< ξ̂, parameter_count values
   Real* root = nullptr;                  ///< S, p×p by rows, lower triangular
   Extended sigma{};                      ///< σ of every reading's own error, > 0
-  int due = 0;                           ///< the drift whose turn is next
-  Real* kept = nullptr;  ///< online_kept(count) numbers: what to go back to; nullptr: nothing
-  ResidualTest doubt{};  ///< how far the readings disagree, and whether that has stopped it
+  int due = 0;                           ///< index of the next drift
+  Real* kept = nullptr;  ///< online_kept(count) numbers to roll back to; nullptr: none
+  ResidualTest doubt{};  ///< disagreement of the readings, and whether it stopped the filter
 };
 
-/// How the filter learns. Constant during a run.
+/// Settings of the filter. Constant during a run.
 struct OnlineSettings {
   int drifts = 0;  ///< independent random walks, each of one or several parameters together
   const Real* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
   const Real* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
-  /// σ beyond which a line's equations, together, are no chance: it is left out, or the one reading
-  /// that explains it. Where lines keep disagreeing, learning stops. 0: every line counts.
+  /// σ beyond which a row's equations together are rejected: the row is excluded, or the one
+  /// reading that explains them. Persistent disagreement stops the filter. 0: every row counts.
   Real gate = kGate;
 };
 
-/// How much readings curve, per m or rad: a few times one over the lengths of a robot, since its
-/// Jacobians multiply it. Chosen by trial on H4s: with 1 and with 8 one pass ends further from the
+/// Curvature of the readings, per m or rad: a few times one over a robot's lengths, since its
+/// Jacobians multiply it. Chosen by trial on H4s: with 1 and with 8 one pass ends farther from the
 /// batch than with 12.
 inline constexpr Real kCurvature = 12;
 
-/// numbers of work space that `observe` needs
+/// Numbers of work space for `observe`.
 inline int online_work(const Robot& robot, int count) {
   return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + count;
 }
 
-/// numbers of memory that OnlineState::kept needs: ξ̂ and S
+/// Numbers of memory for OnlineState::kept: ξ̂ and S.
 inline int online_kept(int count) { return count * (1 + count); }
 
 namespace online_detail {
 
-/// One equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
+/// Updates S by one equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
 /// @param b  out: the gain times alpha + fᵀf
 inline void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
   for (int j = 0; j < p; ++j) b[j] = 0;
@@ -65,7 +65,7 @@ inline void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
   }
 }
 
-/// S Sᵀ + v vᵀ, triangular again, by one rotation a column. @param v  p; spoilt
+/// S Sᵀ + v vᵀ, triangular again, by one rotation per column. @param v  p numbers; overwritten
 inline void add_drift(int p, Real* S, Real* v) {
   for (int k = 0; k < p; ++k) {
     const Real length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
@@ -83,14 +83,14 @@ inline void add_drift(int p, Real* S, Real* v) {
 
 namespace online_detail {
 
-/// What one line of readings says, the pose being unknown.
+/// Information of one row of readings, the pose being unknown.
 struct Line {
   Pose pose;                  ///< x̂
   RowsOfPose H_x;             ///< whitened
   Innovations innovations{};  ///< of the r equations about ξ; their F is in the work space
 };
 
-/// Where `observe` keeps what in its work space.
+/// Layout of `observe`'s work space.
 struct Work {
   Real *H_xi, *B, *F, *b;
   Work(const Robot& robot, int count, Real* work)
@@ -100,10 +100,9 @@ struct Work {
         b(F + robot.r * count) {}
 };
 
-/// r independent equations about ξ, from linearising about a pose of all readings.
-///
+/// r independent equations about ξ, by linearising about a pose of all readings.
 /// @param robot    at the ξ of linearisation
-/// @param without  a reading that is not believed, or -1
+/// @param without  excluded reading, or -1
 template <Mobility K, class Model>
 inline Outcome understand(const Robot& robot, const OnlineSettings& settings, const Extended& q_e,
                           const OnlineState& state, const Pose& guess, int without,
@@ -121,7 +120,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   }
   if (status != Status::ok) return {status, -1};
 
-  // From the motors' pose to that of all readings; further where a motor is not believed.
+  // From the motors' pose to that of all readings, which is farther without a motor.
   std::array<Real, kMaxRows> e;
   for (int steps = without < 0 ? 2 : 5; steps > 0; --steps) {
     const bool last = steps == 1;
@@ -146,7 +145,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     line.pose = moved<K>(line.pose, step);
   }
-  Real sum = 0;  // of the next state: one NaN in it would spoil every later cycle
+  Real sum = 0;  // a NaN shows in it, which would corrupt every later state
   for (int row = n; row < rows; ++row) sum += e[row];
   for (const Real* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
@@ -161,10 +160,10 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
         y -= work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
   }
   times_root(known, robot.r, work.F);
-  // What linearising about a poor ξ̂ leaves out is of second order: the square of the loop residual.
-  // It counts as noise, lest the first lines claim to know what they do not.
+  // Linearising about a poor ξ̂ leaves a remainder of second order, the square of the loop
+  // residual. It counts as noise, so that the first rows do not overstate their information.
   decorrelate(p, work.F, settings.linearised ? 0 : kCurvature * coarsest, line.innovations);
-  // Nor may what it would learn from overflow, or be as good as certain.
+  // The update must not overflow, nor an equation be as good as certain.
   for (int i = 0; i < robot.r; ++i) {
     const Innovations& made = line.innovations;
     sum += 0 * made.y[i] + 0 * made.total[i] + 0 / made.noise[i];
@@ -173,7 +172,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
-/// Copies ξ̂ and S to where they are kept, or back.
+/// Saves ξ̂ and S, or restores them.
 inline void copy_state(OnlineState& state, bool back) {
   const int p = state.count;
   Real *mean = state.kept, *root = mean + p;
@@ -184,13 +183,13 @@ inline void copy_state(OnlineState& state, bool back) {
   std::copy_n(back ? root : state.root, p * p, back ? state.root : root);
 }
 
-/// Whether readings fit no pose that was found.
+/// Whether no pose was found that fits the readings.
 constexpr bool no_pose(Status status) {
   return status == Status::unreachable || status == Status::not_converged;
 }
 
-/// One more line's say on whether the readings disagree. Where nothing speaks against them, the
-/// state as it was before this line is kept; where too much does, it is gone back to.
+/// Adds a row to the evidence of disagreement. Without evidence, the state before this row is
+/// saved; with too much, the saved one is restored.
 inline void weigh_line(OnlineState& state, int readings, Real log_ratio) {
   ResidualTest& doubt = state.doubt;
   if (state.kept && doubt.evidence <= 0 && ++doubt.since >= kEvery) {
@@ -208,15 +207,14 @@ inline void weigh_line(OnlineState& state, int readings, Real log_ratio) {
 
 }  // namespace online_detail
 
-/// One cycle: ξ̂ and S learn from one line of readings.
-///
-/// @param drawn  as set_parameters takes it
-/// @param robot  in: any copy of it; out: the robot at the ξ of linearisation
-/// @param pose   in: a guess; out: x̂ before ξ̂ moved
+/// Runs one cycle: updates ξ̂ and S by one row of readings.
+/// @param drawn   nominal robot, as for set_parameters
+/// @param robot   in: any copy of it; out: the robot at the ξ of linearisation
+/// @param pose    in: a guess; out: x̂ before ξ̂ moved
 /// @param memory  online_work(drawn, count) numbers
-/// @return `disagree`: nothing was learnt, or not from the reading named; `stopped`: nothing was,
-/// nor will be, and ξ̂ and S are back where they were last good. Both come with a pose. Without an
-/// answer the state is as it was.
+/// @return `disagree`: no update, or none by the reading named; `stopped`: no update now or later,
+/// and ξ̂ and S are back at their last good values. Both come with a pose. Without an answer ξ̂ and
+/// S are unchanged, unless a row without a pose stops the filter.
 template <Mobility K, class Model = IdealModel>
 Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
                 OnlineState& state, Robot& robot, Pose& pose, Real* memory) {
@@ -274,7 +272,7 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
     const Real step = line.innovations.y[i] / line.innovations.total[i];
     for (int k = 0; k < p; ++k) state.xi[state.column[k]] += work.b[k] * step;
   }
-  if (settings.drifts > 0) {  // one a cycle, for all the cycles since its last turn
+  if (settings.drifts > 0) {  // one per cycle, for all cycles since its last turn
     state.due = (state.due + 1) % settings.drifts;
     const Real cycles = std::sqrt(Real(settings.drifts));
     for (int k = 0; k < p; ++k) work.b[k] = cycles * settings.drift[state.due * p + k];

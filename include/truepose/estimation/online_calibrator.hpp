@@ -1,7 +1,7 @@
 // Online calibration beside the control cycle.
 //
-// Between a cycle's readings and its torque, the online filter (online_calibration.hpp) takes the
-// readings as one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
+// Between readings and torque, the online filter (online_calibration.hpp) updates ξ by this row of
+// readings; from then on the controller uses the robot at ξ̂.
 #pragma once
 
 #include "truepose/estimation/online_calibration.hpp"
@@ -9,30 +9,28 @@
 
 namespace truepose {
 
-/// Online self-calibration switched on. The arrays that it points to are the caller's; `robot` is
-/// what the controller believes.
+/// The online calibrator. Arrays that it points to are the caller's; `robot` is the controller's.
 struct OnlineCalibrator {
-  const Robot* drawn = nullptr;  ///< as set_parameters takes it
+  const Robot* drawn = nullptr;  ///< nominal robot, as for set_parameters
   OnlineSettings settings;
   OnlineState state;
   Real* work = nullptr;  ///< online_work(*drawn, state.count) numbers
-  /// A line counts where a reading has moved by so many of its own σ since the last one: in a robot
-  /// at rest the same fraction of a count is lost in every cycle, and is no news.
+  /// A row counts where a reading has moved by this many of its own σ since the last one: at rest
+  /// every cycle has the same rounding error, which is no information.
   Real fresh = 30;
   Robot robot;
-  Pose pose;          ///< x̂ of the last line, from which the next one starts
-  Extended last{};    ///< the last line
-  long lines = 0;     ///< learnt so far
-  long left_out = 0;  ///< that fitted no pose, or not each other: all of the line, or one reading
-  Outcome made{};     ///< what the filter made of the last line
+  Pose pose;          ///< x̂ of the last row, where the next one starts
+  Extended last{};    ///< last row
+  long lines = 0;     ///< rows used so far
+  long left_out = 0;  ///< rows excluded as a whole (also for want of a pose) or by one reading
+  Outcome made{};     ///< outcome of the last row
 
   Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
 };
 
-/// One cycle. Bounded work, no allocation, no exception.
-/// @return what the filter made of the readings, or, where they are no news, of the last line: only
-/// `ok` says that all of it was learnt from. `stopped` from the cycle on in which it gave up: the
-/// robot is then the last good one
+/// Runs one cycle. Bounded work, no allocation, no exception.
+/// @return outcome of this row or, if it is no information, of the last one: only `ok` means that
+/// all of it was used. `stopped` from the cycle in which the filter stops, with the last good robot
 template <Mobility K, class Model>
 inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
   if (!learner.drawn->finished) return {Status::unfinished, -1};
@@ -48,7 +46,7 @@ inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) 
   const Outcome believed = set_parameters(*learner.drawn, learner.state.xi, learner.robot);
   if (!believed) return believed;
   if (outcome.status == Status::disagree && outcome.chain < 0) learner.pose = before;
-  if (outcome.status != Status::not_finite) {  // also a bad line is no news twice
+  if (outcome.status != Status::not_finite) {  // a bad row, too, counts once
     learner.last = q_e;
     learner.made = outcome;
   }
@@ -56,7 +54,7 @@ inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) 
   return outcome;
 }
 
-/// The same at the level at which the robot is understood.
+/// The same at the robot's own level.
 template <Mobility K>
 Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
   if constexpr (kRodByRod<K>)
@@ -64,8 +62,8 @@ Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
   return calibrate_online<K, IdealModel>(learner, q_e);
 }
 
-/// Goes back to before the latest lines (online_calibration.hpp keeps what it was, where it is
-/// gated): one of their readings has been found to lie, later than it began to.
+/// Rolls back to before the latest rows (online_calibration.hpp saves that state, with a gate), for
+/// a reading found faulty only after its fault began.
 inline Outcome roll_back(OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
   if (!state.kept || state.doubt.lines == 0) return {};

@@ -1,49 +1,48 @@
 // Residual tests of one row of readings: contradiction, its isolation, its duration.
 //
-// Once the pose is eliminated, r equations F ζ = y are left: ζ has unit variance (δξ = S ζ), each
-// equation noise. Their mixture hides nothing when they are tested together: yᵀ(R + F Fᵀ)⁻¹y is χ²
-// with r degrees of freedom. A reading that is wrong by an unknown b adds b g to y, g its column of
-// the same equations: χ² falls by (gᵀC⁻¹y)²/(gᵀC⁻¹g) once it is believed to be (the generalised
-// likelihood ratio). A line alone cannot betray a small fault that stays. Page's CUSUM adds up how
-// much likelier the lines are with twice the errors stated than with those stated (Page, Continuous
-// Inspection Schemes, 1954).
+// Eliminating the pose leaves r equations F ζ = y: ζ has unit variance (δξ = S ζ), each equation
+// noise. Testing them together detects an error in any mixture of them: yᵀ(R + F Fᵀ)⁻¹y is χ² with
+// r degrees of freedom. An unknown error b of one reading adds b g to y, g its column of the same
+// equations: allowing for it lowers χ² by (gᵀC⁻¹y)²/(gᵀC⁻¹g) (the generalised likelihood ratio). No
+// single row shows a small persistent fault: Page's CUSUM adds up how much likelier the rows are
+// with twice the stated errors than with these (Page, Continuous Inspection Schemes, 1954).
 #pragma once
 
 #include "truepose/math/eliminate.hpp"
 
 namespace truepose {
 
-inline constexpr Real kGate = 4;   ///< σ: leaves out 6 of 1e5 clean lines
-inline constexpr Real kWorse = 4;  ///< variance of readings that disagree, over the stated one
-/// At most, whatever it reads: one gross line must not stop the filter, six in a row must.
+inline constexpr Real kGate = 4;   ///< σ: excludes 6 of 1e5 clean rows
+inline constexpr Real kWorse = 4;  ///< variance of disagreeing readings over the stated one
+/// Largest contribution of a row: one gross row must not stop the filter, six in a row must.
 inline constexpr Real kLineSays = 3;
-inline constexpr Real kStop = 16;  ///< one false stop in e¹⁶ clean lines at most (Lorden's bound)
-inline constexpr Real kNamed = 2;  ///< lines: one must be more often guilty than any other by more
-inline constexpr int kEvery = 4;   ///< lines between states that are kept
+inline constexpr Real kStop = 16;  ///< at most one false stop in e¹⁶ clean rows (Lorden's bound)
+inline constexpr Real kNamed = 2;  ///< rows more in which one reading must be faulty than any other
+inline constexpr int kEvery = 4;   ///< rows between saved states
 
-/// How far the readings of the last lines disagree. Plain data.
+/// Disagreement of the readings of the last rows. Plain data.
 struct ResidualTest {
-  Real evidence = 0;     ///< log of the likelihood ratio since it was last even
-  Extended blame{};      ///< lines since then in which each reading alone was wrong
-  bool stopped = false;  ///< nothing is learnt any more
-  int suspect = -1;      ///< the reading that explains best why, -1: cannot be told
-  long lines = 0;        ///< seen until it stopped
-  int since = 0;         ///< lines since a state was kept
+  Real evidence = 0;     ///< log of the likelihood ratio since it was last 0
+  Extended blame{};      ///< rows since then in which each reading alone was faulty
+  bool stopped = false;  ///< identification has stopped
+  int suspect = -1;      ///< reading that explains it best; -1: not unique
+  long lines = 0;        ///< rows until it stopped
+  int since = 0;         ///< rows since a state was saved
 };
 
-/// χ² of `count` degrees of freedom that is as unlikely as a normal variable beyond `gate` σ: its
-/// root is within t of √count like a single one's within t of 1 (concentration of measure).
+/// χ² of `count` degrees of freedom as unlikely as a normal variable beyond `gate` σ: its root is
+/// within t of √count like a single one's within t of 1 (concentration of measure).
 inline Real beyond(Real gate, int count) {
   const Real root = gate - 1 + std::sqrt(Real(count));
   return root * root;
 }
 
-/// r equations, one after another made independent of those before.
+/// r equations, each made independent of those before.
 struct Innovations {
   int r = 0;
-  Matrix<kMaxSensors, kMaxSensors> L;          ///< what an equation takes from those before
+  Matrix<kMaxSensors, kMaxSensors> L;          ///< coefficients on the equations before
   std::array<Real, kMaxSensors> y;             ///< independent
-  std::array<Real, kMaxSensors> noise, total;  ///< their variances: own; with what is open
+  std::array<Real, kMaxSensors> noise, total;  ///< their variances: own; with the parameters'
 
   Real chi2() const {
     Real sum = 0;
@@ -52,8 +51,7 @@ struct Innovations {
   }
 };
 
-/// The equations F ζ = y, one by one, each after the filter has learnt those before.
-///
+/// Decorrelates the equations F ζ = y: each is as after the filter's update by those before.
 /// @param F  in: r×p; out: its row i belongs to the root after i updates (Carlson's form)
 /// @param curvature  second-order remainder over the square of the loop residual
 inline void decorrelate(int p, Real* F, Real curvature, Innovations& line) {
@@ -78,9 +76,8 @@ inline void decorrelate(int p, Real* F, Real curvature, Innovations& line) {
   }
 }
 
-/// By how much χ² falls for each reading that is taken to be wrong.
-///
-/// @param A  H_x, whitened, as before `eliminate`; spoilt
+/// Decrease of χ² for each reading taken as faulty.
+/// @param A  H_x, whitened, as before `eliminate`; overwritten
 inline bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& by) {
   const int rows = n + line.r;
   std::array<Real, kMaxRows * kMaxRows> unit{};
@@ -101,7 +98,7 @@ inline bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& b
   return true;
 }
 
-/// The entry that stands out from all others by more than `margin`, or -1.
+/// Index of the entry that exceeds all others by more than `margin`, or -1.
 inline int outstanding(int count, const Extended& value, Real margin) {
   const auto end = value.begin() + count;
   const auto most = std::max_element(value.begin(), end);

@@ -6,38 +6,38 @@
 //     B_i ± (s/2) u_i     and     A_i± = D + R c_i + R_bar (a_i ± (s/2) u_i⁰),   R_bar = R R_z(ψ_k)
 //
 // with u_i turning with the motor's axis (yaw and tilt; on a carriage the rods' own direction) and
-// u_i⁰ as drawn, fixed in the bar, or in the nacelle where there is no bar (R_bar = R). The ideal
-// level is R = R_z(θ), ψ_k = -θ.
+// the nominal u_i⁰ fixed in the bar, or in the platform where there is no bar (R_bar = R). The
+// ideal level is R = R_z(θ), ψ_k = -θ.
 //
-// Where one rod is too many for the freedoms (8 on the 7 of a Par4's rigid four-bar nacelle), no
-// pose closes all loops but by luck. Then the rods are springs, all as stiff, and the mechanism
-// takes the pose of least energy ½kΣδ² in their stretches δ = f/L. There Σ δ ∂δ/∂z = 0 along every
-// freedom z, so that with D = diag(L) the closures are f = λ D²s, s normal to all columns of ∂f/∂z:
-// as many equations again as unknowns, the stress λ among them.
+// With one rod too many (8 for the 7 freedoms of a Par4's rigid four-bar platform) the loops close
+// only by chance. Rods are then springs of equal stiffness, and the mechanism takes the pose of
+// least energy ½kΣδ² in their elongations δ = f/L. There Σ δ ∂δ/∂z = 0 along every freedom z, so
+// that with D = diag(L) the closures are f = λ D²s, s normal to all columns of ∂f/∂z: again as many
+// equations as unknowns, the stress λ included.
 #pragma once
 
 #include "truepose/kinematics/jacobian.hpp"
 
 namespace truepose {
 
-/// Pose of the nacelle with what the ideal level holds still: R may tilt, bars may turn.
-/// theta is atan2(R_10, R_00), with its turns.
+/// Pose of the platform with the motions that the ideal level excludes: R may tilt, bars may turn.
+/// theta is atan2(R_10, R_00), whole turns included.
 struct FullPose : Pose {
   std::array<Real, kMaxBars> psi{};
 };
 
-/// The full pose that the ideal level takes a pose to be.
+/// Full pose of an ideal pose.
 inline FullPose to_full(const Pose& pose) {
   FullPose full{pose};
   full.psi.fill(-pose.theta);
   return full;
 }
 
-/// What the full level adds to the ideal one at a pose. It changes slowly with the pose: a solution
-/// nearby starts from it.
+/// Residual motion: the full pose against the ideal one. It changes slowly with the pose: a
+/// solution nearby starts from it.
 struct Parasitic {
   bool known = false;
-  Mat3 tilt = Mat3::Identity();       ///< of the nacelle, base frame
+  Mat3 tilt = Mat3::Identity();       ///< of the platform, base frame
   std::array<Real, kMaxBars> turn{};  ///< of every bar, against the base
   Joint q{};                          ///< of the motors
 
@@ -53,16 +53,16 @@ struct Parasitic {
 template <Mobility K>
 inline constexpr int kRods = 2 * kDof<K>;
 
-/// Whether a mobility rests on spatial parallelograms: one rod could not hold the orientation.
+/// Whether a mobility needs spatial parallelograms: single rods could not hold the orientation.
 template <Mobility K>
 inline constexpr bool kPaired = K == Mobility::translation || K == Mobility::schoenflies;
 
-/// Whether it has, in this build, a level of its own where every rod is solved for by itself.
+/// Whether it has, in this build, a full level of its own, with every rod solved for.
 template <Mobility K>
 inline constexpr bool kRodByRod = kFullLevel && kPaired<K>;
 
 /// From rod - to rod + at the base-side joint, unit: along a motor's axis, across a carriage's rail
-/// (rods one above the other on upright rails would leave the nacelle free to turn about z).
+/// (rods one above the other on upright rails would leave the platform free to turn about z).
 inline Vec3 pair_direction(const Chain& chain) {
   return chain.actuator == Actuator::prismatic ? chain.pair_axis() : chain.axis();
 }
@@ -78,7 +78,7 @@ struct FullClosure {
   std::array<Vec3, kRods<K>> arm;       ///< pivot to A: turns with the bar
   std::array<Real, kRods<K>> f;         ///< (|v|² - L²)/2
   std::array<Real, kRods<K>> jq;        ///< ∂f/∂q
-  std::array<Real, kRods<K>> stress{};  ///< FullKind::elastic: D²s, of which f holds none
+  std::array<Real, kRods<K>> stress{};  ///< FullKind::elastic: D²s, removed from f
   Real cost = 0;                        ///< Σf²
   Real residual = 0;                    ///< largest | |v| - L |, m
 };
@@ -163,8 +163,7 @@ inline int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
   return std::min(rows, columns);
 }
 
-/// The rods' rows at home, in the columns of full_row; where a four-bar turns the bars together,
-/// one column does for both.
+/// The rods' rows at home, in full_row's columns; bars turned together by a four-bar share one.
 /// @return the outcome of the inverse model at home
 template <Mobility K>
 inline Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMaxUnknowns>& rows) {
@@ -182,13 +181,13 @@ inline Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMa
   return outcome;
 }
 
-/// Whether the bars of an articulated nacelle turn together.
+/// Whether the bars of an articulated platform turn together.
 inline bool bars_together(const Robot& robot, int bars) {
   return robot.bar_joint == BarJoint::four_bar && bars > 1;
 }
 
-/// Takes out of f the stretches that no freedom of the nacelle relieves, and says which they are.
-/// (AᵀA)⁻¹ of the freedoms' columns A projects on them; what is left of a unit vector is along s.
+/// Removes from f the elongations that no freedom of the platform relieves: along `stress`. (AᵀA)⁻¹
+/// of the freedoms' columns A projects on these; the remainder of a unit vector is along s.
 template <Mobility K>
 inline void relax(const Robot& robot, FullClosure<K>& at) {
   constexpr int N = kRods<K>, m = N - 1;
@@ -230,7 +229,7 @@ inline void relax(const Robot& robot, FullClosure<K>& at) {
   }
 }
 
-/// What is left to close: f of all rods, or what relax leaves of it.
+/// Computes the loops to close: f of all rods, or what relax leaves of it.
 template <Mobility K>
 inline void open_loops(const Robot& robot, FullClosure<K>& at) {
   place<K>(robot, at);
@@ -238,9 +237,8 @@ inline void open_loops(const Robot& robot, FullClosure<K>& at) {
     if (robot.full.kind == FullKind::elastic) relax<K>(robot, at);
 }
 
-/// Whether a robot has a full level of its own: counts its rods and freedoms, and the rank of the
-/// rods' rows at home.
-/// @return the outcome of the inverse model at home; not_compiled
+/// Determines whether a robot has a full level of its own, by the number of rods and freedoms and
+/// the rods' rank at home. @return the outcome of the inverse model at home; not_compiled
 template <Mobility K>
 inline Outcome full_level(const Robot& robot, FullLevel& level) {
   constexpr int n = kDof<K>;

@@ -15,14 +15,14 @@ using Rows = Matrix<kRods<K>, kRods<K>>;
 template <Mobility K>
 using Column = std::array<Real, kRods<K>>;
 
-/// Whether an arm and its rod stand in one line: the entry of J_q vanishes, and has no sign.
+/// Whether an arm and its rod are in line: the entry of J_q vanishes, and has no sign.
 template <Mobility K>
 inline bool stretched(const FullClosure<K>& at, int rod) {
   const Real size2 = at.v[rod].squaredNorm() * at.driven[rod / 2].dB.squaredNorm();
   return !(at.jq[rod] * at.jq[rod] > kSingular * size2);
 }
 
-/// What solves for a step: the normal equations of A = -∂f/∂unknowns.
+/// Normal equations of A = -∂f/∂unknowns, factored to solve for a step.
 template <Mobility K>
 struct Factors {
   Rows<K> A;
@@ -53,8 +53,7 @@ struct Factors {
 
 /// Newton on f, the closures of all rods, for a square system with A = -∂f/∂unknowns.
 /// @param system  columns(at, A): fills A;  move(at, step, trial): the state after the step
-/// @param closed  whether a start that closes the loops to rounding is taken as it is, its rank
-///                not asked for
+/// @param closed  take a start that closes the loops to rounding as it is, its rank not tested
 template <Mobility K, class System>
 TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& system,
                                           FullClosure<K>& at, bool closed = false,
@@ -95,7 +94,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   } else {
     for (int rod = 0; rod < N; ++rod) {
       const Chain& chain = robot.chain[rod / 2];
-      const Real by_position = at.jq[rod] * at.driven[rod / 2].rate;  // its sign
+      const Real by_position = at.jq[rod] * at.driven[rod / 2].rate;  // only its sign counts
       if (chain.actuator != Actuator::telescopic && by_position * chain.working_mode < 0 &&
           !stretched<K>(at, rod)) {
         result.status = Status::branch_lost;
@@ -106,8 +105,8 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   return result;
 }
 
-/// The rods' rows along the motion of full_row, in the columns that are unknown: bars that turn
-/// together are one, and a stress that nothing relieves is the last.
+/// The rods' rows along the motion of full_row, in the columns of the unknowns: bars that turn
+/// together share one, and a stress that nothing relieves has the last.
 template <Mobility K>
 inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
                      std::array<Real, kMaxUnknowns>& row) {
@@ -117,7 +116,7 @@ inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
   row[7] = at.stress[rod];
 }
 
-/// The bars' turns and, in the place of a second, the stress, which is no motion.
+/// Applies a step to the bars' turns; a stress in the place of the second is no motion.
 inline void turn_bars(const Robot& robot, const Real* step, int count, FullPose& pose) {
   if (count == kMaxBars && robot.full.kind == FullKind::elastic) {
     for (Real& psi : pose.psi) psi += step[0];
@@ -126,7 +125,7 @@ inline void turn_bars(const Robot& robot, const Real* step, int count, FullPose&
   }
 }
 
-/// Σ|v|²|r|² and the like: the diagonal of AᵀA if nothing cancelled, see column_sizes.
+/// Σ|v|²|r|²: the diagonal of AᵀA if nothing cancelled, see column_sizes.
 template <Mobility K>
 inline Real square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
   Real sum = 0;
@@ -145,7 +144,7 @@ inline Real bar_size(const Robot& robot, const FullClosure<K>& at, bool last) {
   return sum;
 }
 
-/// The motors stand still, the nacelle and its bars move: unknowns D, R, ψ.
+/// Motors fixed, platform and bars move: unknowns D, R, ψ.
 template <Mobility K>
 struct Forward {
   const Robot& robot;
@@ -176,8 +175,8 @@ struct Forward {
   }
 };
 
-/// D and θ (of a translation robot: D) stand still; the motors, the nacelle's tilt and its bars
-/// move: unknowns q, the turns that leave θ as it is, ψ.
+/// D and θ (of a translation robot: D) fixed; motors, platform tilt and bars move: unknowns q, the
+/// turns that leave θ as it is, ψ.
 template <Mobility K>
 struct Inverse {
   const Robot& robot;
@@ -198,7 +197,7 @@ struct Inverse {
       hidden(at.pose.R, row, A[rod]);
     }
   }
-  /// The entries from n on, of the quantity that changes as `row` along the motion of full_row.
+  /// Entries from n on, of a quantity that changes as `row` along the motion of full_row.
   static void hidden(const Mat3& R, const std::array<Real, kMaxUnknowns>& row, Column<K>& entry) {
     for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
     for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];
@@ -244,9 +243,8 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
 
 }  // namespace full_detail
 
-/// Where the mechanism goes with the motors at q, all rods closed.
+/// Pose of the mechanism with the motors at q, all rods closed. The full level must be its own.
 /// @param pose  in: the guess; out: D, R, ψ (the last iterate if not ok)
-/// The robot's full level must exist, and be its own (robot.full).
 template <Mobility K>
 FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure,
                     int cap = kFkmCap) {
@@ -273,7 +271,7 @@ FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClos
   return result;
 }
 
-/// What a closure adds to the ideal level at its D and θ, where the ideal motors stand at q.
+/// Residual motion of a closure against the ideal level at its D and θ, with ideal motors at q.
 template <Mobility K>
 inline Parasitic beyond_ideal(const FullClosure<K>& closure, const Pose& ideal, const Joint& q) {
   Parasitic rest;
@@ -284,9 +282,9 @@ inline Parasitic beyond_ideal(const FullClosure<K>& closure, const Pose& ideal, 
   return rest;
 }
 
-/// Which motor positions, tilt and bars' turns hold D and θ (of a translation robot: D), all rods
+/// Motor positions, tilt and bars' turns that hold D and θ (of a translation robot: D), all rods
 /// closed. Starts at the ideal inverse model.
-/// @param rest  in: what a pose nearby added to that model; out: what this one does, if ok
+/// @param rest  in: residual motion at a pose nearby; out: at this one, if ok
 template <Mobility K>
 FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure,
                     Parasitic* rest = nullptr) {
@@ -358,7 +356,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClos
   return {};
 }
 
-/// x = FKM(q) at the full level. @param x in: the guess; out: the pose. @param cap  steps
+/// x = FKM(q) at the full level. @param x  in: the guess; out: the pose @param cap  iterations
 inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
   return full_detail::with_full(
       robot,
@@ -374,7 +372,7 @@ inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, i
 }
 
 /// q = IKM(x) at the full level.
-/// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
+/// @return joint_limit where a motor would have to pass its stops (`q` then shows how far)
 inline Outcome ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
   return full_detail::closed(
       robot, x,
@@ -385,8 +383,8 @@ inline Outcome ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
       [&] { return ikm(robot, x, q); });
 }
 
-/// What x leaves out at the full level: the nacelle's turns against the ideal R (about x and y, of
-/// a translation robot about z as well) and each bar's turn against the base, θ + ψ_k.
+/// Residual motion at the full level: the platform's turns against the ideal R (about x and y, of a
+/// translation robot about z as well) and each bar's turn against the base, θ + ψ_k.
 inline Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   rest.fill(0);
   return full_detail::closed(

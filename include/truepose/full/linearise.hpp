@@ -1,11 +1,11 @@
 // Values and derivatives of all readings at the full level.
 //
-// At fixed x the motors, the nacelle's tilt and its bars follow a parameter: with y = (q, tilt, ψ),
-// A = -∂f/∂y (full_detail::Inverse) and X = -∂f/∂x of all rods' closures f(y; x, ξ) = 0,
+// At fixed x the motors, the platform's tilt and its bars follow a parameter: with y = (q, tilt,
+// ψ), A = -∂f/∂y (full_detail::Inverse) and X = -∂f/∂x of all rods' closures f(y; x, ξ) = 0,
 //
 //     A δy = f_ξ δξ - X δx        δq_e = e_y δy + e_x δx + e_ξ δξ
 //
-// so that S = e_y A⁻¹, one row a reading, gives H_x = e_x - S X and H_ξ = e_ξ + S f_ξ. A chain's
+// so that S = e_y A⁻¹, one row per reading, gives H_x = e_x - S X and H_ξ = e_ξ + S f_ξ. A chain's
 // parameter moves its own two rods only: two columns of S.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace truepose {
 
 namespace full_detail {
 
-/// The variation as one rod of a pair has it: its ends stand ±s/2 off the pair's middle.
+/// Variation of one rod of a pair: its ends are ±s/2 off the pair's middle.
 inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, Real side) {
   const Vec3 u = pair_direction(chain);
   change.B += 0.5 * side * (chain.rod_spacing * change.turn.cross(u) + change.spacing * u);
@@ -61,8 +61,8 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
 
 }  // namespace full_detail
 
-/// q_e, H_x and H_ξ of the full level, as linearise() gives those of the ideal one: D and θ (of a
-/// translation robot: D) are held, the nacelle's tilt and its bars' turns follow.
+/// q_e, H_x and H_ξ of the full level, as linearise() for the ideal one: D and θ (of a translation
+/// robot: D) are held, the platform's tilt and its bars' turns follow.
 /// @param rest  as of ikm_full
 /// @return also no_full_level (robot.full)
 template <Mobility K>
@@ -110,7 +110,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
       }
     }
 
-    // Along x the free columns of the motion: θ̇ = 1 of a turn about z, whatever the tilt.
+    // Along x the free columns of the motion: a turn about z has θ̇ = 1 at any tilt.
     for (int i = 0; i < n; ++i) H_x[i].fill(0);
     for (int k = 0; k < robot.r; ++k)
       for (int j = 0; j < n; ++j) H_x[n + k][j] = rows[k].z[Freedom<K>::columns[j]];
@@ -125,7 +125,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
   }
 }
 
-/// Every rod by itself: the other model that an estimate may rest on (estimate.hpp).
+/// Model of an estimate with every rod by itself (estimate.hpp has the ideal one).
 struct FullModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
@@ -134,7 +134,7 @@ struct FullModel {
   }
   template <Mobility K>
   static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
-    if constexpr (!kRodByRod<K>) {  // the levels are one
+    if constexpr (!kRodByRod<K>) {  // the levels coincide
       return truepose::fkm<K>(robot, q, pose, kFkmStart).status;
     } else {
       FullPose full = rest.beside(pose);

@@ -18,11 +18,10 @@ inline Mat3 body_of(const Chain& chain, const FullPose& pose) {
   return chain.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(pose.psi[chain.bar]));
 }
 
-/// Which rod a sensor sees (FullClosure).
+/// Index of a sensor's rod (FullClosure).
 inline int rod_of(const Sensor& sensor) { return 2 * sensor.chain + (sensor.rod < 0); }
 
-/// Value and gradients of any sensor at a full pose. An angle sensor at the pivot of bar k reads
-/// -ψ_k: the bar's own turn is part of it.
+/// Value and gradients of any sensor at a full pose. An angle sensor at bar k's hinge reads -ψ_k.
 template <Mobility K>
 inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at) {
   if (on_chain(sensor)) {
@@ -55,7 +54,7 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   }
   const Chain& chain = robot.chain[sensor.chain];
   const int rod = rod_of(sensor);
-  // A moves with the nacelle and its bar; so does the frame of a joint that they carry.
+  // A moves with the platform and its bar; so does the frame of a joint on them.
   const Vec3 turn = sensor.at_nacelle ? s.frame : Vec3(Vec3::Zero());
   free_columns<Mobility::spatial>(s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
   if (chain.bar >= 0) row.z[6 + chain.bar] = at.pose.R.col(2).dot(at.arm[rod].cross(s.rod) + turn);
@@ -63,8 +62,8 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   return row;
 }
 
-/// What a mechanism reads that stands anywhere, its loops closed or not: with motors that play or
-/// arms that yield, their encoders see one angle and the rods' joints another.
+/// Readings of a mechanism in any position, its loops closed or not. With backlash or compliant
+/// arms the motors' encoders see one angle and the rods' joints another.
 /// @param motor, arm  angles or slides before the encoders' offsets
 template <Mobility K>
 inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
@@ -92,8 +91,7 @@ inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joi
 }
 
 /// r = RKM at the full level, and its derivatives.
-/// @return not_measured for an angle at the pivot of a bar that the robot lacks; not_finite where
-/// a sensor has no reading
+/// @return not_measured: an angle at the hinge of a missing bar; not_finite: a sensor cannot read
 template <Mobility K>
 inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& values,
                         std::array<FullRow, kMaxSensors>& rows) {
@@ -109,9 +107,8 @@ inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& v
   return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
 }
 
-/// q_e at a pose, all rods closed, and what else its derivatives are made of.
-/// @param rows  of the sensors
-/// @param rest  as of ikm_full
+/// q_e at a pose with all rods closed, and the inputs of its derivatives.
+/// @param rows  of the sensors @param rest  as of ikm_full
 template <Mobility K>
 inline Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e,
                              FullClosure<K>& closure, std::array<FullRow, kMaxSensors>& rows,

@@ -1,4 +1,4 @@
-// Angles of passive axes that carry the platform to a given orientation.
+// Angles of the passive axes that bring the platform to a given position and orientation.
 #pragma once
 
 #include "truepose/math/square.hpp"
@@ -6,13 +6,12 @@
 
 namespace truepose {
 
-/// Steps at most: each nearly doubles the digits.
+/// Maximum number of steps; each nearly doubles the number of digits.
 inline constexpr int kAngleSteps = 20;
 
-/// The angles next to those of `pose` that carry the nacelle as near to a place as they can: least
-/// squares of the remaining D, and of the remaining turn times the rods' length, by Newton's steps.
-/// @param seen  D and R of the nacelle
-/// @param pose  in: where to start; out
+/// Finds the axis angles next to those of `pose` that bring the platform closest to `seen` (D, R),
+/// by Newton's steps: least squares of the remaining D and turn times the rods' length.
+/// @param pose  in: start; out: the angles
 template <Mobility K>
   requires kPivots<K>
 inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {

@@ -1,8 +1,8 @@
 // Conditioning of a pose, and a damped Jacobian near singularities.
 //
 // J = J_x⁻¹ J_q grows without bound where the rods' lines become dependent (type 2), J⁻¹ where an
-// arm stretches (type 1). Levenberg's damping, in a band only (Nakamura and Hanafusa 1986), bounds
-// both (docs/model.md, Beside a singularity).
+// arm stretches (type 1). Levenberg's damping in a band (Nakamura and Hanafusa 1986) bounds both
+// (docs/model.md, Beside a singularity).
 #pragma once
 
 #include "truepose/kinematics/jacobian.hpp"
@@ -13,7 +13,7 @@ namespace truepose {
 /// σ/(σ² + λ²): continuous, and nowhere above 2/(√3 band).
 inline Real damping(Real c, Real band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
 
-/// How far from singular a closed mechanism is, free of its size and of its units.
+/// Distance from singularities of a closed mechanism, independent of its size and units.
 template <Mobility K>
 class Conditioning {
  public:
@@ -39,22 +39,21 @@ class Conditioning {
     Lanes<n> inverse2 = Lanes<n>::Zero();
     for (const auto& row : rows) inverse2 += Eigen::Map<const Lanes<n>>(row.data()).square();
     parallel_ = inverse_ ? n / std::sqrt(square_ * inverse2.sum()) : 0;
-    // A telescopic leg is always driven along itself.
+    // A telescopic leg always drives along itself.
     const Lanes<n> dB =
         points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm().sqrt();
     speed_ = (dB > 0).select(dB, lanes<n>([&](int i) { return std::fabs(chain[i].rate); }));
     serial_ = lanes<n>([&](int i) { return std::fabs(chain[i].jq); }) / (length_ * speed_);
   }
 
-  /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms, in [0, 1], of the rods'
-  /// unit lines A, their columns in units of column_sizes. 1: isotropic. 0: the motors do not hold
-  /// the platform.
+  /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms; 1: isotropic, 0: the motors
+  /// do not hold the platform. A: the rods' unit lines, columns in units of column_sizes.
   Real parallel() const { return parallel_; }
-  /// Type 1: how much of the motion of B_i, 0 to 1, goes along rod i. 0: arm and rod in one line.
+  /// Type 1: share of the motion of B_i along rod i, in [0, 1]. 0: arm and rod in one line.
   Real serial(int i) const { return serial_[i]; }
-  /// The smallest of them all.
+  /// The smallest conditioning of both types.
   Real least() const { return std::min(parallel_, -largest<n>(-serial_)); }
-  /// As jacobian() would end, and the sign of det J_x.
+  /// The status that jacobian() would return, and the sign of det J_x.
   Outcome outcome() const {
     for (int i = 0; i < n; ++i)
       if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
@@ -62,7 +61,7 @@ class Conditioning {
   }
   int sign() const { return (inverse_.determinant > 0) - (inverse_.determinant < 0); }
 
-  /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, units put back.
+  /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, rescaled to SI units.
   bool damped(const Closure<K>& closure, Real band, Matrix<kDof<K>, kDof<K>>& J) const {
     const Real part = damping(parallel_, band) * square_ / (n * n);
     const Matrix<n, n> lines = rows_of<n>(columns_);
@@ -74,8 +73,7 @@ class Conditioning {
     return equations.regular();
   }
 
-  /// What J⁻¹ divides by in place of the entry of J_q: s + λ²/s for its part s, so that
-  /// 1/s becomes s/(s² + λ²).
+  /// Divisor of J⁻¹ in place of the entry s of J_q: s + λ²/s, so that 1/s becomes s/(s² + λ²).
   Real divisor(int i, Real jq, Real band) const {
     const Real scale = length_[i] * speed_[i];
     return jq + damping(serial_[i], band) * scale * scale / jq;
@@ -89,11 +87,11 @@ class Conditioning {
   Inverted inverse_;
 };
 
-/// J_x, J_q and J, damped where a conditioning is below `band` (0: nowhere, as the paper has it).
-/// In the band the entries of J_q, the closure's too, become what J⁻¹ divides by: rates, J_r and
-/// the dynamics all follow.
-/// @return near_singular in the band: an answer, finite and bounded. The chain whose arm is
-/// stretched, or -1 where the rods' lines are nearly dependent.
+/// Computes J_x, J_q and J, damped where a conditioning is below `band` (0: never, as in the
+/// paper). In the band the divisors of J⁻¹ replace the entries of J_q, also in the closure, so that
+/// rates, J_r and the dynamics follow.
+/// @return near_singular in the band, with a finite and bounded answer; `chain` is the chain whose
+/// arm is stretched, or -1 where the rods' lines are nearly dependent.
 template <Mobility K>
 inline Outcome jacobian(Closure<K>& closure, Real band, Jacobians<K>& jacobians) {
   const Outcome exact = jacobian<K>(closure, jacobians);
@@ -117,7 +115,7 @@ inline Outcome jacobian(Closure<K>& closure, Real band, Jacobians<K>& jacobians)
   return outcome;
 }
 
-/// Conditioning at coordinates x. @param serial  out, size n
+/// Computes the conditioning at coordinates x. @param serial  out, size n
 inline Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel,
                             Joint& serial) {
   return with_mobility(robot.mobility, [&](auto mobility) {

@@ -8,28 +8,28 @@
 
 namespace truepose {
 
-inline constexpr int kFkmIterations = 60;  ///< of one search; fkm makes at most two
-inline constexpr int kFkmStages = 4;       ///< of the second one, from home
-/// Of both together, where the caller sets no other cap. Over a workspace 4 do from a guess nearby,
-/// 7 from home (tests/cpp/test_forward_kinematics.cpp).
+inline constexpr int kFkmIterations = 60;  ///< in one search; fkm makes at most two
+inline constexpr int kFkmStages = 4;       ///< in the second search, from home
+/// Default cap for both searches together. Over a workspace, 4 iterations suffice from a nearby
+/// guess and 7 from home (tests/cpp/test_forward_kinematics.cpp).
 inline constexpr int kFkmCap = 2 * kFkmIterations;
 
-/// Where the pose is only what another search starts from: more are needed beside singular poses
-/// alone, and that one finds its own way there.
+/// Cap where the pose only starts another search. Only poses near singularities need more, and from
+/// there the other search converges by itself.
 inline constexpr int kFkmStart = 24;
 
-/// How a search for the pose ended.
+/// Result of a search for the pose.
 struct [[nodiscard]] FkmResult {
   Status status = Status::ok;
-  int chain = -1;      ///< the chain at fault, if one is
+  int chain = -1;      ///< the faulty chain, if any
   int iterations = 0;  ///< steps tried, at most the cap
   Real residual = 0;   ///< largest closure error | |v_i| - L_i |, m
   explicit operator bool() const { return status == Status::ok; }
 };
 
-/// One search: Newton on the loops' f.
+/// Searches once, by Newton's method on the loops' f.
 /// @param pose  in: the guess; out: the pose (the last iterate if not ok)
-/// @param most  iterations
+/// @param most  maximum iterations
 template <Mobility K>
 TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
                                   int most = kFkmIterations) {
@@ -104,16 +104,15 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
 
 namespace fkm_detail {
 
-/// A search that crawls has come so close, in units of the longest rod: its steps halve the way to
-/// a double root, and the residual goes with their square.
+/// Residual, in units of the longest rod, below which a slowly converging search is near a double
+/// root: its steps halve the distance, and the residual goes with their square.
 inline constexpr Real kCrawls = by_precision(1e-9, 1e-6);
-/// Conditioning there, of the order of the square root of that.
+/// Conditioning there, of the order of the square root of kCrawls.
 inline constexpr Real kDependent = 1e-4;
 
-/// Whether it is known that no pose closes the loops. Each chain holds D + R c_i on a sphere about
-/// S_i = B_i - a_i. Of the four sides |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
-/// none can be longer than the other three together. Where R is known the spheres themselves
-/// decide.
+/// Whether it is certain that no pose closes the loops. Each chain holds D + R c_i on a sphere
+/// about S_i = B_i - a_i. Of the lengths |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
+/// none can exceed the sum of the others. Where R is known, the spheres themselves decide.
 template <Mobility K>
 inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kDof<K>>& driven) {
   constexpr int n = kDof<K>;
@@ -138,9 +137,9 @@ inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven,
   return false;
 }
 
-/// Whether a search crawled towards a singular pose: the loops are closed but for what its small
-/// steps leave, and the rods' lines are dependent. (Wherever it comes to rest with a gap J_x is
-/// singular too, J_xᵀf = 0: that says nothing of other poses.)
+/// Whether a search converged slowly to a singular pose: the loops are closed up to its small
+/// steps, and the rods' lines are dependent. (J_x is singular, J_xᵀf = 0, also where a search ends
+/// with open loops, but that does not exclude other poses.)
 template <Mobility K>
 inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& driven, const Pose& pose,
                     Real residual) {
@@ -171,18 +170,18 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
          !other_mode<K>(robot, jacobians);
 }
 
-/// The second search, where the first one found no pose, or jumped from the robot's own mode into
-/// another: from home, whose pose is known, the motors going to q in a few stages.
-/// @param first  what the first one came to
-/// @param guess  where it began
-/// @param pose   in: where it ended; out: the pose, or the same
-/// @param cap    steps of both
+/// Searches again from home, with the motors moved to q in stages. Applies where the first search
+/// found no pose or jumped from the robot's own assembly mode into another.
+/// @param first  result of the first search
+/// @param guess  its start
+/// @param pose   in: its end; out: the pose, or unchanged
+/// @param cap    maximum steps of both searches
 template <Mobility K>
 TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
                                          const Pose& guess, Pose& pose, int cap) {
   const bool went = first.status == Status::not_converged || first.status == Status::singular ||
                     first.status == Status::branch_lost;
-  if (!went) return first;  // from nowhere is there a pose for such an input
+  if (!went) return first;  // no start has a pose for such an input
   if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
   const bool open = first.status == Status::not_converged;
   std::array<Driven, kDof<K>> driven;
@@ -193,7 +192,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
   }
   Closure<K> home;
   int most = std::min(kFkmIterations, cap - first.iterations);
-  if (most < 2 * kFkmStages) most = 0;  // a stage takes two steps at least: it would not arrive
+  if (most < 2 * kFkmStages) most = 0;  // a stage needs at least two steps
   FkmResult second{Status::not_converged};
   if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
   Pose at = home.pose;
@@ -221,12 +220,12 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
 
 }  // namespace fkm_detail
 
-/// Where the nacelle is with the motors at q. A search from the guess; if that finds no pose of the
-/// robot's own, one from home.
+/// Computes the pose from the motors' positions q, by a search from the guess, then one from home
+/// if the first finds no pose in the robot's own modes.
 /// @param pose  in: the guess; out: the pose (the last iterate of the first search if not ok)
-/// @param cap   steps of both, at least 1
-/// @return unreachable: it is known that no pose closes the loops. not_converged: none was found.
-/// singular: closed where the motors do not determine it. branch_lost: closed in another mode.
+/// @param cap   maximum steps of both searches, at least 1
+/// @return unreachable: certainly no pose closes the loops. not_converged: none was found.
+/// singular: closed, but the motors do not determine the pose. branch_lost: closed in another mode.
 template <Mobility K>
 FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
   const Pose guess = pose;
@@ -235,7 +234,7 @@ FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap)
   return fkm_detail::search_from_home<K>(robot, q, first, guess, pose, cap);
 }
 
-/// x = FKM(q). @param x in: the guess; out: the pose. @param cap  steps, at least 1
+/// x = FKM(q). @param x  in: the guess; out: the pose. @param cap  maximum steps, at least 1
 inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();

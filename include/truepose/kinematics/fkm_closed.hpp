@@ -5,20 +5,19 @@
 
 namespace truepose {
 
-/// Position of the nacelle from the motors and its measured (or, for a translation robot, fixed)
-/// orientation, from all n ≥ 3 spheres |D - s_i| = L_i, s_i = B_i - R c_i - a_i.
+/// Computes the platform's position from the motors and its orientation (measured, or fixed for a
+/// translation robot), from all n ≥ 3 spheres |D - s_i| = L_i, s_i = B_i - R c_i - a_i.
 ///
-/// With y = D - s̄, t_i = s_i - s̄, the mean sphere is |y|² = mean(L² - |t|²) and each sphere less
-/// the mean is linear: t_i·y = g_i. In least squares T y = Σ t_i g_i, T = Σ t_i t_iᵀ. Whenever
-/// the centres are coplanar (three chains always; an H4 at θ = 0, where two of its four centres
-/// coincide) T has rank 2: the coordinate along its weakest direction m is therefore always
-/// taken from the mean sphere, and only the two others from the linear equations. The result is
-/// exact for readings that agree with each other, for every θ.
+/// With y = D - s̄, t_i = s_i - s̄, the mean sphere is |y|² = mean(L² - |t|²) and each sphere minus
+/// the mean is linear: t_i·y = g_i. In least squares T y = Σ t_i g_i, T = Σ t_i t_iᵀ. T has rank 2
+/// where the centres are coplanar: with three chains, and for an H4 at θ = 0 (two of its four
+/// centres coincide). The coordinate along its weakest direction m therefore always comes from the
+/// mean sphere, the others from the linear equations: exact for consistent readings, at every θ.
 ///
-/// @param R          orientation, nacelle to base
-/// @param near_side  a point on the side of the centres' plane where the nacelle is (its home)
+/// @param R          orientation, platform to base
+/// @param near_side  a point on the platform's side of the centres' plane (its home)
 /// @param D          out
-/// @return singular: the centres lie on one line; unreachable: the spheres do not meet
+/// @return singular: the centres are on one line; unreachable: the spheres do not meet
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
                                            const Vec3& near_side, Vec3& D) {
@@ -51,8 +50,8 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
     h += (0.5 * (g[i] + square)) * t[i];
   }
 
-  // The columns of T's adjugate are the cross products of T's columns; for rank 2 each is a
-  // multiple of m, so the longest gives m. For rank 3 it is near m, which is all that is needed.
+  // The columns of T's adjugate are the cross products of T's columns. For rank 2 each is a
+  // multiple of m, so the longest gives m; for rank 3 it is near m, which suffices.
   const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
              c = T.col(0).cross(T.col(1));
   const Real aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
@@ -62,7 +61,7 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   if (!(length > by_precision(1e-10, 1e-5) * size * size)) return {Status::singular, -1};
   const Vec3 m = longest / length;
 
-  // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along it.
+  // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along m.
   const Vec3 e1 = m.unitOrthogonal(), e2 = m.cross(e1);
   const Vec3 T1 = T * e1, T2 = T * e2;
   const Real t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),

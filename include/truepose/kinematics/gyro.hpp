@@ -8,10 +8,9 @@ namespace truepose {
 
 using GyroRows = Matrix<3, kMaxDof>;
 
-/// W, 3×n: the angular velocity of the nacelle, in its own frame, per free rate. Column j is Rᵀ a_j
-/// of a pivot's axis, Rᵀ times the turn of a free twist elsewhere. (A base that turns at ω_0, a
-/// shank, adds Rᵀ ω_0.)
-/// @return unfinished, not_finite
+/// Computes W, 3×n: the platform's angular velocity, in its own frame, per free rate. Column j is
+/// Rᵀ a_j for a passive axis, else Rᵀ times the turn of a free twist. (A base that turns at ω_0,
+/// such as a shank, adds Rᵀ ω_0.) @return unfinished, not_finite
 inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
   if (!robot.finished) return {Status::unfinished, -1};
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -19,7 +18,7 @@ inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
     const Pose pose = to_pose<K>(x);
     const Carried<K> carried = carry<K>(robot, pose);
     const Mat3& R = placed<K>(pose, carried).R;
-    Real sum = 0;  // a NaN shows in it
+    Real sum = 0;  // becomes NaN if any value is
     for (int j = 0; j < kDof<K>; ++j) {
       Coordinates rate{};
       rate[j] = 1;

@@ -5,14 +5,14 @@
 
 namespace truepose {
 
-/// A mechanism with all its loops closed: what every Jacobian is read off.
+/// A mechanism with all its loops closed, from which every Jacobian is computed.
 template <Mobility K>
 struct Closure {
   Pose pose;
   std::array<ChainState, kDof<K>> chain;
   [[no_unique_address]] Carried<K> carried;
 
-  /// D and R of the nacelle.
+  /// D and R of the platform.
   const Pose& placed() const { return truepose::placed<K>(pose, carried); }
 
   Joint q() const {
@@ -22,7 +22,7 @@ struct Closure {
   }
 };
 
-/// Closes every chain on the pose, each in its own working mode.
+/// Closes every chain at the pose, each in its own working mode.
 /// @return unreachable and the first chain that cannot close, or not_finite.
 template <Mobility K, bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
@@ -39,7 +39,7 @@ TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closur
   const Points<n> d{D.x() + lever.px + offset.px, D.y() + lever.py + offset.py,
                     D.z() + lever.pz + offset.pz};
   const Lanes<n> d2 = d.squared_norm();
-  Real sum = 0;  // a NaN, or a product that overflowed, shows in it
+  Real sum = 0;  // not finite after a NaN or an overflow
   for (int i = 0; i < n; ++i) {
     closure.chain[i].lever = lever[i];
     if (!close<NeedAngle>(robot.chain[i], d[i], d2[i], closure.chain[i])) {
@@ -52,7 +52,7 @@ TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closur
 }
 
 /// q = IKM(x) for coordinates x of any mobility.
-/// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
+/// @return joint_limit where a motor is beyond its stops (`q` then says how far)
 inline Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();

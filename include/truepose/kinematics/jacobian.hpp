@@ -6,7 +6,7 @@
 
 namespace truepose {
 
-/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S. Of Points, all rows at once: `row` then has the columns.
+/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S. Given Points, all rows at once: `row` then holds the columns.
 template <Mobility K, class Vector, class Row>
 inline void jx_row(const Vector& v, const Vector& lever, Row& row) {
   for (int j = 0; j < kDof<K>; ++j) switch (Freedom<K>::columns[j]) {
@@ -19,8 +19,7 @@ inline void jx_row(const Vector& v, const Vector& lever, Row& row) {
     }
 }
 
-/// The same along the twists that a nacelle is left: a_j·((A - p_j) × v) of an axis that carries
-/// it.
+/// Row i of J_x along the platform's free twists: a_j·((A - p_j) × v) for a passive axis.
 template <Mobility K, class Vector, class Row>
 inline void jx_row([[maybe_unused]] const Carried<K>& carried, const Vector& v, const Vector& lever,
                    Row& row) {
@@ -37,9 +36,8 @@ inline void jx_row([[maybe_unused]] const Carried<K>& carried, const Vector& v, 
   }
 }
 
-/// |column|² of J_x if nothing cancelled: Σ|v|² for the columns of a velocity,
-/// Σ|R c|²|v|² for those of a turn. Where the rods meet in one point the column of a turn vanishes:
-/// small against this, not against itself.
+/// |column|² of J_x if nothing cancelled: Σ|v|² for columns of a velocity, Σ|R c|²|v|² for those of
+/// a turn. Where the rods meet in one point, the column of a turn vanishes relative to this size.
 template <Mobility K>
 inline std::array<Real, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
                                               const Points<kDof<K>>& lever) {
@@ -49,7 +47,7 @@ inline std::array<Real, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
   return sizes;
 }
 
-/// The same of axes that carry the nacelle: Σ|A - p_j|²|v|².
+/// The same for passive axes: Σ|A - p_j|²|v|².
 template <Mobility K>
 inline std::array<Real, kDof<K>> column_sizes([[maybe_unused]] const Carried<K>& carried,
                                               const Lanes<kDof<K>>& v2,
@@ -73,10 +71,10 @@ struct Jacobians {
   Matrix<kDof<K>, kDof<K>> jx, J;
   std::array<Real, kDof<K>> jq;
   Real determinant = 0;  ///< of J_x, or a number of its sign
-  /// Of det J_x: poses of the same motors and another sign are other assembly modes.
+  /// Sign of det J_x. Poses with equal q and different sign are in different assembly modes.
   int sign() const { return (determinant > 0) - (determinant < 0); }
 
-  /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
+  /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without an inverse of J.
   Joint joint_rate(const Coordinates& rate) const {
     Joint result{};
     for (int i = 0; i < kDof<K>; ++i) {
@@ -88,9 +86,9 @@ struct Jacobians {
   }
 };
 
-/// J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
-/// @return singular when J_x loses rank (type 2: the motors no longer hold the nacelle) or an
-/// entry of J_q vanishes (type 1: an arm stretched or folded; `chain` says which).
+/// Computes J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
+/// @return singular where J_x loses rank (type 2: the motors do not hold the platform) or an entry
+/// of J_q vanishes (type 1: the arm of `chain` is stretched or folded).
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
   constexpr int n = kDof<K>;
@@ -113,7 +111,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
   return {inverse ? Status::ok : Status::singular, -1};
 }
 
-/// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
+/// Computes J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
 inline Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
@@ -122,7 +120,7 @@ inline Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     if (!outcome) return outcome;
-    Lanes<kDof<K>> sum = Lanes<kDof<K>>::Zero();  // a NaN shows in it
+    Lanes<kDof<K>> sum = Lanes<kDof<K>>::Zero();  // becomes NaN if any value is
     for (int i = 0; i < kDof<K>; ++i) {
       const Eigen::Map<const Lanes<kDof<K>>> row(jacobians.J[i].data());
       sum += row;
@@ -133,11 +131,10 @@ inline Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J
   });
 }
 
-/// Whether a determinant has another sign than at home, hence belongs to another assembly mode, for
-/// certain. The same sign does not show that the way there is free: a robot may have two regions of
-/// one sign.
-/// @param home  sign there; 0: not asked for
-/// @param sign  sign(): of the determinant, -1, 0 (between two modes) or 1
+/// Whether a determinant's sign differs from that at home, which proves another assembly mode. An
+/// equal sign proves nothing: a robot may have two regions of one sign.
+/// @param home  sign at home; 0: not checked
+/// @param sign  sign(): that of the determinant, -1, 0 (between two modes) or 1
 template <class Sign>
 inline bool other_mode(int home, Sign&& sign) {
   return home != 0 && sign() != home;
@@ -147,14 +144,10 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
   return other_mode(robot.assembly_sign, [&] { return jacobians.sign(); });
 }
 
-/// Checks a robot's counts, indices and enums, and fills what it derives from its own data
-/// (assembly_sign, limited, encoders that err, the vertical). Call after building and after every
-/// change.
-///
-/// A robot that passes the check is finished, also one whose home has no regular pose: its inverse
-/// model still answers, its assembly mode is then not asked for.
-///
-/// @return no_such_part, not_compiled, not_square: refused, and still unfinished; or that of its
+/// Checks a robot's counts, indices and enums, and derives assembly_sign, limited, encoder_errs and
+/// the inclinometers' vertical. Call it after building a robot and after every change.
+/// A robot with a singular or unreachable home is finished, too: its assembly mode is unchecked.
+/// @return no_such_part, not_compiled, not_square: refused, still unfinished; or the outcome at
 /// home: unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {
   robot.finished = false;

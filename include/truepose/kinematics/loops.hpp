@@ -5,8 +5,7 @@
 
 namespace truepose {
 
-/// f_i = (|v_i|² - L_i²)/2, zero where chain i closes; its derivative with respect to the pose is
-/// -J_x, in the tangent space of the pose (no Euler angles).
+/// f_i = (|v_i|² - L_i²)/2, zero where chain i closes; derivative -J_x in the pose's tangent space.
 template <Mobility K>
 class RodLoops {
  public:
@@ -23,7 +22,7 @@ class RodLoops {
 
   RodLoops(const Robot& robot, const std::array<Driven, n>& driven)
       : pivot_(points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); })),
-        centre_(points<n>([&](int i) -> Vec3 {  // of the sphere of the points D + R c
+        centre_(points<n>([&](int i) -> Vec3 {  // of the sphere of points D + R c
           return robot.chain[i].base() + driven[i].p - robot.chain[i].anchor();
         })) {
     const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
@@ -62,13 +61,13 @@ class RodLoops {
   Lanes<n> half_rod2_, per_rod_;
 };
 
-/// Of a pivot f_i is linear in (1, cos x_j, sin x_j) of each of its axes: with S = B - o_1 and
-/// y_j = R_j (o_{j+1} + y_{j+1}), y_n = R_n c,
+/// Loops of a rotational platform. f_i is linear in (1, cos x_j, sin x_j) of each axis: with
+/// S = B - o_1, y_j = R_j (o_{j+1} + y_{j+1}) and y_n = R_n c,
 ///
 ///     f = (|S|² + Σ|o_j|² + |c|² - L²)/2 - S·y_1 + Σ o_j·y_j         (j > 1 in both sums)
 ///
-/// and p·R y = p·d d·y + cos x (p - p·d d)·y + sin x (p × d)·y for any p. Its 3ⁿ coefficients are
-/// summed once a search; a step then costs a tenth of carrying the nacelle along.
+/// and p·R y = p·d d·y + cos x (p - p·d d)·y + sin x (p × d)·y for any p. The 3ⁿ coefficients are
+/// summed once per search; a step then costs a tenth of evaluating the chain of frames.
 template <Mobility K>
 class PivotLoops {
  public:
@@ -92,11 +91,11 @@ class PivotLoops {
     per_rod_ = 1 / rod;
     const Vec3 first = robot.axis[0].origin();
     const Points<n> S{B_.px - first.x(), B_.py - first.y(), B_.pz - first.z()};
-    Lanes<n> part2 = c.squared_norm();  // and of the offsets up to axis j
+    Lanes<n> part2 = c.squared_norm();  // plus the offsets up to axis j
     const Lanes<n> rod2 = rod * rod;
     coefficient_.fill(Lanes<n>::Zero());
     for (int j = n - 1; j >= 0; --j) {
-      size_[j] = (n - j) * (part2 * rod2).sum();  // |A - p_j|² is at most so many times the sum
+      size_[j] = (n - j) * (part2 * rod2).sum();  // upper bound of |A - p_j|²
       if (j > 0) part2 += robot.axis[j].origin().squaredNorm();
     }
     coefficient_[0] = 0.5 * (S.squared_norm() + part2 - rod2);
@@ -132,7 +131,7 @@ class PivotLoops {
  private:
   static constexpr int kTerms = n == 1 ? 3 : n == 2 ? 9 : 27;
 
-  // As lanes: where Eigen multiplies lanes by a number, clang takes that through memory, and waits.
+  // As lanes: clang multiplies Eigen lanes by a scalar through memory, which stalls.
   static Points<n> all(const Vec3& p) {
     return {Lanes<n>::Constant(p.x()), Lanes<n>::Constant(p.y()), Lanes<n>::Constant(p.z())};
   }
@@ -161,7 +160,7 @@ class PivotLoops {
     }
   }
 
-  /// Takes the axes from J down out of coefficients `from`: what is left, and its slopes.
+  /// Contracts the axes from J down in the coefficients `from`, into the value and its slopes.
   template <int J>
   static void contract(const At& at, const Lanes<n>* from, Lanes<n>* value,
                        std::array<std::array<Lanes<n>, kTerms / 3>, n>& slope) {

@@ -7,9 +7,8 @@
 
 namespace truepose {
 
-/// Adjugate and determinant of a matrix of at most 4×4, by minors: products and sums only, no
-/// branch and no division, so that it costs a third of a factorisation. T is a number or several
-/// side by side.
+/// Computes the adjugate of a matrix up to 4×4 by minors; returns the determinant. Free of branches
+/// and divisions, at a third of the cost of a factorisation. T: one number or several in parallel.
 template <int N, class T>
 inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::array<T, N>, N>& b) {
   static_assert(N >= 1 && N <= 4);
@@ -27,7 +26,7 @@ inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::arra
       }
     return a[0][0] * b[0][0] + a[0][1] * b[1][0] + a[0][2] * b[2][0];
   } else {
-    // 2×2 minors of the upper and of the lower two rows; Laplace's expansion puts them together.
+    // 2×2 minors of the upper and of the lower two rows, combined by Laplace's expansion.
     const auto minor = [&](int row, int i, int j) -> T {
       return a[row][i] * a[row + 1][j] - a[row][j] * a[row + 1][i];
     };
@@ -36,7 +35,7 @@ inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::arra
     const T c01 = minor(2, 0, 1), c02 = minor(2, 0, 2), c03 = minor(2, 0, 3);
     const T c12 = minor(2, 1, 2), c13 = minor(2, 1, 3), c23 = minor(2, 2, 3);
     for (int j = 0; j < 4; ++j) {
-      // Column j: row j^1 of a, the other row of its half, against the minors of the other half.
+      // Column j: row j^1 of a, the other row of its half, times the minors of the other half.
       const auto& r = a[j ^ 1];
       const Real sign = j % 2 == 0 ? 1 : -1;
       const bool upper = j < 2;

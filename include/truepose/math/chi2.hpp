@@ -1,4 +1,4 @@
-// Tails of the χ² distribution with a whole number of degrees of freedom.
+// Tails of the χ² distribution with an integer number of degrees of freedom.
 #pragma once
 
 #include <cmath>
@@ -21,7 +21,7 @@ inline Real chi2_tail(Real x, int k) {
   return tail;
 }
 
-/// The x that χ² with k degrees of freedom exceeds with that probability, in (0, 1), by bisection.
+/// The x that χ² with k degrees of freedom exceeds with a probability in (0, 1), by bisection.
 inline Real chi2_beyond(Real probability, int k) {
   if (k < 1) return 0;
   Real low = 0, high = 1;

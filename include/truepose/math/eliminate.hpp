@@ -1,9 +1,8 @@
 // Elimination of the pose from the readings' linear model, which leaves rows in ξ alone.
 //
-// To first order e = H_x δx + H_ξ δξ + noise. In units of the readings' σ, Householder's
-// reflections turn H_x into [R; 0]: the n upper rows give δx once δξ is known, the others hold no
-// δx and are all that the readings say of ξ. A pose so costs nothing but its own n rows (Schur's
-// complement).
+// To first order e = H_x δx + H_ξ δξ + noise. In units of the readings' σ, Householder reflections
+// turn H_x into [R; 0]: the n upper rows give δx once δξ is known. The others contain no δx and
+// hold all the information on ξ, so a pose costs only its own n rows (Schur complement).
 #pragma once
 
 #include "truepose/math/ldlt.hpp"
@@ -11,14 +10,14 @@
 
 namespace truepose {
 
-inline constexpr int kMaxRows = kMaxReadings + kMaxDof;  ///< readings, and an outside measurement
-using RowsOfPose = Matrix<kMaxRows, kMaxDof>;            ///< H_x, its first n columns
+inline constexpr int kMaxRows = kMaxReadings + kMaxDof;  ///< readings and an external measurement
+using RowsOfPose = Matrix<kMaxRows, kMaxDof>;            ///< H_x in the first n columns
 
-/// @param n       degrees of freedom
-/// @param rows    of A, B and e; at least n
-/// @param A       in: H_x, whitened; out: R in its upper triangle
-/// @param B       in: H_ξ, whitened, rows of `width`; out: n rows beside R, the rest free of δx
-/// @param e       in: what was read less what was expected, whitened; out: beside B
+/// Eliminates the pose from whitened rows.
+/// @param rows  number of rows of A, B and e, at least n, the degrees of freedom
+/// @param A     in: H_x; out: R in its upper triangle
+/// @param B     in: H_ξ, rows of `width`; out: n rows beside R, the others free of δx
+/// @param e     in: measured minus expected; out: in the rows of B
 /// @return false where the rows do not determine the pose
 inline bool eliminate(int n, int rows, RowsOfPose& A, Real* B, int width,
                       std::array<Real, kMaxRows>& e) {
@@ -42,7 +41,7 @@ inline bool eliminate(int n, int rows, RowsOfPose& A, Real* B, int width,
     };
     for (int k = j; k < n; ++k) reflect(&A[0][k], kMaxDof);
     reflect(e.data(), 1);
-    for (int first = 0; first < width; first += kBlock) {  // along the rows of B, a few at a time
+    for (int first = 0; first < width; first += kBlock) {  // along the rows of B, in blocks
       const int count = std::min(kBlock, width - first);
       Real dot[kBlock] = {};
       for (int i = j; i < rows; ++i)
@@ -54,7 +53,7 @@ inline bool eliminate(int n, int rows, RowsOfPose& A, Real* B, int width,
   return true;
 }
 
-/// R x = b in place, R as `eliminate` leaves it.
+/// Solves R x = b in place, with R from `eliminate`.
 inline void back_substitute(int n, const RowsOfPose& R, Coordinates& b) {
   for (int i = n - 1; i >= 0; --i) {
     for (int k = i + 1; k < n; ++k) b[i] -= R[i][k] * b[k];

@@ -1,11 +1,11 @@
-// All chains at once, component by component, so that one instruction serves two.
+// Values of all chains side by side, component by component, so that one instruction serves two.
 #pragma once
 
 #include "truepose/model/robot.hpp"
 
 namespace truepose {
 
-/// Two numbers that take the same way: one register of SSE2 or NEON.
+/// Two numbers processed together: one register of SSE2 or NEON.
 using Pair = Eigen::Array<Real, 2, 1>;
 inline Pair swapped(const Pair& pair) { return pair.reverse(); }
 
@@ -13,7 +13,7 @@ inline Pair swapped(const Pair& pair) { return pair.reverse(); }
 template <int N>
 using Lanes = Eigen::Array<Real, N, 1>;
 
-/// One vector for each of N chains; named like a Vec3, so that a formula can serve both.
+/// One vector for each of N chains, with the accessors of a Vec3 so that a formula serves both.
 template <int N>
 struct Points {
   Lanes<N> px, py, pz;
@@ -25,8 +25,7 @@ struct Points {
   Lanes<N> squared_norm() const { return px * px + py * py + pz * pz; }
 };
 
-/// value(i) for each of N chains. By pairs: a register loaded from two stores of half its width
-/// would wait for both.
+/// value(i) for each of N chains. By pairs: a register load after two half-width stores stalls.
 template <int N, class F>
 inline Lanes<N> lanes(F&& value) {
   Lanes<N> result;
@@ -41,8 +40,8 @@ inline Points<N> points(F&& point) {
           lanes<N>([&](int i) { return point(i).z(); })};
 }
 
-/// The largest of all. Eigen's maxCoeff goes through a pointer to a function, which clang cannot
-/// see through when it checks that the control path never blocks.
+/// The largest value. Eigen's maxCoeff calls through a function pointer, which clang cannot follow
+/// when it checks that the control path never blocks.
 template <int N>
 inline Real largest(const Lanes<N>& values) {
   Real result = values[0];

@@ -8,17 +8,17 @@
 
 namespace truepose {
 
-/// Below this a pivot counts as zero: for A = JᵀJ a column of J within 1e-6 rad (single precision:
-/// 1e-3) of the span of the ones before it.
+/// Below this a pivot counts as zero: for A = JᵀJ, a column of J within 1e-6 rad (single precision:
+/// 1e-3) of the span of the preceding ones.
 inline constexpr Real kSingular = by_precision(1e-12, 1e-6);
 
-/// LDLᵀ of a symmetric positive definite N×N matrix, of which only the lower triangle is read.
-/// N is a compile-time size: the loops unroll and nothing is allocated.
+/// LDLᵀ of a symmetric positive definite N×N matrix; only the lower triangle is read. N is a
+/// compile-time size: loops unroll and nothing is allocated.
 template <int N>
 class Ldlt {
  public:
-  /// Factorises A. size[j] is what A[j][j] would be if nothing in it cancelled: it gives the unit
-  /// in which the pivots are judged, so that neither metres nor radians matter.
+  /// Factorises A. size[j] is what A[j][j] would be without cancellation: the unit of pivot j,
+  /// which makes the test of singularity independent of metres and radians.
   Ldlt(const std::array<std::array<Real, N>, N>& A, const std::array<Real, N>& size) {
     for (int j = 0; j < N; ++j) {
       Real pivot = A[j][j], scaled[N];  // scaled: row j of L D

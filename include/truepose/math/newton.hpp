@@ -1,4 +1,4 @@
-// Newton steps towards closed loops, damped where a step fails.
+// Newton iteration for loop closure, damped where a step fails.
 #pragma once
 
 #include <algorithm>
@@ -8,33 +8,31 @@
 
 namespace truepose {
 
-// Of a search: residuals in units of the largest length.
-/// Below this rounding decides.
+// Thresholds of a search: residuals in units of the largest length.
+/// Below this rounding dominates.
 inline constexpr Real kRounding = by_precision(2e-15, 1e-7);
-/// Below this a search has closed its loops.
+/// Below this the loops are closed.
 inline constexpr Real kClosed = by_precision(1e-12, 1e-5);
-/// Below this the factors of one step serve the next.
+/// Below this the factors of one step also serve the next.
 inline constexpr Real kChord = by_precision(1e-9, 1e-4);
-/// Below this a step that gains nothing was refused by rounding.
+/// Below this rounding explains a step without gain.
 inline constexpr Real kNothingToGain = by_precision(1e-13, 3e-6);
 
-/// How a search by Newton's method ended.
+/// Result of Newton's method.
 struct NewtonEnd {
   int iterations = 0;   ///< steps tried
   bool regular = true;  ///< whether the last factors had full rank
-  Real damping = 0;     ///< of the last step; 0: Newton's own
+  Real damping = 0;     ///< of the last step; 0: undamped
 };
 
-/// Newton on f = 0. A step that does not lower Σf² is retried with Levenberg's damping. Convergence
-/// is judged by the residual, to rounding.
-///
-/// A State has a `cost`, Σf², and a `residual`, in the unit of `scale`.
+/// Newton's method for f = 0. A step that does not lower Σf² is retried with Levenberg's damping.
+/// Converged when the residual reaches rounding. State: `cost`, Σf²; `residual`, in scale's unit.
 /// @param current  in: the start; out: the last state that lowered the cost
-/// @param trial    another one, to work in
+/// @param trial    work space
 /// @param scale    the largest length that f compares
-/// @param most     iterations
-/// @param factor   factor(state, damping): what solves for a step there, with regular()
-/// @param step     step(state, factors, after): fills the state after the step
+/// @param most     maximum iterations
+/// @param factor   factor(state, damping): factors of the step's equations, with regular()
+/// @param step     step(state, factors, after): computes the state after the step
 template <class State, class Factor, class Step>
 inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int most,
                                Factor&& factor, Step&& step) {
@@ -48,8 +46,8 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int m
       end.damping = std::max(10 * end.damping, 1e-3);
       continue;
     }
-    // Near the solution the same factors serve a second, chord step: its error is the product
-    // of two small ones, and it costs a third of a new factorisation.
+    // Near the solution the same factors serve a second, chord step: its error is the product of
+    // two small ones, and it costs a third of a new factorisation.
     do {
       ++end.iterations;
       step(*current, factors, *trial);
@@ -61,7 +59,7 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int m
       std::swap(current, trial);
     } while (end.damping == 0 && current->residual > rounding &&
              current->residual < kChord * scale && end.iterations < most);
-    // A step refused at the level of rounding is not a failure: nothing is left to gain.
+    // A step refused at the level of rounding is not a failure.
     if (current->residual <= rounding ||
         (end.damping > 0 && current->residual < kNothingToGain * scale))
       break;

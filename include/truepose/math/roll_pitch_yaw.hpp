@@ -21,9 +21,9 @@ inline Mat3 from_roll_pitch_yaw(const RollPitchYaw& angles) {
   return rotation_z(angles[2]) * pitch * roll;
 }
 
-/// The angles of R next to `near`, turns and all. Two triples make one R: (r, p, y) and
-/// (r + π, π - p, y + π); the nearer one is meant. Where pitch is upright only roll and yaw
-/// together are determined: roll stays what it was.
+/// Computes the angles of R next to `near`, turns included. (r, p, y) and (r + π, π - p, y + π)
+/// give the same R; the nearer triple is returned. At pitch ±90° only roll and yaw together
+/// are determined: roll stays as in `near`.
 inline RollPitchYaw to_roll_pitch_yaw(const Mat3& R, const RollPitchYaw& near) {
   constexpr Real pi = std::numbers::pi_v<Real>;
   const auto next_to = [&](RollPitchYaw angles) {

@@ -1,4 +1,4 @@
-// Rotations and their vectors: exp, log and the angle θ about z.
+// Rotations and rotation vectors: exp, log and the angle θ about z.
 #pragma once
 
 #include <numbers>
@@ -15,14 +15,14 @@ inline Mat3 rotation_z(Real angle) {
   return R;
 }
 
-/// sin(θ)/θ and (1 - cos θ)/θ², side by side, from θ². Up to 1 rad by their series, which are exact
-/// to rounding, need no root and cost a third of sine and cosine.
+/// sin(θ)/θ and (1 - cos θ)/θ² from θ². Up to 1 rad by series, which are exact to rounding, need no
+/// root and cost a third of sine and cosine.
 inline Pair versine_ratios(Real angle2) {
   if (!(angle2 < 1)) {
     const Real angle = std::sqrt(angle2);
     return {std::sin(angle) / angle, (1 - std::cos(angle)) / angle2};
   }
-  // (-θ²)ᵏ/(2k+1)! and (-θ²)ᵏ/(2k+2)!, k = 0 … 8, even and odd powers apart to shorten the chain.
+  // (-θ²)ᵏ/(2k+1)! and (-θ²)ᵏ/(2k+2)!, k = 0 … 8; even and odd powers apart to shorten the chain.
   const Real t = angle2, t2 = t * t, t4 = t2 * t2;
   const auto term = [](Real first, Real second) -> Pair { return {1 / first, 1 / second}; };
   const Pair low = (term(1, 2) - t * term(6, 24)) + t2 * (term(120, 720) - t * term(5040, 40320));
@@ -44,7 +44,7 @@ inline Mat3 exp_so3(const Vec3& w) {
   return R;
 }
 
-/// Rotation vector of R, angle in [0, π]. Through the quaternion: well conditioned everywhere.
+/// Rotation vector of R, angle in [0, π], through the quaternion: well conditioned everywhere.
 inline Vec3 log_so3(const Mat3& R) {
   Eigen::Quaternion<Real> quaternion(R);
   if (quaternion.w() < 0) quaternion.coeffs() = -quaternion.coeffs();
@@ -54,8 +54,8 @@ inline Vec3 log_so3(const Mat3& R) {
   return (s < 1e-10 ? 2.0 : 2.0 * half / s) * quaternion.vec();
 }
 
-/// θ next to `near`, turns and all, from R. Beyond 1000 rad the turns would cost θ its last digits
-/// (1e-13 rad): they are given up.
+/// θ of R next to `near`, turns included. Beyond 1000 rad turns are dropped: they would cost θ its
+/// last digits (1e-13 rad).
 inline Real theta_of(const Mat3& R, Real near) {
   const Real theta = std::atan2(R(1, 0), R(0, 0));
   if (!(std::fabs(near) < 1000)) return theta;
@@ -63,21 +63,18 @@ inline Real theta_of(const Mat3& R, Real near) {
                      std::nearbyint((near - theta) / (2 * std::numbers::pi_v<Real>));
 }
 
-/// R, turned about z so that its θ is this one: what a small turn did to θ to second order is
-/// undone.
+/// R turned about z to the given θ: undoes the second-order change of θ by a small turn.
 inline Mat3 with_theta(const Mat3& R, Real theta) {
   return rotation_z(theta - std::atan2(R(1, 0), R(0, 0))) * R;
 }
 
 inline constexpr int kTiltIterations = 4;
 
-/// The turn w about x, y and z that begins with the given two and leaves θ as it is: of
-/// exp(w) R_z(θ), too, θ is atan2(R_10, R_00).
+/// The rotation vector w with the given x and y that keeps θ = atan2(R_10, R_00) of exp(w) R_z(θ).
 ///
-/// R_z(θ) e_x = e is level, n = e_z × e normal to it, and θ stays where n · exp(w) e = 0.
-/// Rodrigues' formula makes this w_z sin φ/φ + (n·w)(e·w)(1 - cos φ)/φ² = 0, φ = |w|. w_z is of
-/// second order in the tilt and enters φ² by its square: each iteration leaves a part of the fourth
-/// order.
+/// R_z(θ) e_x = e is level, n = e_z × e is normal to it, and θ is unchanged where n · exp(w) e = 0.
+/// By Rodrigues' formula w_z sin φ/φ + (n·w)(e·w)(1 - cos φ)/φ² = 0, φ = |w|. w_z is of second
+/// order in the tilt and enters φ² squared: each iteration leaves a fraction of fourth order.
 inline Vec3 tilt_keeping(Real theta, Real about_x, Real about_y) {
   const Real c = std::cos(theta), s = std::sin(theta);
   const Real product = (c * about_x + s * about_y) * (c * about_y - s * about_x);

@@ -17,8 +17,7 @@ inline Matrix<N, N> rows_of(const std::array<Lanes<N>, N>& columns) {
   return rows;
 }
 
-/// Sign of the determinant, -1, 0 or 1: up to 4×4 by minors, above by elimination with partial
-/// pivoting.
+/// Sign of the determinant, -1, 0 or 1: by minors up to 4×4, else by elimination with pivoting.
 template <int N>
 inline int determinant_sign(std::array<std::array<Real, N>, N> m) {
   if constexpr (N <= 4) {
@@ -45,7 +44,7 @@ inline int determinant_sign(std::array<std::array<Real, N>, N> m) {
   return sign;
 }
 
-/// The same by columns; 6×6 by triples of rows where they are independent.
+/// The same by columns; 6×6 by triples of rows where these are independent.
 template <int N>
 inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
   if constexpr (N == 6) {
@@ -57,7 +56,7 @@ inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
   return determinant_sign<N>(rows_of<N>(columns));
 }
 
-/// Solves (AᵀA + damping · diag(size)) x = Aᵀ b: any size, and Levenberg's damped steps.
+/// Solves (AᵀA + damping · diag(size)) x = Aᵀ b, for any size and Levenberg's damped steps.
 template <int N>
 class NormalEquations {
  public:
@@ -116,19 +115,19 @@ TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& col
   return normal.regular();
 }
 
-/// How an inversion ended.
+/// Result of an inversion.
 struct Inverted {
   bool regular = false;  ///< A has full rank
   Real determinant = 0;  ///< det A, or a number of its sign; damped: 0
   explicit operator bool() const { return regular; }
 };
 
-/// A⁻¹ diag(scale) of a square matrix given by its columns: up to 4×4 by its adjugate, 6×6 by
-/// triples of rows, or by the normal equations where those are not independent.
+/// A⁻¹ diag(scale) of a square matrix given by its columns: by the adjugate up to 4×4, 6×6 by
+/// triples of rows, or by the normal equations where these are dependent.
 ///
-/// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
-/// singularity is judged, so that neither metres nor radians matter.
-/// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
+/// size[j] is what |column j|² would be without cancellation: the unit that makes the test of
+/// singularity independent of metres and radians.
+/// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ replaces A⁻¹.
 template <int N>
 inline Inverted invert(const std::array<Lanes<N>, N>& columns, const std::array<Real, N>& size,
                        const Lanes<N>& scale, Real damping, Matrix<N, N>& rows) {
@@ -155,7 +154,7 @@ inline Inverted invert(const std::array<Lanes<N>, N>& columns, const std::array<
   return {invert_by_normal_equations<N>(columns, size, scale, damping, rows), Real(sign)};
 }
 
-/// A x for a matrix given by its rows.
+/// A x of a matrix given by its rows.
 template <int N>
 inline Lanes<N> times(const Matrix<N, N>& rows, const Lanes<N>& x) {
   Lanes<N> result;

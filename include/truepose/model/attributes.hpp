@@ -1,11 +1,10 @@
-// Compiler attributes: which calls to inline, and which never.
+// Compiler attributes that control inlining.
 #pragma once
 
-/// FLATTEN inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls,
-/// which costs a tenth of a simulation (benchmarks/README.md). Not under AddressSanitizer, which
-/// makes each inlined copy several times larger, nor where clang is asked for size; at g++'s -Os it
-/// nearly halves a cycle for a twentieth of the size. APART keeps what is long out of such a
-/// function.
+/// FLATTEN inlines all calls in a hot function. Eigen's small expressions otherwise stay calls,
+/// which cost a tenth of a simulation (benchmarks/README.md); at g++'s -Os FLATTEN nearly halves a
+/// control cycle for a twentieth more code. Off under AddressSanitizer, which makes each inlined
+/// copy several times larger, and where clang optimises for size. APART keeps long code out of it.
 #if defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__) && \
     !(defined(__clang__) && defined(__OPTIMIZE_SIZE__))
 #define TRUEPOSE_FLATTEN __attribute__((flatten))
@@ -15,7 +14,7 @@
 #define TRUEPOSE_APART
 #endif
 
-/// Keeps a way that is hardly ever taken out of the hot function around it, even a flattened one.
+/// Keeps a rarely executed function out of the hot function around it, even a flattened one.
 #if defined(__GNUC__)
 #define TRUEPOSE_RARE __attribute__((noinline, cold))
 #else

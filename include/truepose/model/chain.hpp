@@ -1,5 +1,4 @@
-// Closure of one chain in both directions: from the motor to B, and from the platform to the
-// motor.
+// Loop closure of one chain: from the motor to B, and from the platform to the motor.
 #pragma once
 
 #include <algorithm>
@@ -13,58 +12,56 @@ namespace truepose {
 /// A chain whose loop is closed.
 struct ChainState {
   Real q = 0;   ///< motor position as the encoder reads it
-  Real rate;    ///< ∂position/∂q: 1 but for a gain or an eccentricity of the encoder
+  Real rate;    ///< ∂position/∂q: 1 without gain, eccentricity and build-up of the encoder
   Vec3 p;       ///< P to B (telescopic: zero)
   Vec3 v;       ///< A to B, the rod
-  Vec3 lever;   ///< R c, from D to the pivot
+  Vec3 lever;   ///< R c, from D to the platform point
   Vec3 dB;      ///< ∂B/∂q
   Real jq = 0;  ///< the chain's entry of J_q: v·∂B/∂q (telescopic: -L)
 };
 
-/// Least 1 + 4 β φ that a slide φ is taken at.
+/// Lower limit of 1 + 4 β φ for a slide φ.
 inline constexpr Real kTurningPoint = Real(1e-6);
 
-/// What the encoder of a motor that stands at this angle or slide makes of it, its offset apart,
-/// and the derivative: gain (v + e(v)). A spool that winds in layers, of radius r and with t a
-/// turn, has wound r φ + t φ²/4π after φ: a slide is v + β v², v = r φ, β = t/(4π r²).
+/// Encoder reading without offset, gain (v + e(v)), and its derivative at a motor angle or slide. A
+/// spool of radius r that winds in layers, t per turn, has wound r φ + t φ²/4π after φ: a slide is
+/// v + β v², v = r φ, β = t/(4π r²).
 TRUEPOSE_RARE inline Encoded encode(const Chain& chain, Real position) {
-  // Where β takes the slide beyond its turning point, none: the root is held above zero.
+  // Beyond the turning point of the slide in v no v exists: the root is kept above zero.
   const Real root = std::sqrt(std::max(1 + 4 * chain.encoder_buildup * position, kTurningPoint));
   const Encoded read = encode(chain.eccentricity, 2 * position / (1 + root));
   return {chain.encoder_gain * read.value, chain.encoder_gain * read.slope / root};
 }
-/// The inverse.
+/// Inverse of encode.
 TRUEPOSE_RARE inline Real decode(const Chain& chain, Real value) {
   const Real v = decode(chain.eccentricity, value / chain.encoder_gain);
   return v + chain.encoder_buildup * v * v;
 }
 
-/// Where a motor stands as its stops see it, from its reading: angle or slide, no error of the
-/// encoder.
+/// Motor position that its stops refer to, from the reading: angle or slide without encoder errors.
 inline Real motor_position(const Chain& chain, Real q) {
   const Real value = q + chain.encoder_offset;
   return chain.encoder_errs ? decode(chain, value) : value;
 }
 
-/// The inverse: what the encoder of a motor that stands at this angle or slide reads.
+/// Encoder reading at a motor angle or slide, the inverse of motor_position.
 inline Real motor_reading(const Chain& chain, Real position) {
   return (chain.encoder_errs ? encode(chain, position).value : position) - chain.encoder_offset;
 }
 
-/// std::remainder by a whole turn; a number within half of one, as nearly all are, at once.
+/// std::remainder by a whole turn, with a fast path within half a turn, the usual case.
 inline Real without_turns(Real difference, Real turn) {
   return 2 * std::fabs(difference) < std::fabs(turn) ? difference
                                                      : std::remainder(difference, turn);
 }
 
-/// What is left of a difference of a motor's readings when whole turns of a joint are taken out:
-/// which of them an encoder counts from is nobody's geometry.
+/// Difference of a motor's readings without a revolute joint's whole turns, which are arbitrary.
 inline Real within_turn(const Chain& chain, Real difference) {
   return chain.actuator == Actuator::revolute
              ? without_turns(difference, 2 * std::numbers::pi_v<Real> * chain.encoder_gain)
              : difference;
 }
-/// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.
+/// Point B relative to P, its derivative, and the rod's length, at motor position q.
 struct Driven {
   Vec3 p, dB;
   Real rod;
@@ -84,7 +81,7 @@ inline Driven drive(const Chain& chain, Real q) {
   return {c * e + s * w, rate * (c * w - s * e), chain.rod, rate};
 }
 
-/// The first chain whose motor is beyond one of its stops.
+/// Returns joint_limit and the first chain whose motor is beyond a stop.
 TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
   if (!robot.finished) return {Status::unfinished, -1};
   for (int i = 0; i < robot.motors; ++i) {
@@ -95,15 +92,15 @@ TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) 
   return {};
 }
 
-/// Whether every motor stands between its stops. Models of the robot's behaviour never ask, for it
-/// may be pushed there; answers to what it should do (IKM, controllers) do.
+/// Checks all motors against their stops. Models of the robot's behaviour do not call it, as the
+/// robot may be pushed there; commands (IKM, controllers) do.
 /// @return joint_limit and the first chain beyond
 inline Outcome within_limits(const Robot& robot, const Joint& q) {
   return robot.limited ? beyond_limits(robot, q) : Outcome{};
 }
 
-/// The same, and whether the passive axes of a pivot turn that far.
-/// @return joint_limit: the first chain beyond, or -1 where it is an axis
+/// The same, including the limits of passive axes.
+/// @return joint_limit: the first chain beyond, or -1 for an axis
 template <Mobility K>
 inline Outcome within_limits(const Robot& robot, [[maybe_unused]] const Pose& pose,
                              const Joint& q) {
@@ -114,13 +111,13 @@ inline Outcome within_limits(const Robot& robot, [[maybe_unused]] const Pose& po
   return within_limits(robot, q);
 }
 
-/// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
+/// The entry of J_q for a rod v: the paper's (p×v)·u, extended to any actuator.
 inline Real jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
   return chain.actuator == Actuator::telescopic ? -driven.rod * driven.rate : v.dot(driven.dB);
 }
 
-/// By how much a rod is too short (positive) or too long (negative) to join its motor's reach to
-/// A = P + d; 0 where it closes. B moves on a circle, on a line, or (telescopic) not at all.
+/// Length by which a rod is too short (positive) or too long (negative) to connect B's path, a
+/// circle or a line, to A = P + d; 0 where the chain closes and for telescopic legs.
 inline Real shortfall(const Chain& chain, const Vec3& d) {
   if (chain.actuator == Actuator::telescopic) return 0;
   const Real along = chain.axis().dot(d);
@@ -131,9 +128,9 @@ inline Real shortfall(const Chain& chain, const Vec3& d) {
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
-/// Turns what close() found of a motor into what an encoder with a gain or an eccentricity reads,
-/// everything per that q. Kept out of close(), whose usual path then costs nothing for it.
-/// @return as read, the offset apart
+/// Converts what close() found for a motor to the reading of an encoder with errors, and all
+/// derivatives to that q. Not part of close(), whose usual path then costs nothing extra.
+/// @return the reading, without the offset
 TRUEPOSE_RARE inline Real read_with_errors(const Chain& chain, Real position, ChainState& state) {
   const Encoded read = encode(chain, position);
   state.rate = 1 / read.slope;
@@ -142,12 +139,11 @@ TRUEPOSE_RARE inline Real read_with_errors(const Chain& chain, Real position, Ch
   return read.value;
 }
 
-/// Closes a chain on A, d = A - P: the two spheres (or sphere and line) meet in two points,
-/// and the working mode says which. J_q's entry comes out as ± the root, without a division;
-/// no quotient by G, M or N appears, and no position of the arm is special.
-/// NeedAngle = false leaves q out, and with it the only trigonometric function.
-/// @return false when the rod cannot reach.
+/// Closes a chain on A, d = A - P: two spheres (or sphere and line) meet in two points; the working
+/// mode selects one. J_q's entry results as ± the root, without a division; no quotient by G, M or
+/// N appears, and no arm position is special. NeedAngle = false omits q, the only trigonometry.
 /// @param d2  |d|²
+/// @return false where the rod cannot reach
 template <bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, Real d2, ChainState& state) {
   const Real sign = chain.working_mode;

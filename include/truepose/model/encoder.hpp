@@ -10,8 +10,8 @@
 
 namespace truepose {
 
-/// First and second harmonic of an encoder's error. Its shaft stands at φ = gear · angle and reads
-/// φ + e(φ), e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ: an angle reads angle + e(φ)/gear.
+/// First and second harmonic of an encoder's error. At φ = gear · angle the shaft reads φ + e(φ),
+/// e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ; the angle reads angle + e(φ)/gear.
 struct Eccentricity {
   Real gear = 1;                    ///< turns of the shaft per turn of the measured joint
   std::array<Real, 4> amplitude{};  ///< c1, s1, c2, s2, rad of the shaft
@@ -27,7 +27,7 @@ inline std::array<Real, 4> harmonics(const Eccentricity& encoder, Real angle) {
   return {std::cos(phi), std::sin(phi), std::cos(2 * phi), std::sin(2 * phi)};
 }
 
-/// What an angle reads, and the derivative 1 + e'(φ).
+/// Reading of an angle, and the derivative 1 + e'(φ).
 struct Encoded {
   Real value, slope;
 };
@@ -39,8 +39,7 @@ TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, Real angle) {
 
 inline constexpr int kDecodeIterations = 12;
 
-/// The angle that reads `value`, by Newton. Where 1 + e' > 0 everywhere, which every encoder that
-/// can be used fulfils, there is one.
+/// Angle of a reading, by Newton's method. Unique where 1 + e' > 0, as for every usable encoder.
 TRUEPOSE_RARE inline Real decode(const Eccentricity& encoder, Real value) {
   Real angle = value;
   for (int k = 0; k < kDecodeIterations; ++k) {

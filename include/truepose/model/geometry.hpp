@@ -1,11 +1,11 @@
-// The robot that given values of ξ make.
+// The robot for given values of ξ.
 #pragma once
 
 #include "truepose/model/parameters.hpp"
 
 namespace truepose {
 
-/// ξ of the robot as drawn: what set_parameters turns into that robot again.
+/// Writes ξ of the nominal robot, from which set_parameters makes that robot again.
 /// @param xi  out, parameter_count(drawn) values
 inline Outcome drawn_parameters(const Robot& drawn, Real* xi) {
   if (!drawn.finished) return {Status::unfinished, -1};
@@ -47,12 +47,11 @@ inline Outcome drawn_parameters(const Robot& drawn, Real* xi) {
   return {};
 }
 
-/// Overwrites in `robot` everything that ξ determines.
-///
-/// @param drawn  with axes at zero yaw and tilt
+/// Overwrites everything in `robot` that ξ determines.
+/// @param drawn  nominal robot, axes at zero yaw and tilt
 /// @param xi     parameter_count(drawn) values, in the order of parameters.hpp; directions and
 ///               normals of any length
-/// @param robot  in: a copy of `drawn`, perhaps with other values; out: with these
+/// @param robot  in: a copy of `drawn`, whatever its parameters; out: with these parameters
 inline Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) {
   if (!drawn.finished || !robot.finished) return {Status::unfinished, -1};
   const auto vector = [](const Real* at) { return Vec3(at[0], at[1], at[2]); };

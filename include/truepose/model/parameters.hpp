@@ -1,8 +1,8 @@
-// Derivatives of every reading by every geometric parameter, H_ξ; the order and names of ξ.
+// Derivatives of all readings by all geometric parameters, H_ξ; order and names of ξ.
 //
-// Two layers: a parameter varies points, directions and lengths of a chain (Variation), once; the
-// readings know their derivatives with respect to those (Sensed, the closure). Everything is at
-// fixed pose x, the motors following: ∂q/∂ξ, ∂r/∂ξ.
+// Two layers: a parameter varies points, directions and lengths of a chain (Variation); the
+// readings have derivatives by those (Sensed, the closure). All at fixed pose x, the motors
+// following: ∂q/∂ξ, ∂r/∂ξ.
 #pragma once
 
 #include <cassert>
@@ -11,8 +11,8 @@
 
 namespace truepose {
 
-/// Parameters of a chain, in this order. A telescopic chain has no arm and no rod; the last two
-/// move readings only at the full level.
+/// Parameters of a chain, in this order. A telescopic chain has no arm and no rod; rod_difference
+/// and rod_spacing change readings at the full level only.
 enum class ChainParameter : int {
   base_x,
   base_y,
@@ -32,7 +32,7 @@ enum class ChainParameter : int {
   eccentricity_c2,
   eccentricity_s2,
   encoder_gain,
-  encoder_buildup  ///< of slides and legs: the last, so that arms do without
+  encoder_buildup  ///< of slides and legs; last, so that arms can omit it
 };
 
 /// A parameter's name within its part, and its unit.
@@ -68,7 +68,7 @@ inline constexpr std::array kChainTable{
 static_assert(in_order(kChainTable, &InChain::parameter));
 inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
 
-/// Parameters of a sensor, in this order; those that its kind does not have have zero columns.
+/// Parameters of a sensor, in this order; those that its kind lacks have zero columns.
 enum class SensorParameter : int {
   offset,
   gain,
@@ -136,7 +136,7 @@ inline constexpr std::array kAxisTable{
 static_assert(in_order(kAxisTable, &InAxis::parameter));
 inline constexpr int kAxisParameters = static_cast<int>(kAxisTable.size());
 
-/// ξ: chains, then the pivots of the bars, the sensors in use, and the passive axes.
+/// ξ: chains, then c of the bars, the sensors in use, and the passive axes.
 inline int parameter_count(const Robot& robot) {
   return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters +
          passive_axes(robot.mobility) * kAxisParameters;
@@ -148,7 +148,7 @@ inline int axis_column(const Robot& robot, int axis) {
 }
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
-  assert(bar >= 0 && bar < kMaxBars);  // or it would be a sensor's column: see parts_exist
+  assert(bar >= 0 && bar < kMaxBars);  // else it is a sensor's column: see parts_exist
   return robot.chains * kChainParameters + bar;
 }
 inline int sensor_column(const Robot& robot, int sensor) {
@@ -156,19 +156,18 @@ inline int sensor_column(const Robot& robot, int sensor) {
   return robot.chains * kChainParameters + kMaxBars + sensor * kSensorParameters;
 }
 
-/// What a parameter moves, at fixed pose and fixed encoder reading.
+/// What a parameter changes, at fixed pose and fixed encoder reading.
 struct Variation {
   Vec3 B = Vec3::Zero(), A = Vec3::Zero();
   Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
-  Real rod = 0;              ///< of L
-  Real motor = 0;            ///< of the motor's angle or position, as its encoder reads it
-  Real difference = 0;       ///< of δ between the rods of a pair (full level)
-  Real spacing = 0;          ///< of s between them
+  Real rod = 0;              ///< L
+  Real motor = 0;            ///< the motor's angle or position, in units of its reading
+  Real difference = 0;       ///< δ between the rods of a pair (full level)
+  Real spacing = 0;          ///< s between them
 };
 
-/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes, by its
-/// gain, which scales from 0, with whole turns left out of q as the models leave them out, and by
-/// its build-up.
+/// ∂q of a motor at rest with its arm at p, by the encoder's amplitudes, gain and build-up. The
+/// gain scales from 0, with whole turns left out of q as in the models.
 inline std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec3& p) {
   const Real v = (q + chain.encoder_offset) / chain.encoder_gain;
   std::array<Real, 6> change{0, 0, 0, 0, v, 0};
@@ -182,9 +181,10 @@ inline std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec
     change[k] = chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
   return change;
 }
-/// @param p         P to B
-/// @param body      orientation of the body that carries A
-/// @param encoder   as of encoder_reading
+/// Returns what a parameter of a chain changes.
+/// @param p        P to B
+/// @param body     orientation of the body that carries A
+/// @param encoder  as returned by encoder_reading
 inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
                       const std::array<Real, 6>& encoder, ChainParameter parameter) {
   Variation change;
@@ -222,9 +222,9 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
   return change;
 }
 
-/// Calls enter(column of H_ξ, variation) for each parameter that moves chain i.
+/// Calls enter(column of H_ξ, variation) for each parameter of chain i.
 /// @param q      of its motor
-/// @param lever  from D to the pivot
+/// @param lever  R c
 template <class Enter>
 inline void for_each_variation(const Robot& robot, int i, Real q, const Vec3& p, const Mat3& body,
                                const Vec3& lever, Enter&& enter) {
@@ -233,20 +233,19 @@ inline void for_each_variation(const Robot& robot, int i, Real q, const Vec3& p,
   const int count = kChainParameters - (chain.actuator == Actuator::revolute);
   for (int k = 0; k < count; ++k)
     enter(chain_column(i) + k, vary(chain, p, body, encoder, static_cast<ChainParameter>(k)));
-  if (chain.bar >= 0) {  // the pivot moves along itself
+  if (chain.bar >= 0) {  // c moves along itself
     Variation change;
     change.A = lever.normalized();
     enter(bar_column(robot, chain.bar), change);
   }
 }
 
-/// ∂f of a rod, f = (|v|² - L²)/2, its motor's reading held.
-/// @param jq  ∂f/∂q
+/// ∂f of a rod, f = (|v|² - L²)/2, at a fixed motor reading. @param jq  ∂f/∂q
 inline Real closure_change(const Vec3& v, Real jq, Real length, const Variation& change) {
   return v.dot(change.B - change.A) + jq * change.motor - length * change.rod;
 }
 
-/// ∂s of a sensor on the chain, its motor's reading held.
+/// ∂s of a sensor on the chain, at a fixed motor reading.
 inline Real sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
                           Real rate, const Variation& change) {
   const Real turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
@@ -254,12 +253,12 @@ inline Real sensor_change(const Sensor& sensor, const Sensed& s, const Chain& ch
          by_motor(sensor, s, chain, dB, rate) * change.motor;
 }
 
-/// A derivative by a unit vector, along which only turning it counts.
+/// Derivative by a unit vector, which can only turn.
 inline Vec3 turned_only(const Vec3& slope, const Vec3& unit) {
   return slope - slope.dot(unit) * unit;
 }
 
-/// The columns of H_ξ that are the sensors' own: offset, gain, mounting.
+/// Fills the columns of H_ξ of the sensors: offset, gain, mounting.
 inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed,
                            Real* H) {
   const int n = dof(robot.mobility), width = parameter_count(robot);
@@ -281,7 +280,7 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
   }
 }
 
-/// The same of every mobility. @param states  of the n chains
+/// Fills H_ξ except for passive axes. @param states  of the n chains
 inline void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
                                const std::array<Sensed, kMaxSensors>& sensed, Real* H) {
   const int n = dof(robot.mobility), width = parameter_count(robot);
@@ -308,9 +307,9 @@ inline void parameter_jacobian(const Robot& robot, const Pose& pose, const Chain
   sensor_columns(robot, sensed, H);
 }
 
-/// The columns of H_ξ of the passive axes. Each parameter moves the nacelle by a twist, the angles
-/// held: an origin carries all that follows along; a direction turned by δ ⟂ d turns it by
-/// sin x δ + (1 - cos x) d × δ about the axis' origin. The readings follow as they do any motion.
+/// Fills the columns of H_ξ of the passive axes. Each parameter moves the platform by a twist, the
+/// angles held: an origin shifts all that follows it; a direction turned by δ ⟂ d turns it by
+/// sin x δ + (1 - cos x) d × δ about the axis' origin. The readings follow as for any motion.
 template <Mobility K>
 inline void axis_columns([[maybe_unused]] const Robot& robot,
                          [[maybe_unused]] const Closure<K>& closure,
@@ -319,7 +318,7 @@ inline void axis_columns([[maybe_unused]] const Robot& robot,
   if constexpr (kPivots<K>) {
     constexpr int n = kDof<K>;
     const int width = parameter_count(robot);
-    Mat3 R = Mat3::Identity();  // of the axis before
+    Mat3 R = Mat3::Identity();  // of the preceding axis
     for (int j = 0; j < n; ++j) {
       const Vec3 d = robot.axis[j].direction();
       const Real c = std::cos(closure.pose.D[j]), s = std::sin(closure.pose.D[j]);
@@ -356,9 +355,8 @@ inline void axis_columns([[maybe_unused]] const Robot& robot,
   }
 }
 
-/// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
-/// owns. Directions and normals are of unit length: whoever was given one of another length divides
-/// its columns by it.
+/// Computes H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in the
+/// caller's memory. Directions and normals have unit length; else divide their columns by it.
 template <Mobility K>
 inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, Real* H) {
   std::array<Sensed, kMaxSensors> sensed;

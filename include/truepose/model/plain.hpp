@@ -11,7 +11,7 @@ namespace truepose {
 using Vec3 = Eigen::Matrix<Real, 3, 1>;
 using Mat3 = Eigen::Matrix<Real, 3, 3>;
 
-/// The numbers of a Vec3 or a Mat3 (by columns), read and written as Eigen's by ().
+/// The numbers of a Vec3 or a Mat3 (by columns), read and written as Eigen's type by ().
 template <class Value>
 struct Plain {
   std::array<Real, Value::SizeAtCompileTime> number{};

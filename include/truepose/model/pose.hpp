@@ -1,4 +1,4 @@
-// Coordinates x, poses (D, R) and the twists that the mobility leaves free.
+// Coordinates x, poses (D, R) and the free twists of a mobility.
 #pragma once
 
 #include <cassert>
@@ -7,16 +7,15 @@
 
 namespace truepose {
 
-/// Position D of the nacelle's reference point and orientation R (nacelle to base).
-/// theta keeps its turns, which R alone cannot. Of a pivot D holds x, the angles of its passive
-/// axes, which the robot alone can make a place of (carry).
+/// Position D of the platform's reference point and orientation R (platform to base). theta keeps
+/// its turns, unlike R. On passive axes D holds x, their angles; carry() gives the true D and R.
 struct Pose {
   Vec3 D = Vec3::Zero();
   Mat3 R = Mat3::Identity();
   Real theta = 0;
 };
 
-/// The columns of the 6-twist [velocity of D; angular velocity], base frame, that are free.
+/// The free columns of the 6-twist [velocity of D; angular velocity], base frame.
 template <Mobility K>
 struct Freedom;
 template <>
@@ -47,7 +46,7 @@ inline constexpr bool kPivots = pivots(K);
 template <Mobility K>
 inline constexpr bool kTurnsAboutZ = K == Mobility::planar || K == Mobility::schoenflies;
 
-/// R l, by as many products as the mobility needs, for each of N vectors.
+/// R l for each of N vectors, without products that are zero for the mobility.
 template <Mobility K, int N>
 inline Points<N> turned(const Mat3& R, const Points<N>& l) {
   if constexpr (K == Mobility::spatial || kPivots<K>)
@@ -60,7 +59,7 @@ inline Points<N> turned(const Mat3& R, const Points<N>& l) {
     return l;
 }
 
-/// R l, by as many products as the mobility needs.
+/// R l, without products that are zero for the mobility.
 template <Mobility K>
 inline Vec3 turned(const Mat3& R, const Vec3& l) {
   if constexpr (K == Mobility::spatial || kPivots<K>)
@@ -129,7 +128,7 @@ inline Pose moved(const Pose& pose, const Coordinates& step) {
     if constexpr (kTurnsAboutZ<K>) {
       const Real turn = step[kDof<K> - 1], turn2 = turn * turn;
       result.theta += turn;
-      if (turn2 < 1e-4) {  // the series is exact to rounding, and several times faster
+      if (turn2 < 1e-4) {  // the series is exact to rounding and several times faster
         const Real s = turn * (1 - turn2 * (1.0 / 6 - turn2 / 120));
         const Real c = 1 - turn2 * (0.5 - turn2 * (1.0 / 24 - turn2 / 720));
         const Real x = pose.R(0, 0), y = pose.R(1, 0);
@@ -158,17 +157,17 @@ inline Coordinates difference(const Pose& to, const Pose& from) {
   }
 }
 
-/// Where the passive axes of a pivot carry its nacelle, and the twist of each: what turns about a_j
-/// through p_j moves D with a_j × (D - p_j).
+/// Position and orientation that the passive axes give the platform, and each axis' twist: a turn
+/// about a_j through p_j moves D with a_j × (D - p_j).
 template <Mobility K>
 struct CarriedByAxes {
-  Pose pose;                               ///< D and R of the nacelle
+  Pose pose;                               ///< D and R of the platform
   std::array<Vec3, kDof<K>> axis, linear;  ///< a_j, and the velocity of D at ẋ_j = 1, base frame
   std::array<Vec3, kDof<K>> arm;           ///< D - p_j
 };
-/// Of other mobilities nothing: their pose says it all.
+/// Empty for other mobilities, whose pose is complete.
 struct NotCarried {};
-/// What carries the nacelle of a mobility.
+/// The data of passive axes, where the mobility has them.
 template <Mobility K>
 using Carried = std::conditional_t<kPivots<K>, CarriedByAxes<K>, NotCarried>;
 
@@ -178,12 +177,11 @@ inline void turn_to(Real angle, Real& cosine, Real& sine) {
   sine = std::sin(angle);
 }
 
-/// The same after a turn by t to `angle`. Of a small one by its series, exact to rounding, at a
-/// third of the cost.
+/// The same after a turn by t to `angle`. Small t: a series, exact to rounding, 3× as fast.
 inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
   const Real t2 = t * t;
   if (!(t2 < 1e-3)) return turn_to(angle, cosine, sine);
-  // What is left out, t⁹/9! and t⁸/8!, is below 3e-17 of t and of 1.
+  // The omitted terms, t⁹/9! and t⁸/8!, are below 3e-17 of t and of 1.
   const Real s = t * (1 - t2 * (1.0 / 6 - t2 * (1.0 / 120 - t2 * (1.0 / 5040))));
   const Real c = 1 - t2 * (0.5 - t2 * (1.0 / 24 - t2 * (1.0 / 720)));
   const Real before = cosine;
@@ -191,7 +189,7 @@ inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
   sine = s * before + c * sine;
 }
 
-/// exp(x d) about a unit vector, by Rodrigues, from cos x and sin x.
+/// exp(x d) about a unit vector, by Rodrigues' formula, from cos x and sin x.
 inline Mat3 turn_about(const Vec3& d, Real cosine, Real sine) {
   const Vec3 s = sine * d, u = (1 - cosine) * d;
   const Real xy = u.x() * d.y(), xz = u.x() * d.z(), yz = u.y() * d.z();
@@ -201,8 +199,8 @@ inline Mat3 turn_about(const Vec3& d, Real cosine, Real sine) {
   return R;
 }
 
-/// The chain of frames: p_j = p_{j-1} + R o_j, a_j = R d_j, R ← R exp(x_j d_j); the nacelle stands
-/// on the last axis, D = p_n. @param cosine, sine  of x_j
+/// Evaluates the chain of frames: p_j = p_{j-1} + R o_j, a_j = R d_j, R ← R exp(x_j d_j); the
+/// platform is on the last axis, D = p_n. @param cosine, sine  of x_j
 template <Mobility K>
   requires kPivots<K>
 TRUEPOSE_FLATTEN inline Carried<K> carry(const Robot& robot,
@@ -242,7 +240,7 @@ inline Carried<K> carry([[maybe_unused]] const Robot& robot, [[maybe_unused]] co
   }
 }
 
-/// D and R of the nacelle.
+/// D and R of the platform.
 template <Mobility K>
 inline const Pose& placed(const Pose& pose, [[maybe_unused]] const Carried<K>& carried) {
   if constexpr (kPivots<K>)
@@ -255,7 +253,7 @@ inline Pose placed(const Robot& robot, const Pose& pose) {
   return placed<K>(pose, carry<K>(robot, pose));
 }
 
-/// Velocity of D and angular velocity (base frame) of a twist given by its free columns.
+/// Velocity of D and angular velocity, base frame.
 struct Twist {
   Vec3 velocity = Vec3::Zero();
   Vec3 omega = Vec3::Zero();
@@ -289,7 +287,7 @@ inline void free_columns(const Vec3& linear, const Vec3& angular, Real* row) {
   }
 }
 
-/// The same along the twists that a nacelle is left: [linear, angular] T.
+/// The same along the platform's free twists: [linear, angular] T.
 template <Mobility K>
 inline void free_columns([[maybe_unused]] const Carried<K>& carried, const Vec3& linear,
                          const Vec3& angular, Real* row) {
@@ -300,7 +298,7 @@ inline void free_columns([[maybe_unused]] const Carried<K>& carried, const Vec3&
     free_columns<K>(linear, angular, row);
 }
 
-// The same of a mobility that is a number: offline work, written once, calls these.
+// The same with the mobility as a run-time value, for offline code written once.
 
 constexpr bool turns_about_z(Mobility mobility) {
   return mobility == Mobility::planar || mobility == Mobility::schoenflies;
@@ -314,7 +312,7 @@ inline Coordinates to_coordinates(Mobility mobility, const Pose& pose) {
 inline Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) {
   return with_mobility(mobility, [&](auto K) { return moved<K()>(pose, step); });
 }
-/// (Not of a pivot: its columns are not the mobility's, but the pose's.)
+/// (Not for rotational platforms, whose columns depend on the pose.)
 inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, Real* row) {
   assert(!pivots(mobility));
   with_mobility(mobility, [&](auto K) {

@@ -1,7 +1,6 @@
-// Kinds of sensors, and what holds for every reading of a kind. One row each.
+// Kinds of sensors and their common properties, one row each.
 //
-// Whoever must know something of a kind asks this table, the Python package included. What a kind
-// reads, with its derivatives, is its `sense` (sensors/).
+// Single source for all code, Python included. Readings and derivatives are in `sense` (sensors/).
 #pragma once
 
 #include <array>
@@ -14,39 +13,39 @@ enum class Unit : int {
   one = 0,
   metre = 1,
   radian = 2,
-  reading = 3,  ///< of a parameter: the unit of its motor or sensor
+  reading = 3,  ///< of a parameter: that of its motor's or sensor's reading
 };
 
-/// What a redundant sensor measures. One sensor is one number; a tracker is several of them.
+/// Quantity that a redundant sensor measures. One sensor is one number; a tracker is several.
 enum class SensorKind : int {
-  platform_angle = 0,  ///< θ of the nacelle about z, gear undone
-  plane_distance = 1,  ///< distance along a fixed line to a plane of the nacelle
-  coordinate = 2,      ///< a point of the nacelle along a fixed direction (tracker, telemeter)
-  distance = 3,        ///< from a point of the base to a point of the nacelle (draw-wire, ball bar)
-  inclinometer = 4,    ///< turn of the nacelle about one of its axes, against gravity
-  rotation = 5,        ///< a component of the nacelle's rotation vector (tracker)
+  platform_angle = 0,  ///< θ of the platform about z, gear undone
+  plane_distance = 1,  ///< distance along a fixed line to a plane of the platform
+  coordinate = 2,      ///< a point of the platform along a fixed direction (tracker, telemeter)
+  distance = 3,        ///< from a base point to a platform point (draw-wire, ball bar)
+  inclinometer = 4,    ///< turn of the platform about one of its axes, relative to gravity
+  rotation = 5,        ///< a component of the platform's rotation vector (tracker)
   rod_in_plane = 6,    ///< rod's direction in its joint's plane (elbow, first U-joint angle)
   rod_lateral = 7,     ///< rod's direction out of that plane
   rod_length = 8,      ///< distance of the rod's ends
   motor_encoder = 9,   ///< a second encoder on a motor's load side
-  axis_angle = 10,     ///< of a pivot: how far a passive axis has turned
+  axis_angle = 10,     ///< angle of a passive axis
 };
 
-/// Vectors of a sensor's mounting, as bits: those that a robot file gives a kind. A kind's reading
-/// depends on them alone; an inclinometer's on the vertical besides, which it keeps as its origin.
+/// Mounting vectors that a robot file gives a kind, as bits. A kind's reading depends on these
+/// only; an inclinometer's also on the vertical, stored as its origin.
 enum Mounting : unsigned { kOrigin = 1, kDirection = 2, kTarget = 4, kNormal = 8 };
 inline constexpr std::array<const char*, 4> kMountingVectors{"origin", "direction", "target",
                                                              "normal"};
 
-/// What all sensors of a kind have in common.
+/// Properties common to all sensors of a kind.
 struct SensorProperties {
   SensorKind kind;
   const char* name;        ///< in robot files
   Unit unit;               ///< of its value
-  bool of_chain = false;   ///< sees one chain's motor or rod, not the nacelle alone
-  bool shaft = false;      ///< an encoder on a turning shaft: gear, counts a turn, eccentricity
-  bool wraps = false;      ///< which whole turn it counts from is nobody's geometry
-  bool is_theta = false;   ///< is θ, turns and all: gives a nacelle that turns about z alone its R
+  bool of_chain = false;   ///< measures one chain's motor or rod, not the platform alone
+  bool shaft = false;      ///< encoder on a turning shaft: gear, counts per turn, eccentricity
+  bool wraps = false;      ///< whole turns are arbitrary
+  bool is_theta = false;   ///< θ, turns included: gives R of a platform that turns about z only
   unsigned mounting = 0u;  ///< see Mounting
 };
 
@@ -104,16 +103,16 @@ inline constexpr std::array kSensorTable{
 };  // the last row
 inline constexpr int kSensorKinds = static_cast<int>(kSensorTable.size());
 
-/// What holds for a kind that exists (parts_exist asks whether it does).
+/// Properties of a valid kind (see parts_exist).
 constexpr const SensorProperties& properties(SensorKind kind) {
   return kSensorTable[static_cast<std::size_t>(kind)];
 }
 
-/// A kind as a type: its own `sense` is an overload on it.
+/// A kind as a type, for the overloads of `sense`.
 template <SensorKind kind>
 using Is = std::integral_constant<SensorKind, kind>;
 
-/// Whether row k of a table is that of enumerator k.
+/// Whether row k of a table belongs to enumerator k.
 template <class Table, class Column>
 constexpr bool in_order(const Table& table, Column column) {
   for (std::size_t k = 0; k < table.size(); ++k)

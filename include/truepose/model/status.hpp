@@ -3,31 +3,30 @@
 
 namespace truepose {
 
-/// Result of every core function. Nothing throws; whoever calls looks at this. Below 0: an answer
-/// with a warning; above 0: no answer.
+/// Result of every core function; nothing throws. Below 0: answer with a warning; above 0: none.
 enum class [[nodiscard]] Status : int {
-  stopped = -3,        ///< readings kept disagreeing: nothing is learnt from them any more
-  disagree = -2,       ///< readings disagree: not all of them, or none, were learnt from
-  near_singular = -1,  ///< damped, as asked for: finite and bounded, not the exact law's answer
-  ok = 0,              ///< converged / computed; the outputs are finite
-  unreachable = 1,     ///< no position of the mechanism closes the loops, and this is known
+  stopped = -3,        ///< readings disagreed too long: identification has stopped
+  disagree = -2,       ///< readings disagree: some or all were excluded from identification
+  near_singular = -1,  ///< damped as requested: finite and bounded, not the exact law's answer
+  ok = 0,              ///< converged or computed; the outputs are finite
+  unreachable = 1,     ///< certainly no position of the mechanism closes the loops
   singular = 2,        ///< J_x or J_q loses rank: the answer is not determined
-  branch_lost = 3,     ///< closed, but in another working or assembly mode than the robot's
+  branch_lost = 3,     ///< closed, but not in the robot's working or assembly mode
   not_finite = 4,      ///< an input is NaN or infinite
   not_measured = 5,    ///< the sensors do not determine what the law needs
-  no_full_level = 6,   ///< the rods are too many, too few or unknown to be solved for one by one
+  no_full_level = 6,   ///< the rods are too many, too few or unknown for the full level
   joint_limit = 7,     ///< a motor would have to pass one of its stops
-  not_converged = 8,  ///< the search ended with the loops open; whether any pose closes them is too
-  no_such_part = 9,   ///< a count, an index or an enum of the robot's data names what is not there
-  not_square = 10,    ///< more or fewer chains or motors than freedoms: not solved for
-  unfinished = 11,    ///< the robot has not passed finish() (jacobian.hpp)
-  not_compiled = 12,  ///< this build leaves out the robot's mobility, or the full level
-  other_version = 13,  ///< a table of another version of the library, or of another size
-  too_small = 14,      ///< memory that was given, or it is not aligned
-  no_such_value = 15,  ///< a number that no such quantity can have, a matrix that is no rotation
+  not_converged = 8,   ///< the search ended with open loops; a solution may exist
+  no_such_part = 9,    ///< a count, index or enum of the robot's data is invalid
+  not_square = 10,     ///< more or fewer chains or motors than freedoms: not supported
+  unfinished = 11,     ///< the robot has not passed finish() (jacobian.hpp)
+  not_compiled = 12,   ///< this build omits the robot's mobility, or the full level
+  other_version = 13,  ///< a table from another version of the library, or of another size
+  too_small = 14,      ///< the given memory is too small or not aligned
+  no_such_value = 15,  ///< a number outside its valid range, or a matrix that is no rotation
 };
 
-/// What a status says, for people.
+/// Text of a status.
 constexpr const char* describe(Status status) {
   switch (status) {
     case Status::stopped: return "stopped learning";
@@ -53,8 +52,7 @@ constexpr const char* describe(Status status) {
   return "unknown status";
 }
 
-/// Status and the chain that caused it, for `disagree` the reading (0-based, -1: none in
-/// particular). True where there is an answer.
+/// Status and its chain, for `disagree` its reading (0-based, -1: none). True: there is an answer.
 struct [[nodiscard]] Outcome {
   Status status = Status::ok;
   int chain = -1;

@@ -1,5 +1,4 @@
-// Assembly modes: all poses that the same motor positions allow, by searches from many random
-// poses.
+// Assembly modes: all poses for the same motor positions, by searches from many random poses.
 #pragma once
 
 #include <algorithm>
@@ -11,19 +10,19 @@
 
 namespace truepose {
 
-/// Modes nearer than this in position and orientation are one, m and rad.
+/// Modes nearer than this in position and orientation count as one, m and rad.
 inline constexpr double kSameMode = 1e-6;
 
-/// The poses found, and how many of the searches came to each.
+/// The poses found, and the number of searches that ended at each.
 struct AssemblyModes {
   std::vector<Pose> pose;
   std::vector<int> seen;
 };
 
-/// Random poses from which every pose that closes the loops can be near: orientations uniform over
-/// all there are, positions uniform over a box that follows from q alone. Chain i holds D + R c_i
-/// on a sphere of radius L_i about B_i - a_i, so that D is at most L_i + |c_i| away from there.
-/// @return home and `count` others; the same seed gives the same ones everywhere
+/// Random poses that cover all solutions: orientations uniform, positions uniform over a box that
+/// follows from q. Chain i holds D + R c_i on a sphere of radius L_i about B_i - a_i, so D is at
+/// most L_i + |c_i| away from its centre.
+/// @return home and `count` others; the same for the same seed on every platform
 inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count,
                                        std::uint64_t seed) {
   const Mobility mobility = robot.mobility;
@@ -65,13 +64,13 @@ inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int c
   return starts;
 }
 
-/// Whether a search's end closes the loops, in whatever working or assembly mode.
+/// Whether the end of a search closes the loops, in any working or assembly mode.
 inline bool closes(const FkmResult& result) {
   return result || result.status == Status::branch_lost;
 }
 
-/// The modes among the poses that searches came to, nearest to home first. By a sorted projection:
-/// as quick where few poses come again as where all do.
+/// The distinct modes among the poses of searches, nearest to home first. A sorted projection makes
+/// this as fast with few repeated poses as with many.
 inline AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
   if (pivots(robot.mobility))
     for (Pose& pose : found)
@@ -80,7 +79,7 @@ inline AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found)
   const auto apart = [](const Pose& a, const Pose& b) {
     return std::max((a.D - b.D).cwiseAbs().maxCoeff(), (a.R - b.R).norm());
   };
-  // Along a direction in which no two modes are likely to be alike: ever one unit apart at most.
+  // A projection on unit vectors in which distinct modes are unlikely to coincide.
   const auto along = [](const Pose& at) {
     return at.D.dot(Vec3(0.36, 0.48, 0.8)) + at.R.col(0).dot(Vec3(0.48, -0.6, 0.64)) +
            at.R.col(1).dot(Vec3(-0.64, 0.48, 0.6));

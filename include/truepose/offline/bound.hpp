@@ -9,26 +9,25 @@
 
 namespace truepose {
 
-/// A pose at which readings are taken, and what else is known of it.
+/// A pose at which readings are taken, and other information on it.
 struct Visit {
   Pose pose;
   Outside outside;
   Influences influences{};
 };
 
-/// What visits say of ξ: rows y = B δξ + ε of unit noise, the poses eliminated.
+/// Information of visits on ξ: rows y = B δξ + ε of unit noise, the poses eliminated.
 struct VisitRows {
   RowMatrix B;             ///< per unit of each parameter (m, rad, one)
-  std::vector<int> visit;  ///< whose each row is; of a link the first of its block
+  std::vector<int> visit;  ///< visit of each row; for a link the first of its block
 };
 
-/// The rows of readings at these poses, poses unknown but for what was measured from outside.
-/// @param prior  of ξ, of unknowns beside it, and behind them of the amounts of influences, and of
-///               `nuisances`, what the ideal level leaves out (guarded.hpp); its root does not
-///               matter
-/// @param links  differences to be measured between these poses; their unknowns are behind ξ
-/// @param poll  called after every pose; may throw to end it all
-/// @return the first outcome that is not ok; `chain` is then the chain at fault
+/// Computes the rows of readings at these poses, unknown apart from external measurements.
+/// @param prior  of ξ, its auxiliary unknowns, then the amounts of influences and `nuisances` model
+///               errors of the ideal level (model_error.hpp); its root is not used
+/// @param links  differences measured between these poses; their unknowns follow ξ
+/// @param poll   called after every pose; may throw to abort
+/// @return the first outcome that is not ok; `chain` is then the faulty chain
 inline Outcome rows_of_visits(
     const Robot& robot, const Kernels& model, const Knowledge& prior, int nuisances,
     const std::vector<Visit>& visits, const Links& links, VisitRows& all,
@@ -47,7 +46,7 @@ inline Outcome rows_of_visits(
   all.B.resize(rows, p);
   all.visit.clear();
   std::vector<Pose> poses;
-  std::vector<Line> lines;  // where links ask for them
+  std::vector<Line> lines;  // only where there are links
   Line line;
   Parasitic rest;
   long row = 0;
@@ -78,10 +77,10 @@ inline Outcome rows_of_visits(
   return {};
 }
 
-/// What readings at these poses leave unknown of ξ: with u the parameters in units of the prior,
-/// Σ_u⁻¹ = I + Σ BᵀB over the rows that elimination leaves.
-/// @param prior, nuisances, visits, links, poll  of rows_of_visits
-/// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
+/// Computes the posterior of ξ after readings at these poses: with u the parameters in units of the
+/// prior, Σ_u⁻¹ = I + Σ BᵀB over the rows after elimination.
+/// @param prior, nuisances, visits, links, poll  as for rows_of_visits
+/// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visits
 inline Outcome after_visiting(
     const Robot& robot, const Kernels& model, const Knowledge& prior, int nuisances,
     const std::vector<Visit>& visits, const Links& links, RowMatrix& root,
@@ -90,7 +89,7 @@ inline Outcome after_visiting(
   const Outcome outcome = rows_of_visits(robot, model, prior, nuisances, visits, links, all, poll);
   if (!outcome) return outcome;
   const int p = prior.count;
-  // S comes last, once: elimination acts on the rows, S on the columns.
+  // S is applied last, once: elimination acts on the rows, S on the columns.
   const Eigen::MatrixXd S =
       Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();
   Eigen::MatrixXd N = Eigen::MatrixXd::Zero(p, p);
@@ -98,7 +97,7 @@ inline Outcome after_visiting(
     N.selfadjointView<Eigen::Lower>().rankUpdate(all.B.transpose());
   const Eigen::MatrixXd NS = N.selfadjointView<Eigen::Lower>() * S;
   // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
-  // that Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
+  // that Σ_u = U⁻ᵀ U⁻¹, and the root is S U⁻ᵀ, lower times lower.
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
   information.noalias() += S.transpose() * NS;
   information = information.reverse().eval();
@@ -110,8 +109,8 @@ inline Outcome after_visiting(
   return {};
 }
 
-/// C at a pose where influences act, too: whoever asks on the control path knows of none.
-/// @param B  work space, as of reading_covariance
+/// C at a pose where influences act, which the control path does not have.
+/// @param B  work space, as for reading_covariance
 inline Outcome reading_covariance(const Robot& robot, const Knowledge& known,
                                   const Influences& acting, const double* H_xi, double* B,
                                   ReadingCovariance& C) {
@@ -126,9 +125,9 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known,
   return {C.factor(rows) ? Status::ok : Status::not_finite, -1};
 }
 
-/// What all readings at a pose make of it, with the weights of that pose.
+/// Computes the fusion of all readings at a pose, with the weights of that pose.
 /// @param acting   influences, whose amounts are the last known quantities
-/// @param H_xi, B  work space, as of reading_covariance
+/// @param H_xi, B  work space, as for reading_covariance
 inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& known,
                      const Pose& pose, const Influences& acting, double* H_xi, double* B,
                      Fused& fusion) {
@@ -142,8 +141,7 @@ inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& 
   return outcome;
 }
 
-/// Errors of x̂ at a pose: those that come from ξ, in units of the knowledge's root, and those of
-/// the readings themselves.
+/// Errors of x̂ at a pose: due to ξ, in units of the knowledge's root, and due to the readings.
 struct PoseError {
   RowMatrix by_geometry;  ///< n×p
   RowMatrix by_noise;     ///< covariance, n×n

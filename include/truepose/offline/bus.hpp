@@ -1,4 +1,4 @@
-// The last sample to arrive of slow or delayed sensors, held.
+// Latest delivered samples of multirate or delayed sensors.
 #pragma once
 
 #include <vector>
@@ -7,15 +7,15 @@
 
 namespace truepose {
 
-/// Between a robot's sensors and its controller. Samples are taken by the controller's clock.
+/// Bus between a robot's sensors and its controller, clocked by the controller.
 class Bus {
  public:
   explicit Bus(const MultirateSettings& settings) : settings_(settings) {}
 
-  /// One cycle. @param q_e  in: as the sensors have it, out: as the controller reads it
-  /// @return sensors of which a sample has just arrived, as bits
+  /// Runs one cycle. @param q_e  in: at the sensors, out: at the controller
+  /// @return sensors with a new sample, as bits
   std::uint32_t deliver(int motors, Extended& q_e) {
-    if (was_.empty()) {  // a robot that stood still
+    if (was_.empty()) {  // the robot was at rest before
       was_.assign(kOldest + 1, q_e);
       held_ = q_e;
     }

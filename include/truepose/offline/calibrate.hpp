@@ -1,9 +1,9 @@
-// The maximum a posteriori estimate of ξ from a robot's own readings.
+// Maximum a posteriori estimate of ξ from a robot's own readings.
 //
-// Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
-// readings at pose k still disagree about once the best pose is taken. Poses are eliminated
-// (eliminate.hpp), so that a step solves for ξ alone: (I + Σ c RᵀR) δu = Σ c Rᵀy - u with c = s w,
-// then each δx_k follows. Measured differences between poses add rows of their own (links.hpp).
+// Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is the residual
+// of the readings at the best pose k. Poses are eliminated (eliminate.hpp), so that a step solves
+// for ξ alone: (I + Σ c RᵀR) δu = Σ c Rᵀy - u with c = s w; each δx_k follows. Measured differences
+// between poses add rows (links.hpp).
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -14,9 +14,8 @@
 
 namespace truepose {
 
-/// Batch calibration. Levenberg-Marquardt; the same on every run.
-/// Under a robust loss residuals first count in units of their median, so that the geometry's own
-/// error does not look like one big outlier, and the squares never see a gross one.
+/// Batch calibration by Levenberg-Marquardt; deterministic. A robust loss first scales residuals by
+/// their median: the initial error is then no outlier, and gross errors never enter as squares.
 class Calibrator {
  public:
   Calibrator(const Robot& drawn, const Kernels& model, const Knowledge& prior,
@@ -63,31 +62,31 @@ class Calibrator {
   }
 
  private:
-  /// A geometry and its poses; what the readings say there.
+  /// A geometry, its poses and the linearised readings there.
   struct Iterate {
     Eigen::VectorXd u;
     std::vector<Pose> pose;
-    std::vector<Coordinates> pull;  ///< of every pose, by the links: ν̂
+    std::vector<Coordinates> pull;  ///< of every pose, due to the links: ν̂
     std::vector<Line> line{};
     std::vector<LinkBlock> block{};
   };
 
-  /// How often lines that the last geometry left out are tried again.
+  /// Maximum number of retries of rows that the last geometry excluded.
   static constexpr int kRounds = 10;
 
-  /// Descends from here, over the lines whose status is ok.
+  /// Descends from here, over the rows whose status is ok.
   void search(Iterate& now, CalibrationResult& result) {
     last_iteration_ = result.iterations + settings_.iterations;
     if (settings_.loss == Loss::squares) {
       descend(now, result);
     } else {
       scale_ = INFINITY;
-      do {  // graduated: from what the median calls normal, down to the stated σ
+      do {  // graduated: from the median's scale down to the stated σ
         scale_ = std::max(1.0, std::min(0.5 * scale_, spread(now)));
         descend(now, result);
       } while (scale_ > 1 && result.outcome);
     }
-    if (settings_.nuisances > 0 && result.outcome) {  // once more with D where the poses now are
+    if (settings_.nuisances > 0 && result.outcome) {  // once more with D at the new poses
       freeze(now, result.status);
       take_out(now, result.status);
       descend(now, result);
@@ -98,8 +97,7 @@ class Calibrator {
     return std::count(status.begin(), status.end(), Status::ok);
   }
 
-  /// Takes lines in that were left out and that this geometry reaches. @return whether there are
-  /// any
+  /// Adds excluded rows that have a pose at this geometry. @return whether there are any
   bool more(Iterate& at, std::vector<Status>& status) {
     const long before = counted(status);
     believe(at.u);
@@ -109,14 +107,13 @@ class Calibrator {
     return counted(status) > before;
   }
 
-  /// Evaluates; leaves lines out that cannot be read.
+  /// Evaluates; excludes rows that cannot be evaluated.
   void take_out(Iterate& at, std::vector<Status>& status) {
     for (int bad; (bad = evaluate(at, status)) >= 0;) status[bad] = Status::singular;
   }
 
-  /// D of every line: of influences as it is given, of nuisances where its pose is now. It is held
-  /// while the search goes on: the change of the latter with pose and ξ, times η, is of the second
-  /// order of the ideal level's model error.
+  /// D of every row: of influences as given, of nuisances at the current pose. Fixed in the search:
+  /// its change with pose and ξ, times η, is of second order in the ideal level's model error.
   void freeze(const Iterate& at, std::vector<Status>& status) {
     const int m = settings_.nuisances, given = settings_.influences;
     if (m + given == 0) return;
@@ -154,7 +151,7 @@ class Calibrator {
   }
 
   void believe_in(const std::vector<double>& xi) {
-    static_cast<void>(set_parameters(drawn_, xi.data(), robot_));  // finished: run() has asked
+    static_cast<void>(set_parameters(drawn_, xi.data(), robot_));  // run() has checked `finished`
   }
 
   Registration registration_of(const Eigen::VectorXd& u) const {
@@ -165,7 +162,7 @@ class Calibrator {
     return moved(start_, step.data());
   }
 
-  /// Of influences, less their prior means; of ξ they may know beforehand.
+  /// Amounts of influences, minus their prior means; the prior may correlate them with ξ.
   Eigen::VectorXd amounts_of(const Eigen::VectorXd& u) const {
     const int given = settings_.influences, first = p_ - settings_.nuisances - given;
     return S_.middleRows(first, given).leftCols(first + given) * u.head(first + given);
@@ -177,18 +174,18 @@ class Calibrator {
     amount_ = amounts_of(u);
   }
 
-  /// First registration: by the first poses.
+  /// Initial registration, by the first poses.
   Registration place(const Iterate& at, const std::vector<Status>& status) const {
     const int first = settings_.registration;
     if (first < 0 || !log_.measured) return log_.registration;
-    // Every unknown place of a marker has an x, every unknown turn one about the nacelle's z.
+    // An unknown marker position includes x, an unknown turn the one about the platform's z.
     const int place = first + 6, turn = first + kRegistration - 1;
     return registered(model_.mobility, log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
                       log_.count - log_.referenced, at.pose.data(), status.data(), log_.measured);
   }
 
-  /// Poses by the motors, at the geometry that is believed in, of lines that have none.
-  /// @return whether there is another one
+  /// Finds the poses of rows that have none, from the motors at the current geometry.
+  /// @return whether there is a new one
   bool reach(Iterate& at, std::vector<Status>& status) {
     const Pose home = to_pose(robot_.mobility, robot_.home);
     Pose guess = home;
@@ -213,9 +210,9 @@ class Calibrator {
     return more;
   }
 
-  /// Reads every good line at this geometry and these poses.
+  /// Evaluates every good row at this geometry and these poses.
   /// @param last  the iterate that this one was reached from, if any
-  /// @return the first line that cannot be read, or -1
+  /// @return the first row that cannot be evaluated, or -1
   int evaluate(Iterate& at, const std::vector<Status>& status, const Iterate* last = nullptr) {
     believe(at.u);
     at.line.resize(log_.count);
@@ -257,9 +254,8 @@ class Calibrator {
     return true;
   }
 
-  /// Reads line k. A pose more than σ from its line's best, where readings are grossly wrong and
-  /// one step overshoots, takes steps of its own that never worsen the line: without them no
-  /// damping of ξ would ever lower the cost.
+  /// Evaluates row k. A pose more than σ from its row's best (readings grossly wrong, one step
+  /// overshoots) takes own steps that never worsen the row; else no damping of ξ lowers the cost.
   bool settle(Iterate& at, int k, const Iterate* last) {
     bool good = read(at, k);
     if (good && at.line[k].away() < 1) return true;
@@ -312,7 +308,7 @@ class Calibrator {
     return sum;
   }
 
-  /// √(median of d²/r): how far the lines disagree, whatever a few of them do.
+  /// √(median of d²/r): robust scale of the rows' residuals.
   double spread(const Iterate& at) const {
     std::vector<double> ratios;
     for (const Line& line : at.line)
@@ -327,11 +323,11 @@ class Calibrator {
     return std::sqrt(*middle / 0.455);  // the median of χ² with one degree of freedom
   }
 
-  /// Information on u as the step takes it, and the right side: I + Σ c RᵀR and Σ c Rᵀy - u.
+  /// Information on u for the step, I + Σ c RᵀR, and the right side, Σ c Rᵀy - u.
   void accumulate(const Iterate& at, Eigen::MatrixXd& information, Eigen::VectorXd& right) const {
     accumulate(at, [&](const Line& line) { return weight(line); }, information, right);
   }
-  /// @param counts  c of a line
+  /// @param counts  c of a row
   template <class F>
   void accumulate(const Iterate& at, F&& counts, Eigen::MatrixXd& information,
                   Eigen::VectorXd& right) const {
@@ -365,7 +361,7 @@ class Calibrator {
     Eigen::VectorXd right;
     weigh(now);
     double damping = 0, current = cost(now);
-    double promised = INFINITY;  // by the last step without damping
+    double promised = INFINITY;  // gain of the last undamped step
     int last = 0, freedoms = 1;
     for (const Line& line : now.line) freedoms += line.redundancy();
     for (const LinkBlock& block : now.block) freedoms += block.size();
@@ -373,7 +369,7 @@ class Calibrator {
     while (result.iterations < last_iteration_) {
       ++result.iterations;
       accumulate(now, information, right);
-      const double scatter = std::max(1.0, current / freedoms);  // 1 where the model is right
+      const double scatter = std::max(1.0, current / freedoms);  // 1 for a correct model
       information.diagonal() *= 1 + damping;
       const Eigen::VectorXd step = information.selfadjointView<Eigen::Lower>().llt().solve(right);
       if (!step.allFinite()) {
@@ -385,12 +381,12 @@ class Calibrator {
       double moved_by = 0;
       for (int k = 0; k < log_.count; ++k)
         moved_by = std::max(moved_by, std::sqrt(weight(now.line[k])) * follow(now, k, step, trial));
-      const double gain = step.dot(right);  // predicted fall of the cost, and then some
+      const double gain = step.dot(right);  // predicted decrease of the cost, at least
       if (damping == 0) promised = gain;
       const bool valid = evaluate(trial, result.status, &now) < 0;
       const double next = valid ? cost(trial) : INFINITY;
-      // Steps below 0.01 σ no longer show in the cost, which rounds and whose poses lag by one
-      // step. Each is at most a hundredth of the one before: a few of them end the search.
+      // Steps below 0.01 σ no longer show in the cost, which has rounding errors and poses that lag
+      // by one step. Each is at most a hundredth of the previous one: a few of them end the search.
       const bool small = valid && damping < 1 && gain < 1e-4 * scatter && moved_by < 0.1 * scatter;
       if (next < current || small) {
         now = std::move(trial);
@@ -402,7 +398,7 @@ class Calibrator {
           return;
         }
       } else {
-        if (damping > 1e10) {  // no step lowers the cost: at rounding, or nowhere
+        if (damping > 1e10) {  // no step lowers the cost: at rounding, or singular
           const bool there = promised < 1e-2 * scatter;
           result.outcome = {there ? Status::ok : Status::singular, -1};
           return;
@@ -412,8 +408,7 @@ class Calibrator {
     }
   }
 
-  /// Pose k after the step of ξ: R δx = e - B δu + ν̂. @return its largest move in units of its own
-  /// σ
+  /// Moves pose k with the step of ξ: R δx = e - B δu + ν̂. @return largest move in units of its σ
   double follow(const Iterate& now, int k, const Eigen::VectorXd& step, Iterate& trial) const {
     const Line& line = now.line[k];
     if (line.rows < n_) return 0;
@@ -469,9 +464,9 @@ class Calibrator {
     }
   }
 
-  /// What everything but one link says of it: with V the covariance of all their y, known or not,
-  /// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury) with û and Σ those of
-  /// all, and entry k over P_kk is what the others miss link k by, σ² = 1/P_kk.
+  /// Cross-validates each link against all other data. With V the covariance of all their y,
+  /// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury), û and Σ of all data.
+  /// Entry k over P_kk is the residual of link k without itself, σ² = 1/P_kk.
   /// @param root  of the information on u, Σ⁻¹
   void leave_out(const Iterate& at, const Eigen::MatrixXd& root,
                  std::vector<LinkResult>& result) const {
@@ -502,10 +497,10 @@ class Calibrator {
   const int p_, n_, readings_;
   const RowMatrix S_;
   std::vector<double> H_xi_;
-  std::vector<Parasitic> rest_;  ///< where each line's solution starts (full level)
-  std::vector<RowMatrix> D_;     ///< of each line's influences and nuisances
+  std::vector<Parasitic> rest_;  ///< start of each row's solution (full level)
+  std::vector<RowMatrix> D_;     ///< of each row's influences and nuisances
   Registration start_, registration_;
-  Eigen::VectorXd amount_;  ///< of influences, less their prior means
+  Eigen::VectorXd amount_;  ///< of influences, minus their prior means
   const LineLoss loss_;
   double scale_ = 1;
   int last_iteration_ = 0;

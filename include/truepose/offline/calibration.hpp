@@ -8,53 +8,51 @@
 
 namespace truepose {
 
-/// How a batch calibration is done.
+/// Settings of a batch calibration.
 struct CalibrationSettings {
-  int influences = 0;     ///< how many unknowns before the nuisances are amounts of influences
-  int nuisances = 0;      ///< how many of the prior's last parameters are left_out's, independent
-  int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
+  int influences = 0;     ///< number of amounts of influences, unknowns before the nuisances
+  int nuisances = 0;      ///< number of the prior's last parameters, for left_out; independent
+  int registration = -1;  ///< first of the prior's kRegistration registration unknowns, or -1
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
-  std::function<void()>
-      poll;  ///< called after every line, if there is one; may throw to end it all
+  std::function<void()> poll;  ///< called after every row, if set; may throw to abort
 };
 
-/// Readings at poses nobody knows; where somebody does, what was measured there. NaN: not read.
+/// Readings at unknown poses, with any external measurements there. NaN: not read.
 struct ReadingLog {
   int count = 0;
   const double* q_e = nullptr;             ///< count × (n + r)
-  const double* influence = nullptr;       ///< count × (n + r) × influences: what one unit adds
+  const double* influence = nullptr;       ///< count × (n + r) × influences: effect of one unit
   const double* measured = nullptr;        ///< count × n coordinates, or nullptr
-  const double* measured_sigma = nullptr;  ///< of those, > 0
-  Registration registration{};  ///< of those; the marker to begin with where it is unknown
-  Links links{};                ///< differences that were measured between its poses
-  int referenced = 0;  ///< so many of the last lines were measured in the base frame; no outliers
+  const double* measured_sigma = nullptr;  ///< σ of those, > 0
+  Registration registration{};             ///< of those; initial marker where it is unknown
+  Links links{};                           ///< measured differences between its poses
+  int referenced = 0;  ///< number of last rows, measured in the base frame; never outliers
 };
 
-/// What a calibration makes of one measured difference, in its own unit. NaN: of a line that was
-/// left out.
+/// Result for one measured difference, in its own unit. NaN: of an excluded row.
 struct LinkResult {
-  double residual = NAN;  ///< measured less expected, everything counted
-  double left_out = NAN;  ///< the same where all but this one counts, to first order
-  double sigma = NAN;     ///< of that
+  double residual = NAN;  ///< measured minus expected, with all data
+  double left_out = NAN;  ///< the same without this one's own data, to first order
+  double sigma = NAN;     ///< of left_out
   double weight = 0;      ///< 1, or less where it is an outlier
 };
 
-/// What a batch calibration found, line by line of the log and in all.
+/// Result of a batch calibration, by row of the log and overall.
 struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;
   std::vector<double> xi;      ///< parameter_count(drawn) values
   Eigen::VectorXd u;           ///< ξ̂ of the uncertain ones: μ + S u
   Eigen::MatrixXd covariance;  ///< of the uncertain parameters, nuisances left out
-  Registration start;          ///< what the registration's unknowns are steps from
+  Registration start;          ///< registration at zero unknowns
   Registration registration;
-  std::vector<Pose> pose;        ///< x̂ of every line of the log
-  std::vector<Status> status;    ///< of every line; one that is not ok was left out
-  std::vector<double> chi2;      ///< d² of every line
-  std::vector<int> redundancy;   ///< equations that a line leaves over for ξ
-  std::vector<double> weight;    ///< of every line: 1, or less where it is an outlier
+  std::vector<Pose> pose;        ///< x̂ of every row of the log
+  std::vector<Status> status;    ///< of every row; one that is not ok was excluded
+  std::vector<double> chi2;      ///< d² of every row
+  std::vector<int> redundancy;   ///< equations of a row that remain for ξ
+  std::vector<double> weight;    ///< of every row: 1, or less for an outlier
   std::vector<LinkResult> link;  ///< of every measured difference
   std::vector<double> w;         ///< the unknowns of those
   std::vector<double> amount;    ///< of every influence

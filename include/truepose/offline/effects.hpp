@@ -1,6 +1,6 @@
-// Effects that the exact plant has and the model omits: friction, compliance, backlash, ripple.
+// Physical effects of the exact plant that the model omits: friction, compliance, backlash, ripple.
 //
-// Thermal growth, eccentric encoders and counts are geometry: parameters of the true robot.
+// Thermal growth, eccentric encoders and quantization are parameters of the true robot.
 #pragma once
 
 #include <algorithm>
@@ -9,17 +9,17 @@
 
 namespace truepose {
 
-/// Zero switches an effect off.
+/// Effects; zero disables an effect.
 struct Effects {
-  double backlash = 0;        ///< play of a geared nacelle angle's gear, whole width, rad of it
+  double backlash = 0;        ///< full backlash of a geared platform angle's gear, rad of the angle
   Joint friction{};           ///< Coulomb friction at each motor, N·m or N
-  double presliding = 1e-4;   ///< over which friction turns round, rad or m of the motor
+  double presliding = 1e-4;   ///< reversal distance of friction, rad or m of the motor
   double arm_stiffness = 0;   ///< of an arm at its root, N·m/rad (0: rigid)
   double arm_damping = 0.05;  ///< of the rotor against its arm, ratio
-  double rod_stiffness = 0;   ///< of one rod along itself, N/m (0: rigid)
-  double ripple = 0;          ///< of a motor's torque, its amplitude over it
+  double rod_stiffness = 0;   ///< of one rod along its axis, N/m (0: rigid)
+  double ripple = 0;          ///< relative amplitude of a motor's torque ripple
   Joint phase{};              ///< of the ripple, rad
-  bool delayed = false;       ///< a torque acts one cycle after the readings that asked for it
+  bool delayed = false;       ///< a torque acts one cycle after its readings
 
   bool change_torque() const {
     return ripple > 0 || arm_stiffness > 0 ||
@@ -28,16 +28,16 @@ struct Effects {
   bool give_way() const { return arm_stiffness > 0 || rod_stiffness > 0; }
 };
 
-inline constexpr double kRipples = 6;             ///< periods in one turn of a motor
-inline constexpr double kBrakeCloses = 0.02;      ///< s after it was asked for; assumed
-inline constexpr double kBrakePresliding = 1e-3;  ///< rad or m that a closed brake yields; assumed
-inline constexpr int kCompliantSteps = 4;         ///< at least, in one control period: rotors swing
+inline constexpr double kRipples = 6;             ///< periods per turn of a motor
+inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
+inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
+inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
 namespace effects_detail {
 
-/// Dahl's friction after a displacement: df/dq = (sgn dq - f)/presliding, exactly. It depends on
-/// the way alone, not on the time it took: a motor at rest stays, one that turns round lags.
-/// (P. R. Dahl, A solid friction model, Aerospace Corporation TOR-0158, 1968.)
+/// Dahl friction after a displacement: df/dq = (sgn dq - f)/presliding, exact solution. It depends
+/// on the path only, not on time: a motor at rest stays, one that reverses lags. (P. R. Dahl, A
+/// solid friction model, Aerospace Corporation TOR-0158, 1968.)
 inline double dahl(double slip, double displacement, double presliding) {
   const double side = displacement > 0 ? 1 : -1;
   return side + (slip - side) * std::exp(-std::fabs(displacement) / presliding);
@@ -45,17 +45,17 @@ inline double dahl(double slip, double displacement, double presliding) {
 
 }  // namespace effects_detail
 
-/// The true robot and what it remembers: pose, rate, friction, rotors, gears.
+/// The true robot and its state: pose, rate, friction, rotors, gears.
 template <Mobility K>
 class Plant {
  public:
   static constexpr int n = kDof<K>;
 
-  using Rotors = std::array<double, 2 * n>;  ///< their angles, then the rates of those
+  using Rotors = std::array<double, 2 * n>;  ///< angles, then their rates
 
   Plant(const Robot& truth, const Effects& effects, const Pose& start, std::uint64_t seed)
       : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
-    for (int i = 0; i < n; ++i) {  // rotor and arm are one inertia in the file
+    for (int i = 0; i < n; ++i) {  // the robot file has rotor and arm as one inertia
       const Chain& chain = truth.chain[i];
       rotor_[i] = std::max(chain.drive_inertia - chain.arm_mass * chain.arm * chain.arm / 3,
                            0.1 * chain.drive_inertia);
@@ -65,7 +65,7 @@ class Plant {
 
   const Pose& pose() const { return state_.pose; }
 
-  /// Before the first period: stands still under its own weight.
+  /// Initialises the plant at rest under its own weight.
   Outcome rest() {
     Closure<K> closure;
     Jacobians<K> jacobians;
@@ -84,8 +84,8 @@ class Plant {
     return outcome;
   }
 
-  /// Motors whose brakes are asked for, as bits: from kBrakeCloses on, and for good, each rubs with
-  /// its motor's largest torque (assumed); without a torque limit it only holds its load.
+  /// Applies the brakes requested as bits, permanently from kBrakeCloses on. Each rubs with its
+  /// motor's largest torque (assumed); without a torque limit it only holds its load.
   void brake(std::uint32_t motors, double period) {
     for (int i = 0; i < n; ++i) {
       if (!(motors >> i & 1U)) continue;
@@ -96,8 +96,8 @@ class Plant {
     }
   }
 
-  /// One period under constant torque commands.
-  /// @return unreachable or singular when it leaves its workspace
+  /// Advances one period under constant torque commands.
+  /// @return unreachable or singular where the robot leaves its workspace
   Outcome advance(const Joint& torque, double period, int steps) {
     const bool braked =
         std::any_of(brake_.begin(), brake_.end(), [](double torque) { return torque > 0; });
@@ -124,7 +124,7 @@ class Plant {
     return {};
   }
 
-  /// What the encoders read: those of the bent robot, a geared nacelle angle from behind its gear.
+  /// Encoder readings of the deflected robot; a geared platform angle reads behind its gear.
   Outcome measure(Extended& q_e) {
     Outcome outcome;
     if (effects_.give_way()) {
@@ -135,7 +135,7 @@ class Plant {
       outcome = exact_readings<K>(truth_, state_.pose, q_e, rest_);
     }
     if (!outcome) return outcome;
-    for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows where the play ends
+    for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows beyond the backlash
       const Sensor& sensor = truth_.sensor[k];
       if (!properties(sensor.kind).is_theta || sensor.eccentricity.gear == 1) continue;
       const double half = std::fabs(sensor.gain) * effects_.backlash / 2, near = q_e[n + k];
@@ -150,10 +150,10 @@ class Plant {
     return effects_.arm_stiffness > 0 && truth_.chain[i].actuator == Actuator::revolute;
   }
 
-  /// How far a motor has turned, its encoder's offset and eccentricity left as they are.
+  /// Motor angle or slide from a reading, without correction of offset and eccentricity.
   double shaft(int i, double q) const { return q / truth_.chain[i].encoder_gain; }
 
-  /// Torque that reaches the arms, and the rates of the rotors' angles and of those.
+  /// Torque transmitted to the arms, and the derivatives of the rotors' angles and rates.
   Joint transmitted(const Joint& q, const std::array<double, n>& rate, const Joint& torque,
                     const Rotors& y, Rotors& dy) {
     for (int i = 0; i < n; ++i) {
@@ -176,9 +176,8 @@ class Plant {
     return transmitted_;
   }
 
-  /// Deflection of arms and rods, as geometry. The torque that passes an arm's root, less the
-  /// weight of arm and half its rods, is the rods' tension T times J_q/L. Rods deflect
-  /// quasi-statically.
+  /// Applies the deflection of arms and (quasi-static) rods as geometry. The torque at an arm's
+  /// root, minus the weight of arm and half its rods, equals the rods' tension T times J_q/L.
   Outcome bend(Robot& robot) const {
     Closure<K> closure;
     const Outcome outcome = ikm<K>(truth_, state_.pose, closure);
@@ -194,7 +193,7 @@ class Plant {
           (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass + 0.5 * from.rod_mass;
       const double left = transmitted_[i] + carried * truth_.gravity().dot(at.dB) / at.rate;
       const double length = at.v.norm();
-      // An arm in line with its rod says nothing of the rod's force.
+      // With arm and rod in line the torque does not determine the rod's force.
       if (!(std::fabs(at.jq) > 1e-3 * length * at.dB.norm())) continue;
       const int rods = kPaired<K> ? 2 : 1;
       const double stretched = left * length * at.rate / at.jq / (rods * effects_.rod_stiffness);
@@ -207,16 +206,16 @@ class Plant {
   }
 
   const Robot& truth_;
-  Robot driven_;  ///< without the rotors that swing by themselves
+  Robot driven_;  ///< without the inertia of rotors on elastic arms
   Effects effects_;
   PlantState state_;
-  Parasitic rest_;  ///< where the rods' next solution starts
-  Joint rotor_{};   ///< their inertia
+  Parasitic rest_;  ///< start of the rods' next solution
+  Joint rotor_{};   ///< rotor inertia
   Rotors rotors_{};
-  Joint slip_{}, rubs_{};                     ///< friction and brake over their largest, -1 to 1
-  Joint closing_{}, brake_{};                 ///< s since brakes were asked for; their torque
-  Joint transmitted_{};                       ///< torque that reaches the arms
-  std::array<double, kMaxSensors> geared_{};  ///< geared sensors' shafts, as they read
+  Joint slip_{}, rubs_{};      ///< friction and brake, relative to their maxima, -1 to 1
+  Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
+  Joint transmitted_{};        ///< torque transmitted to the arms
+  std::array<double, kMaxSensors> geared_{};  ///< far sides of geared sensors, as read
   Random random_;
 };
 

@@ -1,4 +1,4 @@
-// The largest change of a reading's rate that the motors' torques allow.
+// Largest second derivative of readings within the motors' torque limits.
 #pragma once
 
 #include "truepose/control/dynamics.hpp"
@@ -6,8 +6,8 @@
 
 namespace truepose {
 
-/// Largest second derivative of every reading at a pose from rest, all motors at their torque
-/// limits: |H_x M⁻¹Kᵀ| τ + |H_x M⁻¹ g|. 0 where some motor has no limit.
+/// Computes the largest second derivative of every reading at a pose from rest, all motors at their
+/// torque limits: |H_x M⁻¹Kᵀ| τ + |H_x M⁻¹ g|. 0 if any motor has no limit.
 /// @return unreachable, singular
 inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -31,7 +31,7 @@ inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most)
     }
     const Ldlt<n> mass(model.mass, size);
     if (!mass.regular()) return Outcome{Status::singular, -1};
-    for (int force = 0; force <= n && limited; ++force) {  // the motors one by one, then gravity
+    for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
       std::array<double, n> acceleration{};
       const double torque = force < n ? robot.chain[force].torque_limit : 1;
       for (int j = 0; j < n; ++j)

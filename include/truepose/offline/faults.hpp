@@ -9,31 +9,31 @@
 
 namespace truepose {
 
-/// How a reading may lie. s is the healthy reading, noise and counts included.
+/// Kinds of faulty readings. s is the healthy reading, including noise and quantization.
 enum class FaultKind : int {
   bias = 0,     ///< s + size
-  jump = 1,     ///< s + size, and for good: what an encoder has lost in counts it never finds
+  jump = 1,     ///< s + size, permanently: lost encoder counts never return
   spike = 2,    ///< s + size, once
-  stuck = 3,    ///< what s was when the fault began
+  stuck = 3,    ///< s at the beginning of the fault
   dropout = 4,  ///< nothing: NaN
   drift = 5,    ///< s + size · time since the fault began
   sign = 6,     ///< -s
   gain = 7,     ///< size · s
-  delay = 8,    ///< s, size seconds late
-  swap = 9,     ///< the other's s, and the other this one's: connectors exchanged
+  delay = 8,    ///< s, delayed by size seconds
+  swap = 9,     ///< the other reading's s, and vice versa: connectors exchanged
 };
 
-/// What a kind of fault asks for.
+/// Properties of a kind of fault.
 struct FaultProperties {
   FaultKind kind;
   const char* name;
-  const char* size;      ///< its unit; "reading": that of the reading; empty: there is none
+  const char* size;      ///< unit of size; "reading": that of the reading; empty: no size
   bool lasts = true;     ///< may have an end
-  bool at_rest = false;  ///< means something to a robot that rests and has no time
+  bool at_rest = false;  ///< meaningful for a robot at rest, without time
   bool pair = false;     ///< needs another reading
 };
 
-/// In the order of FaultKind. Whoever must know something of a kind asks here, Python included.
+/// In the order of FaultKind. Single source for all code, including Python.
 inline constexpr std::array kFaultTable{
     FaultProperties{.kind = FaultKind::bias, .name = "bias", .size = "reading", .at_rest = true},
     FaultProperties{FaultKind::jump, "jump", "reading", false, true},
@@ -57,29 +57,29 @@ constexpr const FaultProperties& properties(FaultKind kind) {
 struct Fault {
   FaultKind kind = FaultKind::bias;
   int reading = 0;   ///< of the extended positions
-  int other = 0;     ///< with which it is exchanged
+  int other = 0;     ///< reading it is exchanged with
   double size = 0;   ///< in the kind's unit
-  double begin = 0;  ///< s; the first reading at that time or later is faulty
-  double end = std::numeric_limits<double>::infinity();  ///< s; the first that is whole again
+  double begin = 0;  ///< s; the first reading at this time or later is faulty
+  double end = std::numeric_limits<double>::infinity();  ///< s; the first healthy one again
 };
 
-inline constexpr int kMostLate = 10000;  ///< control periods that a reading may be late
+inline constexpr int kMostLate = 10000;  ///< control periods of the maximum delay
 
-/// Readings some of which lie, and what they remember: one for each machine that runs at a time.
+/// Applies faults to readings; stateful: one object per running robot.
 class FaultyReadings {
  public:
-  /// @param faults  each acts on what those before it left
-  /// @param period  from reading to reading, s: a late one is the newest that is old enough
+  /// @param faults  each acts on the result of the preceding ones
+  /// @param period  between readings, s: a delayed reading is the newest of sufficient age
   FaultyReadings(const std::vector<Fault>& faults, double period) : period_(period) {
     for (const Fault& fault : faults) state_.push_back({fault, {}, 0, false});
   }
 
-  /// Makes of healthy readings what is read. Call it once for each, in their order.
+  /// Makes the healthy readings faulty. Call it once per sample, in order.
   void read(double time, Extended& q_e) {
     for (State& state : state_) lie(time, state, q_e);
   }
 
-  /// By how much they may overstate how far the robot has moved, at least 1.
+  /// Factor by which readings may overstate the robot's motion, at least 1.
   double amplification() const {
     double most = 1;
     for (const State& state : state_)
@@ -90,13 +90,13 @@ class FaultyReadings {
  private:
   struct State {
     Fault fault;
-    std::vector<double> past;  ///< ring of the last healthy readings, or the one that is stuck
+    std::vector<double> past;  ///< ring of the last healthy readings, or the stuck one
     std::size_t newest;
     bool began;
   };
 
   void lie(double time, State& state, Extended& q_e) const {
-    constexpr double kClock = 1e-9;  // s: k·period is not the time that people write
+    constexpr double kClock = 1e-9;  // s: k·period is not exactly a decimal time
     const Fault& fault = state.fault;
     const double healthy = q_e[fault.reading];
     double& read = q_e[fault.reading];
@@ -121,7 +121,7 @@ class FaultyReadings {
     }
   }
 
-  /// Before its first reading a machine stood still.
+  /// Records a reading; before the first one the robot was at rest.
   void remember(double healthy, State& state) const {
     if (state.past.empty()) {
       const double late = std::ceil(state.fault.size / period_ - 1e-6);  // in periods

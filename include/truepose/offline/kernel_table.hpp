@@ -1,6 +1,6 @@
-// The table by which offline work, written once for all mobilities, calls compiled kernels.
+// Table of compiled kernels for offline code, which is written once for all mobilities.
 //
-// By a table: n is a number here, and matrices have room for the largest.
+// n is a run-time value here, and matrices have room for the largest robot.
 #pragma once
 
 #include "truepose/estimation/online_calibrator.hpp"
@@ -8,21 +8,21 @@
 
 namespace truepose {
 
-/// Generalised least squares at a pose, as Fusion, and the weighted TEJ that it makes.
+/// Generalised least squares at a pose, as Fusion, and the resulting weighted TEJ.
 struct Fused {
   PoseColumns gain;
   ExtendedRows tej;
   PoseMatrix covariance;
 };
 
-/// An estimate of a pose; the pose itself is the kernel's output.
+/// Estimate of a pose; the pose itself is the kernel's output.
 struct Found {
   Outcome outcome;
   PoseMatrix covariance;
   double chi2 = 0;
 };
 
-/// One mobility at one level of the model. Arguments are those of the functions they are named for.
+/// One mobility at one level of the model. Arguments are as in the functions of the same names.
 struct Kernels {
   Mobility mobility = Mobility::spatial;
   int n = 0;
@@ -36,12 +36,12 @@ struct Kernels {
   Outcome (*observe)(const Robot& drawn, const OnlineSettings&, const Extended& q_e, OnlineState&,
                      Robot&, Pose&, double* memory) = nullptr;
   Outcome (*left_out)(const Robot&, const Knowledge& nuisances, const Pose&, double* H_xi,
-                      RowMatrix& D) = nullptr;  ///< where the full level is another one
+                      RowMatrix& D) = nullptr;  ///< where the full level is a separate model
 };
 
 namespace kernels_detail {
 
-/// The used part of a matrix, in one of another size.
+/// Copies the used part of a matrix into one of another size.
 template <class From, class To>
 inline void copy(const From& from, int rows, int columns, To& to) {
   for (int i = 0; i < rows; ++i) std::copy_n(from[i].begin(), columns, to[i].begin());
@@ -96,7 +96,7 @@ constexpr Kernels kernels() {
   return table;
 }
 
-/// @param full  every rod by itself, where that is another model than the ideal one
+/// @param full  full level, where it is a separate model
 inline Kernels kernels(Mobility mobility, bool full) {
   return with_mobility(mobility, [&](auto constant) {
     constexpr Mobility K = constant();

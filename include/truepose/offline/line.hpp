@@ -7,15 +7,14 @@
 
 namespace truepose {
 
-/// R δx = e - B δu in the upper n rows; the rows below hold no δx. In units of the readings' σ and,
-/// for u, of the knowledge's root: ξ = μ + S u.
+/// A row of readings, linearised: R δx = e - B δu in the upper n equations; those below contain no
+/// δx. In units of the readings' σ and, for u, of the knowledge's root: ξ = μ + S u.
 struct Line {
   int n = 0, rows = 0;
   RowsOfPose R;
   std::array<double, kMaxRows> e;
   RowMatrix B;
-  Coordinates
-      pull{};  ///< by what else is known of the pose (links.hpp): it is at its best where e = -pull
+  Coordinates pull{};  ///< from other data on the pose (links.hpp): its best is at e = -pull
 
   bool certain = false;  ///< never an outlier: its pose is known
 
@@ -25,7 +24,7 @@ struct Line {
     for (int i = n; i < rows; ++i) sum += e[i] * e[i];
     return sum;
   }
-  /// Squared residual at its pose; chi2() is what the best pose leaves, to first order.
+  /// Squared residual at its pose; chi2() is that of the best pose, to first order.
   double misfit() const {
     double sum = 0;
     for (int i = 0; i < rows; ++i) {
@@ -34,36 +33,36 @@ struct Line {
     }
     return sum;
   }
-  /// How far its pose is from its best, in units of its own σ.
+  /// Distance of its pose from the best pose, in units of its σ.
   double away() const {
     double size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i] + pull[i]));
     return size;
   }
-  /// Within σ of its best pose what that leaves is exact enough: what the pose itself lags behind ξ
-  /// would hide how much a step has gained, where σ is small and steps are not.
+  /// Within σ of the best pose chi2() is exact enough; misfit() would add the pose's lag behind ξ,
+  /// which hides the gain of a step where σ is small and steps are not.
   double d2() const { return away() < 1 ? chi2() : misfit(); }
 };
 
-/// Of a tracker that measures the nacelle's own x, in the base frame.
+/// Registration of a tracker that measures x in the base frame.
 inline const Registration kAligned{};
 
-/// What was measured from outside at a line's pose: some coordinates, the others NaN.
+/// External measurement at a row's pose: some coordinates, the others NaN.
 struct Outside {
-  const double* x = nullptr;      ///< n coordinates; nullptr: nothing was
+  const double* x = nullptr;      ///< n coordinates; nullptr: none
   const double* sigma = nullptr;  ///< n, > 0
   const Registration* registration = &kAligned;
-  int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
+  int first = -1;  ///< of the registration among the unknowns, independent in S; -1: known
 };
 
-/// What else acts on the readings at a pose, by unknown amounts.
+/// Other influences on the readings at a pose, of unknown amounts.
 struct Influences {
   int count = 0;
-  const double* pattern = nullptr;  ///< (n + r) × count: what one unit of each adds
+  const double* pattern = nullptr;  ///< (n + r) × count: effect of one unit of each
 };
 
-/// D of a line, in units of the readings' σ: of influences, then of nuisances where the pose is.
-/// @param axes  of left_out
+/// Computes D of a row, in units of the readings' σ: of influences, then of nuisances at the pose.
+/// @param axes  as for left_out
 inline Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledge& axes,
                       const Pose& pose, const Influences& given, double* H_xi, RowMatrix& D) {
   const int readings = kernels.n + robot.r;
@@ -79,12 +78,11 @@ inline Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledg
   return outcome;
 }
 
-/// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
-/// @param known  ξ, and behind it unknowns of anything but readings, column -1, then η if D is
-/// given
-/// @param D     ∂q_e/∂η in units of the readings' σ, as of acting; nullptr: no such η
-/// @param H_xi  work space, 2 (n + r) × parameter_count
-/// @param rest  as of ikm_full
+/// Linearises readings and external measurement at a pose, and eliminates the pose.
+/// @param q_e    n + r readings, NaN where missing; nullptr: as expected
+/// @param known  ξ, then unknowns that no reading depends on, column -1, then η if D is given
+/// @param D      ∂q_e/∂η in units of the readings' σ, from acting; nullptr: no η
+/// @param H_xi   work space, 2 (n + r) × parameter_count. @param rest  as for ikm_full
 inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge& known,
                     const Pose& pose, const double* q_e, Outside outside, const RowMatrix* D,
                     double* H_xi, Line& line, Parasitic& rest) {
@@ -99,7 +97,7 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
   }
   line.n = n;
   line.rows = 0;
-  // Behind ξ: unknowns beside it, of which these readings say nothing, and nuisances.
+  // After ξ: auxiliary unknowns, on which these readings do not depend, and nuisances.
   const long last = D ? D->cols() : 0;
   const int others =
       static_cast<int>(std::count(known.column, known.column + known.count - last, -1) + last);
@@ -117,7 +115,7 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
     if (line.rows < c) line.B.row(line.rows) = line.B.row(c);
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
-  if (outside.x) {  // it sees the pose and nothing else of the robot
+  if (outside.x) {  // depends on the pose only
     Seen by = seen(kernels.mobility, *outside.registration, pose);
     Coordinates apart = innovation(kernels.mobility, by, outside.x);
     in_turns(kernels.mobility, *outside.registration, pose, by, apart);

@@ -1,14 +1,14 @@
 // Differences between visited poses as linear equations in ξ, with the poses eliminated.
 //
-// A plane that the tool touches, the distance of two of its places, a place that it comes back to:
-// f(x_i, x_j, w) is measured to within σ, w unknowns of the difference's own. A line's pose is
-// known but for the noise that its elimination leaves (line.hpp): R δx = e - B δu + ν, ν normal
-// with unit covariance. With G = ∂f/∂x R⁻¹ / σ, a block of links that share lines says
+// Examples: a plane touched by the tool, the distance of two tool points, a point visited again.
+// f(x_i, x_j, w) is measured to within σ, with unknowns w of its own. A row's pose is known up to
+// the noise of its elimination (line.hpp): R δx = e - B δu + ν, ν normal with unit covariance. With
+// G = ∂f/∂x R⁻¹ / σ, a block of links that share rows gives
 //
 //   y = B' δu + G ν + ε,  y = (measured - f)/σ - Σ G e,  B' = ∂f/∂w S / σ - Σ G B,
 //
-// rows whose noise has the covariance C = I + GGᵀ: as exact as the elimination of a line. The poses
-// themselves then gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε is weighted by itself.
+// equations whose noise has the covariance C = I + GGᵀ: as exact as the elimination of a row. The
+// poses gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε has its own weight.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -20,23 +20,23 @@
 
 namespace truepose {
 
-/// Of the tool's point p = D + R c.
+/// Kinds of links between tool points p = D + R c.
 enum class LinkKind : int {
-  plane = 0,     ///< p_z - h - a p_x - b p_y; of another axis the same, turned: x, y, z, x, …
+  plane = 0,     ///< p_z - h - a p_x - b p_y; other axes cyclically: x, y, z, x, …
   distance = 1,  ///< (1 + scale) |p_i - p_j| + times · width
   point = 2,     ///< a coordinate of p_i - p_j
 };
 
-/// What a link counts of which nothing is believed: 0 has no inverse.
+/// Weight of a link that is ignored: 0 has no inverse.
 inline constexpr double kNothing = 1e-8;
 
 /// One measured difference.
 struct Link {
   LinkKind kind = LinkKind::plane;
-  std::array<int, 2> line{};  ///< of a plane the first
-  int tool = 0;               ///< first of c's three among the unknowns
-  int shape = 0;              ///< of h, a, b; of scale and width
-  int axis = 2;               ///< of a plane's normal, of a point's coordinate
+  std::array<int, 2> line{};  ///< rows; for a plane only the first
+  int tool = 0;               ///< first of the three unknowns c
+  int shape = 0;              ///< first of h, a, b; or of scale and width
+  int axis = 2;               ///< of the plane's normal or the point's coordinate
   double times = 0;           ///< 1 outside a printed part, -1 inside, 0 from middle to middle
   double measured = 0, sigma = 1;
 
@@ -46,14 +46,14 @@ struct Link {
 /// All measured differences of a log.
 struct Links {
   std::vector<Link> link;
-  std::vector<double> mean;  ///< of their unknowns w; σ = 0 of those that are known
-  int first = 0;             ///< of w in the prior, independent of all else
+  std::vector<double> mean;  ///< of their unknowns w; σ = 0 of the known ones
+  int first = 0;             ///< index of w in the prior, independent of everything else
 };
 
-/// What a link leads one to expect, and how it changes.
+/// Expected value of a link, and its derivatives.
 struct LinkExpected {
   double value = 0;
-  std::array<Coordinates, 2> H_x{};       ///< by the twist of either line's pose
+  std::array<Coordinates, 2> H_x{};       ///< by the twist of each row's pose
   std::array<double, 3> tool{}, shape{};  ///< by its unknowns
 };
 
@@ -102,13 +102,13 @@ inline LinkExpected expected(Mobility mobility, const Link& link, const Pose* po
   return result;
 }
 
-/// Links that share lines, and so the noise of their poses.
+/// Links that share rows and therefore the noise of their poses.
 struct LinkBlock {
-  std::vector<int> link;  ///< which of all
+  std::vector<int> link;  ///< indices of the links
   Eigen::VectorXd e;      ///< (measured - f)/σ at these poses
   RowMatrix B;
   Eigen::VectorXd y;
-  RowMatrix G;             ///< of the first line of each link, then of the second
+  RowMatrix G;             ///< of each link's first row, then of the second
   Eigen::MatrixXd shared;  ///< GGᵀ
   Eigen::VectorXd weight;  ///< c of every link: C = diag(1/c) + GGᵀ
   Eigen::LLT<Eigen::MatrixXd> C;
@@ -119,8 +119,8 @@ struct LinkBlock {
     weight = by;
     C.compute(shared + Eigen::MatrixXd(by.cwiseInverse().asDiagonal()));
   }
-  /// By a loss of each link's own ε, at the ν that makes the least of all. Each round lowers the
-  /// cost, for a loss is a concave function of ε².
+  /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
+  /// because a loss is a concave function of ε².
   void weigh(const LineLoss& loss, double scale) {
     const double s2 = scale * scale, counts = loss.scale(1);
     weigh(Eigen::VectorXd::Constant(size(), counts * loss.weight(0, 1)));
@@ -139,9 +139,9 @@ struct LinkBlock {
   }
 };
 
-/// The links of lines that are known, by the lines that they share.
-/// @param poses, lines  of the log; a line without rows is not known
-/// @param known  parameters, w among them; without a root in units of each (m, rad, one)
+/// Groups the links of known rows by shared rows.
+/// @param poses, lines  of the log; a line without rows is unknown
+/// @param known  parameters including w; without a root in units of each (m, rad, one)
 inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
                                      const Knowledge& known, const std::vector<Pose>& poses,
                                      const std::vector<Line>& lines) {
@@ -217,7 +217,7 @@ inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, cons
   return blocks;
 }
 
-/// What the links make of every line's ν, once u has changed by `step`.
+/// Adds the links' effect on every row's ν after the change `step` of u.
 inline void pull(const Links& links, const LinkBlock& block, const Eigen::VectorXd& step,
                  std::vector<Coordinates>& nu) {
   const int m = block.size(), n = static_cast<int>(block.G.cols());

@@ -1,14 +1,12 @@
-// Robust losses of a row's disagreement, and the row's weight.
+// Robust losses of a row's residual, and the row's weight.
 //
-// A line leaves m equations about ξ, whitened: y = R u + e, e normal with unit covariance. It costs
-// ρ(d²), d² = |y - R u|², and so pulls by ψ(e) = w e with w = dρ/d(d²). Its pull is isotropic,
-// hence
+// A row leaves m equations on ξ, whitened: y = R u + e, e normal with unit covariance. Its cost is
+// ρ(d²), d² = |y - R u|², and its influence ψ(e) = w e with w = dρ/d(d²). As this is isotropic,
 //   E[∂ψ/∂e] = a I,  E[ψψᵀ] = b I,  a = E[w d²]/m (Stein),  b = E[w² d²]/m,  d² ~ χ²_m,
-// and an estimate from such lines alone has the covariance A⁻¹BA⁻¹ = b/a² (Σ RᵀR)⁻¹ (Huber,
-// Robust Statistics, 1981, chapter 6): a line is worth a²/b RᵀR. Its own w says nothing of that: it
-// is large where the fit happens to be close. Beside a prior, and beside lines of another m, each
-// loss counts a/b times: then A = B, as it is for a likelihood, and what is known is I + Σ a²/b
-// RᵀR.
+// and an estimate from such rows alone has the covariance A⁻¹BA⁻¹ = b/a² (Σ RᵀR)⁻¹ (Huber, Robust
+// Statistics, 1981, chapter 6): a row contributes a²/b RᵀR. Its own w is no measure of that: it is
+// large where the fit happens to be close. Together with a prior, and with rows of another m, each
+// loss is scaled by a/b: then A = B, as for a likelihood, and the information is I + Σ a²/b RᵀR.
 #pragma once
 
 #include <algorithm>
@@ -19,22 +17,22 @@
 
 namespace truepose {
 
-/// What a disagreement between the readings of one pose costs.
+/// Cost of the residual of one pose's readings.
 enum class Loss : int {
   squares = 0,  ///< d²: normal errors
   huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
-  student = 2,  ///< (ν + m) log(1 + d²/ν), ν = `tuning`: gross errors count for nothing
+  student = 2,  ///< (ν + m) log(1 + d²/ν), ν = `tuning`: gross errors have no influence
 };
 
-/// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
-/// lever: a reading so wrong that its pose is outside the workspace would pull all the same.
+/// Residual of a row, in σ, that no noise explains. Huber's influence is bounded, its leverage is
+/// not: a reading so wrong that its pose is outside the workspace would still pull.
 inline constexpr double kGross = 30;
 
-/// s w below which a line is an outlier. Noise brings none there (d is then 7 to 20), so that such
-/// a line is no draw from the model that its expected information assumes: it has none.
+/// s w below which a row is an outlier. Noise does not get there (d is then 7 to 20), so the
+/// model behind the expected information excludes such a row: it contributes none.
 inline constexpr double kOutlier = 0.1;
 
-/// The loss of lines, by the number m of their equations.
+/// Loss of rows, by the number m of their equations.
 class LineLoss {
  public:
   LineLoss(Loss loss, double tuning) : loss_(loss), tuning_(tuning) {
@@ -60,9 +58,9 @@ class LineLoss {
       default: return 1;
     }
   }
-  /// How many times a line's loss counts: a/b.
+  /// Scale of a row's loss: a/b.
   double scale(int m) const { return a_[m] / b_[m]; }
-  /// What a line is expected to be worth, as a part of RᵀR: a²/b.
+  /// Expected information of a row, as a fraction of RᵀR: a²/b.
   double information(int m) const { return a_[m] * a_[m] / b_[m]; }
 
  private:

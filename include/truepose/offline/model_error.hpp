@@ -5,11 +5,10 @@
 
 namespace truepose {
 
-/// Axes that are not as drawn tilt a real nacelle and turn its bars; to first order the readings
-/// then differ from the ideal ones by D η with D = H_ξ(full) - H_ξ(ideal) and η those axis errors.
-/// They are parameters of their own, about which nobody wants to know, but which readings and
-/// estimates must not be blamed for.
-/// @param known  columns of H_ξ that η are; σ of the readings
+/// Computes D of the model error of the ideal level. Axes that deviate from nominal tilt the
+/// platform and turn its bars; readings then differ by D η to first order, with
+/// D = H_ξ(full) - H_ξ(ideal). η, the axis errors, are nuisance parameters.
+/// @param known  columns of H_ξ of η; σ of the readings
 /// @param H_xi   work space, 2 (n + r) × parameter_count doubles
 /// @param D      out: (n + r) × known.count, in units of the readings' σ
 template <Mobility K>

@@ -8,14 +8,14 @@
 
 namespace truepose {
 
-/// State of the plant: pose and free twist. Its Robot is the *true* one.
+/// State of the plant: pose and free twist. Its Robot is the true one.
 struct PlantState {
   Pose pose;
   Coordinates rate{};
 };
 
 /// Derivative of the rotation vector u of R = exp(u) R₀ for the angular velocity ω (Munthe-Kaas):
-/// ω - [u,ω]/2 + [u,[u,ω]]/12, enough for order four. Identity for every other mobility.
+/// ω - [u,ω]/2 + [u,[u,ω]]/12, sufficient for order four. Identity for other mobilities.
 template <Mobility K>
 inline Coordinates tangent_rate(const Coordinates& u, const Coordinates& rate) {
   if constexpr (K != Mobility::spatial) {
@@ -27,9 +27,9 @@ inline Coordinates tangent_rate(const Coordinates& u, const Coordinates& rate) {
   }
 }
 
-/// Advances the plant, and M values y that turn with its motors, by one step of Runge-Kutta 4.
+/// Advances the plant, and M values y driven by its motors, by one Runge-Kutta 4 step.
 /// @param drive  drive(closure, model, y, dy) -> Joint: torques, and the derivative of y
-/// @return unreachable or singular when it leaves its workspace; nothing has then changed
+/// @return unreachable or singular where it leaves its workspace; the state is then unchanged
 template <Mobility K, bool NeedAngle, std::size_t M, class Drive>
 inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<double, M>& y,
                     Drive&& drive) {
@@ -63,8 +63,7 @@ inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<
 }
 
 /// Advances the plant by `period` under constant torque, in `steps` steps.
-/// @return unreachable or singular when it leaves its workspace; the state is then the last good
-/// one
+/// @return unreachable or singular outside its workspace; the state is then the last valid one
 template <Mobility K>
 inline Outcome advance(const Robot& truth, const Joint& torque, double period, int steps,
                        PlantState& state) {
@@ -78,10 +77,10 @@ inline Outcome advance(const Robot& truth, const Joint& torque, double period, i
   return {};
 }
 
-/// Where the noise of readings comes from: the same seed gives the same noise.
+/// Random generator of the readings' noise, reproducible by seed.
 using Random = std::mt19937_64;
 
-/// Exact readings become those of real encoders: Gaussian noise, then counts.
+/// Converts exact readings to real ones: adds Gaussian noise, then quantizes.
 inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
   const int n = dof(truth.mobility);
   const auto spoilt = [&](double value, double sigma, double step) {
@@ -94,8 +93,8 @@ inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
     q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
 }
 
-/// Readings without noise and counts, at the level at which the robot is understood.
-/// @param rest  as of ikm_full
+/// Computes readings without noise and quantization, at the robot's level.
+/// @param rest  as for ikm_full
 template <Mobility K>
 inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e,
                               Parasitic& rest) {
@@ -108,7 +107,7 @@ inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_
   return extended<K>(robot, pose, q_e);
 }
 
-/// What the encoders of the real robot read: its own geometry, offsets, gains, noise and counts.
+/// Computes the encoder readings of the true robot: its geometry, offsets, gains, noise and counts.
 template <Mobility K>
 inline Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {
   Parasitic rest;

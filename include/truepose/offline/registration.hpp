@@ -1,13 +1,13 @@
-// The frame and the marker of an external measurement.
+// Registration of an external measurement: frame of the tracker and place of the marker.
 //
-// A tracker sees the marker's frame in its own: T ∘ (D, R) ∘ (c, M), that is
+// The tracker measures the marker's frame in its own frame: T ∘ (D, R) ∘ (c, M), that is
 //
 //   p = t + R_F (D + R c),  Q = R_F R M.
 //
-// T = (t, R_F) and (c, M) are unknowns of a calibration. Their start is Horn's and Kabsch's: the
-// rotation that takes one cloud of points best to another, in closed form, from any rotation.
+// T = (t, R_F) and (c, M) are unknowns of a calibration. Their start is Horn's and Kabsch's closed
+// form: the rotation that best takes one cloud of points to another, from any rotation.
 //
-// Of a pivot the angles of its axes are measured, in no frame but their own.
+// For rotational platforms the angles of the axes are measured, without a frame.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -26,14 +26,13 @@ struct Frame {
   Mat3 R = Mat3::Identity();
 };
 
-/// The base in the tracker's frame, the marker in the nacelle's. Both the identity: the tracker
-/// gives the nacelle's coordinates in the base frame.
+/// The base in the tracker's frame, the marker in the platform's. Both the identity: the tracker
+/// measures the platform's coordinates in the base frame.
 struct Registration {
   Frame base, marker;
 };
 
-/// Unknowns of a registration: shift (m) and turn (rad) of the base, in the tracker's frame, then
-/// of the marker, in the nacelle's.
+/// Number of unknowns: shift (m), turn (rad) of base in tracker frame, of marker in platform frame.
 inline constexpr int kRegistration = 12;
 
 inline Registration moved(const Registration& from, const double* step) {
@@ -42,24 +41,24 @@ inline Registration moved(const Registration& from, const double* step) {
           {from.marker.t + at(6), exp_so3(at(9)) * from.marker.R}};
 }
 
-/// How many of the first coordinates are a position.
+/// Number of position coordinates, which come first.
 constexpr int positions_of(Mobility mobility) {
   return mobility == Mobility::planar || mobility == Mobility::planar_translation ? 2 : 3;
 }
 
-/// The measured coordinates that a pose leads one to expect, and how they change.
+/// Expected measured coordinates at a pose, and their derivatives.
 struct Seen {
   Vec3 p;
   Mat3 Q;
   PoseMatrix H_x;                    ///< by the pose's twist
   Matrix<kMaxDof, kRegistration> H;  ///< by the registration
-  double blunt = 1;                  ///< error of θ over that of the marker's turn
+  double blunt = 1;                  ///< error of θ relative to that of the marker's turn
 };
 
 namespace registration_detail {
 
-/// What a turn of the marker about `about`, in the tracker's frame, takes from pose and frames.
-/// @param turn  nacelle to tracker
+/// Enters the derivatives of the marker's turn about `about`, in the tracker's frame.
+/// @param turn  platform to tracker
 inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn,
                        const Vec3& about, int i, Seen& to) {
   free_columns(mobility, Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
@@ -70,8 +69,8 @@ inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& tu
 
 }  // namespace registration_detail
 
-/// θ is the angle of the marker's x axis about the tracker's z, and the less certain the nearer the
-/// two are; rotations differ by a rotation vector in the tracker's frame.
+/// θ is the angle of the marker's x axis about the tracker's z, less certain the nearer the two
+/// are. Rotations differ by a rotation vector in the tracker's frame.
 inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   if (pivots(mobility)) {
     Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
@@ -94,7 +93,7 @@ inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
       enter(lever.cross(Vec3::Unit(i)), row, 3);
       enter(turn.row(i), row, 6);
     } else {
-      Vec3 about = Vec3::Unit(i - positions);  // of the turn that this coordinate sees
+      Vec3 about = Vec3::Unit(i - positions);  // axis of the turn that this coordinate measures
       if (turns_about_z(mobility)) {
         const Vec3 a = result.Q.col(0);
         const double level2 = a.x() * a.x() + a.y() * a.y();
@@ -107,7 +106,7 @@ inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   return result;
 }
 
-/// What was measured less what was expected; where nothing was measured, a NaN.
+/// Measured minus expected coordinates; NaN where nothing was measured.
 inline Coordinates innovation(Mobility mobility, const Seen& expected, const double* measured) {
   Coordinates apart;
   apart.fill(NAN);
@@ -124,8 +123,8 @@ inline Coordinates innovation(Mobility mobility, const Seen& expected, const dou
   return apart;
 }
 
-/// θ's residual and derivatives in turns of the marker: times the sine of the angle between its x
-/// axis and the tracker's z, which changes as well.
+/// Converts θ's residual and derivatives to turns of the marker: times the sine of the angle
+/// between its x axis and the tracker's z, which also changes.
 inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen& expected,
                      Coordinates& apart) {
   if (turns_about_z(mobility)) {
@@ -140,7 +139,7 @@ inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose
   }
 }
 
-/// The rotation next to a matrix: R of the largest tr(RᵀA), det R = 1.
+/// The nearest rotation to a matrix: R of the largest tr(RᵀA), det R = 1.
 inline Mat3 nearest_rotation(const Mat3& A) {
   const Eigen::JacobiSVD<Mat3> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Mat3 U = svd.matrixU(), V = svd.matrixV();
@@ -148,15 +147,15 @@ inline Mat3 nearest_rotation(const Mat3& A) {
          V.transpose();
 }
 
-/// A registration to start from: poses are known roughly, measurements may be grossly wrong here
-/// and there (each counts by its distance). The base given the marker's place and that place
-/// given the base's rotation are linear by turns, over and over. Needs all the coordinates of a
-/// position on lines that span a plane; else tracker and base are taken to be parallel.
-/// @param known    the marker as it is believed to sit
-/// @param movable  whether the marker's place is unknown
-/// @param turning  whether its turn is
-/// @param pose      of `count` lines; those without a status ok are left out
-/// @param measured  count × n coordinates, NaN where there is none
+/// Computes an initial registration from roughly known poses; measurements may contain gross errors
+/// (each is weighted by its distance). Alternates two linear steps: the base given the marker's
+/// position, and that position given the base's rotation. Needs full positions on lines that span a
+/// plane; otherwise tracker and base are assumed parallel.
+/// @param known     assumed place of the marker
+/// @param movable   whether the marker's position is unknown
+/// @param turning   whether its orientation is unknown
+/// @param pose      of `count` rows; those with a status other than ok are excluded
+/// @param measured  count × n coordinates, NaN where missing
 inline Registration registered(Mobility mobility, const Registration& known, bool movable,
                                bool turning, int count, const Pose* pose, const Status* status,
                                const double* measured) {
@@ -215,7 +214,7 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
     for (std::size_t k = 0; k < pairs.size(); ++k)
       pairs[k].weight = *middle > 0 ? 1 / (1 + apart[k] / *middle) : 1;
     if (!movable) continue;
-    // What R_k - mean of R says of c. An arm that hardly turns says nothing: 1e-3 is a turn of 2°.
+    // R_k - mean R determines c. The prior 1e-3, a turn of 2°, is for an arm that hardly turns.
     Mat3 N = 1e-3 * total * Mat3::Identity();
     Vec3 b = Vec3::Zero();
     for (const Pair& p : pairs) {
@@ -230,7 +229,7 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
     if (round > 10 && step.norm() < 1e-5) break;
   }
   if (!turning) return result;
-  Mat3 sum = Mat3::Zero();  // of each row's estimate of M
+  Mat3 sum = Mat3::Zero();  // of the estimates of M, by row
   for (const Pair& p : pairs) {
     const double* x = measured + p.line * n;
     const Mat3 back = (result.base.R * pose[p.line].R).transpose();

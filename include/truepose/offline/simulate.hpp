@@ -1,4 +1,4 @@
-// The closed loop: nominal controller, true plant.
+// Closed-loop simulation: nominal controller, true plant.
 #pragma once
 
 #include <functional>
@@ -11,52 +11,52 @@
 
 namespace truepose {
 
-/// A run: a straight quintic move, then holding its end.
+/// A run: a straight quintic move, then a hold at its end.
 struct Run {
   Coordinates from{}, to{};
   double duration = 0.2;   ///< of the move, s
-  double hold = 0.2;       ///< afterwards, s
-  int steps = 2;           ///< integration steps in one control period
+  double hold = 0.2;       ///< after the move, s
+  int steps = 2;           ///< integration steps per control period
   std::uint64_t seed = 0;  ///< of the readings' noise
 };
 
-/// One line of the log, at the start of a control period.
+/// One sample of the log, at the start of a control period.
 struct Sample {
   double time;
   Coordinates x_d, x;  ///< desired; true
   Extended q_e;        ///< as read
   Joint error;         ///< ê_q
   Joint torque;
-  Status status;  ///< of the controller; where there is no answer, the torque held is the last one
-  bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
-  std::array<Health, kMaxReadings> health{};  ///< of the readings, as a guarded controller has them
-  std::array<Symptom, kMaxReadings> symptom{};  ///< why not, the latest
-  bool stops = false;                           ///< it leaves its path at rest
-  std::uint32_t brakes = 0;                     ///< motors whose brakes it asks for, as bits
+  Status status;  ///< of the controller; without an answer the last torque is held
+  bool gave_up;   ///< the calibrator has stopped; remains true
+  std::array<Health, kMaxReadings> health{};    ///< of the readings, by the fault monitor
+  std::array<Symptom, kMaxReadings> symptom{};  ///< latest reason why a reading is not valid
+  bool stops = false;                           ///< controlled stop on the path
+  std::uint32_t brakes = 0;                     ///< motors whose brakes are requested, as bits
 };
 
-/// A law of one's own: from what is asked and read at a time to the torques. It may throw.
+/// A user-defined law: from setpoint and readings at a time to the torques. It may throw.
 using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extended&, Joint&)>;
 
-/// What a loop may have beside a robot and its controller.
+/// Optional parts of a loop.
 struct Extras {
   Weighing weighing{};                  ///< for the laws `weighted` and `estimated`
   Effects effects{};                    ///< effects that the model omits
-  OnlineCalibrator* learner = nullptr;  ///< switches online self-calibration on
-  FaultyReadings* faults = nullptr;  ///< as a machine does, the loop then goes on without an answer
-  double began = 0;                  ///< when the loop is made, by the faults' clock, s
-  const FaultTolerantSettings* guarding = nullptr;  ///< its readings are watched
-  Weighing watching{};                              ///< what the watch weighs them by
-  const MultirateSettings* bus = nullptr;           ///< slow and late sensors of the true robot,
-  const MultirateSettings* late = nullptr;          ///< and as the controller knows them
-  OwnLaw law{};                                     ///< commands instead of `control`
+  OnlineCalibrator* learner = nullptr;  ///< enables online calibration
+  FaultyReadings* faults = nullptr;     ///< the loop then goes on without an answer, as machines do
+  double began = 0;                     ///< start time of the loop on the faults' clock, s
+  const FaultTolerantSettings* guarding = nullptr;  ///< enables fault-tolerant control
+  Weighing watching{};                              ///< weights of the fault monitor
+  const MultirateSettings* bus = nullptr;           ///< multirate sensors of the true robot,
+  const MultirateSettings* late = nullptr;          ///< and as the controller models them
+  OwnLaw law{};                                     ///< replaces `control`
 };
 
-/// A robot, its controller, and what both remember from one move to the next.
+/// A robot and its controller, with the state that persists between moves.
 template <Mobility K>
 class Loop {
  public:
-  /// @param start  true pose at which the robot stands
+  /// @param start  true pose of the robot at rest
   Loop(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
        const Coordinates& start, std::uint64_t seed, const Extras& extras = {})
       : nominal_(nominal),
@@ -68,7 +68,7 @@ class Loop {
     if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
   }
 
-  /// Runs one move; `write(sample)` is called once per period, end included.
+  /// Runs one move; calls write(sample) once per period, end included.
   /// @return ok, or the failure that ended it: the plant's, or, without faults, the controller's
   template <class Write>
   Outcome move(const Run& run, Write&& write) {
@@ -79,8 +79,8 @@ class Loop {
         write);
   }
 
-  /// The same along any path. A guarded robot that must stop comes to rest on it.
-  /// @param path  path(k) -> Setpoint, at the start of period k; between two where it slows down
+  /// The same along any path. A fault-tolerant controller that must stop stops on it.
+  /// @param path  path(k) -> Setpoint, at the start of period k; fractional k where it slows down
   template <class Path, class Write>
   Outcome follow(int periods, int steps, Path&& path, Write&& write) {
     if (!resting_) return resting_;
@@ -92,7 +92,7 @@ class Loop {
       Outcome outcome = plant_.measure(q_e);
       if (!outcome) return outcome;
       if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
-      const bool slow = extras_.late;  // readings; a torque may be late as well
+      const bool slow = extras_.late;  // readings; torques may be delayed as well
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
       OnlineCalibrator* const learner = extras_.learner;
@@ -100,7 +100,7 @@ class Loop {
       if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
       Extended present = q_e;
       const Weighing weighing = slow && !watched ? brought_up(present) : extras_.weighing;
-      bool gave_up =  // a line that fits no pose: next time
+      bool gave_up =  // a row that fits no pose is skipped
           learner && !watched && calibrate_online<K>(*learner, present).status == Status::stopped;
       const Robot& believed = learner ? learner->robot : nominal_;
       if (extras_.law)
@@ -145,7 +145,7 @@ class Loop {
   }
 
  private:
-  /// Slow and late readings as of now, where nobody watches them. @return what is known of them
+  /// Latency-compensated readings without a fault monitor. @return their weighting
   Weighing brought_up(Extended& present) {
     const Weighing& weighing = extras_.weighing;
     if (!compensate_latency<K>(nominal_, late_, present)) return weighing;
@@ -156,8 +156,8 @@ class Loop {
     return {&known_, weighing.work, weighing.kept};
   }
 
-  /// What the watch has seen is learnt where all of it is valid. Of a reading that has failed by
-  /// now the latest lines are forgotten; the robot that is believed changes with that.
+  /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled
+  /// back, which changes the calibrated robot.
   bool learn_watched(OnlineCalibrator& learner, const Extended& q_e) {
     const FaultMonitor& watch = guard_.watch;
     const bool valid = std::all_of(
@@ -178,10 +178,10 @@ class Loop {
   PathClock clock_;
   Multirate late_;
   Bus bus_;
-  Knowledge known_;  ///< of readings of which some are late
+  Knowledge known_;  ///< with the latency-compensated readings' σ
 };
 
-/// One move of a robot that starts at rest where `start` says (its true pose).
+/// Runs one move of a robot at rest at the true pose `start`.
 template <Mobility K, class Write>
 inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                         const Run& run, const Coordinates& start, Write&& write,

@@ -9,33 +9,33 @@
 
 namespace truepose {
 
-/// At rest the torques balance: kp ê_q + τ_ff(x_d) = τ_hold(x), nominal feed-forward against the
-/// true robot's weight; gains shaped by the inertia push by M_q(x_d) kp ê_q. Without gravity, or
-/// with integral action, this is ê_q = 0.
+/// Settings of the static equilibrium kp ê_q + τ_ff(x_d) = τ_hold(x), nominal feed-forward against
+/// true weight; M_q(x_d) kp ê_q with inertia-shaped gains. Without gravity or with integral action,
+/// ê_q = 0.
 struct StaticsSettings {
   ControlSettings control;
   bool gravity = false;  ///< false: ê_q = 0
 };
 
 inline constexpr int kSettleIterations = 100;
-inline constexpr double kMostAmplified = 100;  ///< of faulty readings at a stable equilibrium
+inline constexpr double kMostAmplified = 100;  ///< largest fault gain at a stable equilibrium
 
 namespace statics_detail {
 
-/// Torques that hold a robot at a pose against its weight.
+/// Computes the torques that hold a robot at a pose against its weight.
 template <Mobility K>
 inline Outcome hold(const Robot& robot, const Pose& pose, Joint& torque) {
   return inverse_dynamics<K>(robot, pose, Coordinates{}, Coordinates{}, torque);
 }
 
-/// A loaded PD at x_d: what it feeds forward, how it yields, and how the load follows.
+/// A PD controller at x_d under load: feed-forward, compliance, and the load's change.
 template <Mobility K>
 class Loaded {
   static constexpr int n = kDof<K>;
   using Square = Eigen::Matrix<double, n, n>;
 
  public:
-  /// @return singular, or what the nominal robot has no answer to
+  /// @return singular, or the outcome of a failed nominal model
   Outcome set(const Robot& nominal, const ControlSettings& settings,
               const Reference<K>& reference) {
     const auto& J = reference.jacobians.J;
@@ -63,14 +63,14 @@ class Loaded {
         for (int i = 0; i < n; ++i) step[i] = side * kStep * J[i][j];
         both = hold<K>(nominal, moved<K>(reference.closure.pose, step), torque[side > 0]) && both;
       }
-      for (int i = 0; i < n; ++i)  // at the edge of its reach: as if it did not
+      for (int i = 0; i < n; ++i)  // at the edge of the workspace: 0
         follows(i, j) = both ? (torque[1][i] - torque[0][i]) / (2 * kStep) : 0;
     }
     newton_ = (Square::Identity() + yield_ * follows).inverse();
     return {};
   }
 
-  /// ê_q + kp⁻¹ (τ_ff - τ_hold), as the motors' step that takes it away.
+  /// Replaces ê_q by the motors' step that balances ê_q + kp⁻¹ (τ_ff - τ_hold).
   void relieve(const Joint& load, Joint& error) const {
     Eigen::Matrix<double, n, 1> lack;
     for (int i = 0; i < n; ++i) lack[i] = feed_[i] - load[i];
@@ -86,15 +86,14 @@ class Loaded {
 
 }  // namespace statics_detail
 
-/// Pose where the true robot settles when the nominal controller is asked for x_d. Quasi-Newton
-/// on the motor error with the nominal J: each step removes all but the few per cent by which the
-/// true robot's J differs; under a load, with what yields to it: a soft PD's own stiffness may be
-/// less than that with which gravity holds the robot. Unquantized readings.
+/// Computes the true robot's steady-state pose under the nominal controller at x_d, with
+/// unquantized readings. Quasi-Newton on ê_q with the nominal J: each step leaves the few per cent
+/// by which J differs. It includes the load's change: gravity may be stiffer than a soft PD.
 /// @param x         out
-/// @param known     of the nominal robot, for laws that weigh
-/// @param off       by which readings are off, as by the play of a gear
-/// @param faults    of readings that lie; not_converged where the robot would run away
-/// @param by_truth  out: whether it was the true robot, not the law, that had no answer
+/// @param known     of the nominal robot, for weighted laws
+/// @param off       offsets of the readings, for example from backlash
+/// @param faults    faults of the readings; not_converged where the robot would run away
+/// @param by_truth  out: whether the true robot, not the law, had no answer
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
                       const Coordinates& x_d, Coordinates& x, const Weighing& known = {},
@@ -105,7 +104,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   const Scaled scaled(known, settings.control.sigma_scale);
   const Weighing& weighing = scaled.weighing;
   Reference<K> reference;
-  Parasitic nearby, standing;  // what the full level adds at x_d, and where the true robot stands
+  Parasitic nearby, standing;  // full-level state at x_d, and at the true robot's pose
   Outcome outcome =
       refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
   if (!outcome) return outcome;
@@ -116,8 +115,8 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 
   Pose pose = reference.closure.pose;
   double last = INFINITY;
-  // The steps are the robot's own way to its rest, and end where it does: a fault that turns the
-  // loop's feedback round has no rest. One that overstates the motion must not overshoot.
+  // The steps follow the robot's own approach, so a fault that reverses the feedback has no
+  // equilibrium. One that overstates the motion must not overshoot.
   const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
   const int iterations = static_cast<int>(most * kSettleIterations);
   for (int iteration = 0; iteration < iterations; ++iteration) {
@@ -142,7 +141,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     }
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     pose = moved<K>(pose, step);
-    // Linear convergence: stop at rounding, or where steps of that size no longer shrink.
+    // Linear convergence: stop at rounding, or where small steps no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {
       x = to_coordinates<K>(pose);
       return regular;
@@ -152,13 +151,13 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   return {Status::not_converged, -1};
 }
 
-/// How an error of one reading leaks into the pose at which a robot without other errors rests:
+/// Computes the cross-sensitivity of a robot's steady-state pose to errors of the readings:
 /// δx = leakage δq_e, n×(n + r), to first order; δx along the free twist.
 ///
-/// At rest ê_q(x_d, q_e) = 0, and every law sees the joint error in readings that agree,
-/// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] under the
-/// joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose. For `estimated` that is the
-/// gain of the fused readings, J times the weighted TEJ: both laws leak alike.
+/// At equilibrium ê_q(x_d, q_e) = 0, and for consistent readings every law has
+/// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] for the
+/// joint law, -J M⁺ for a TEJ, -∂x̂/∂q_e for a law of the pose; for `estimated` that is J times the
+/// weighted TEJ, the gain of the fused readings, as for `weighted`.
 template <Mobility K>
 inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                        const Weighing& weighing = {}) {

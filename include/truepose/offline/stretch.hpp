@@ -1,16 +1,15 @@
 // Deflection of rods, legs and belts under load.
 //
-// A rod of length L under the tension T becomes L (1 + c T), c its compliance. The rods alone hold
-// what hangs on the nacelle, a force and weights (each rod's half its own): along every freedom z
-// of nacelle and bars, by virtual work,
+// A rod of length L under the tension T has length L (1 + c T), c its compliance. The rods alone
+// hold the load on the platform, a force and weights (half of each rod's weight). Along every
+// freedom z of platform and bars, by virtual work,
 //
 //     Σ_k T_k v_k/|v_k| · ∂A_k/∂z + w = 0
 //
-// At the ideal level z is x, and there are as many chains. At the full level every rod is by
-// itself; where one is too many, all share as springs of one stiffness do: T is the least that
-// holds.
-// The tensions are those of the rods as they are without load: what they differ by is of the order
-// of the strain. So readings are those of a robot with other rods, and ∂q_e/∂c follows from H_ξ.
+// At the ideal level z is x, with as many chains. At the full level each rod counts; where one is
+// too many, all act as equal springs: T is the smallest that holds. Tensions are those of the
+// unloaded geometry; they differ by the order of the strain. Readings are therefore those of a
+// robot with other rods, and ∂q_e/∂c follows from H_ξ.
 #pragma once
 
 #include <Eigen/QR>
@@ -20,10 +19,10 @@
 
 namespace truepose {
 
-/// What pulls at a robot's rods, beside its weight.
+/// Load on a robot's rods, in addition to its weight.
 struct Load {
-  Vec3 force = Vec3::Zero();  ///< on the nacelle's reference point, N, base frame
-  /// Of a chain where it was measured, N, all its rods together; NaN: what the rods have to hold.
+  Vec3 force = Vec3::Zero();  ///< on the platform's reference point, N, base frame
+  /// Measured tension of a chain's rods together, N; NaN: computed from the load.
   Joint tension = [] {
     Joint unknown;
     unknown.fill(std::numeric_limits<Real>::quiet_NaN());
@@ -31,19 +30,19 @@ struct Load {
   }();
 };
 
-/// What load does to each chain. Its compliance is that of all its rods together: those of a pair
-/// have twice as much each.
+/// Effect of a load on each chain. Its compliance is that of all its rods together: a rod of a pair
+/// has twice as much.
 struct Pull {
   Joint tension{};     ///< of all its rods together, N
-  Joint length{};      ///< by which its rods, on average, grow per unit of compliance, m·N
-  Joint difference{};  ///< and the one on the side of +u more than the other
+  Joint length{};      ///< mean growth of its rods per unit of compliance, m·N
+  Joint difference{};  ///< growth of the rod on the +u side minus that of the other
   Joint rate{};        ///< ∂position/∂q of its motor
 };
 
 namespace stretch_detail {
 
-/// Least tensions that hold w. @param G  of unit tensions, one column for each rod
-/// @return whether they hold anything
+/// Computes the smallest tensions that hold w. @param G  of unit tensions, one column per rod
+/// @return whether the rods hold every load
 inline bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::VectorXd& T) {
   const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> rods(G);
   T = rods.solve(-w);
@@ -52,7 +51,7 @@ inline bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::Vect
 
 }  // namespace stretch_detail
 
-/// At the ideal level. @return singular where the rods hold nothing along some freedom
+/// Ideal level. @return singular where the rods hold nothing along some freedom
 template <Mobility K>
 Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& pull) {
   constexpr int n = kDof<K>;
@@ -82,7 +81,7 @@ Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& p
   return {};
 }
 
-/// At the full level: a measured tension is shared by a pair with the difference that holds.
+/// Full level; a pair shares a measured tension with the difference that holds the load.
 template <Mobility K>
 Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pull& pull) {
   constexpr int n = kDof<K>, N = kRods<K>;
@@ -126,7 +125,7 @@ Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pul
   return {};
 }
 
-/// At a pose, the motors holding it, at either level.
+/// At a pose held by the motors, at either level.
 inline Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by) {
   if (!robot.finished) return {Status::unfinished, -1};
   return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
@@ -145,14 +144,15 @@ inline Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load&
   });
 }
 
-/// What a robot under load reads at a pose.
+/// Readings of a robot under load at a pose.
 struct UnderLoad {
   Extended q_e;
   Joint tension;                                   ///< of every chain, N
   Matrix<kMaxReadings, kMaxChains> by_compliance;  ///< ∂q_e/∂c of every chain, x held
 };
 
-/// @param full        the level, that of `model`
+/// Computes the readings under load and their derivatives by compliance.
+/// @param full        level of `model`
 /// @param compliance  of every chain, 1/N
 /// @param H_xi        work space, (n + r) × parameter_count
 inline Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Pose& pose,
@@ -161,7 +161,7 @@ inline Outcome under_load(const Robot& robot, const Kernels& model, bool full, c
   Pull by;
   Outcome outcome = pull(robot, pose, full, load, by);
   if (!outcome) return outcome;
-  // A leg's length is its motor's: longer at the same reading, as an offset makes it.
+  // A leg's length is its motor's: growth at the same reading acts like an offset.
   const auto telescopic = [&](int i) { return robot.chain[i].actuator == Actuator::telescopic; };
   Robot longer = robot;
   for (int i = 0; i < model.n; ++i) {

@@ -1,15 +1,13 @@
-// Readings of encoders on a chain's joints: elbow, platform-side joint, U-joint, motor's load
-// side.
+// Readings of encoders on a chain's joints: elbow, platform-side joint, U-joint, load side.
 #pragma once
 
 #include "truepose/sensors/sensed.hpp"
 
 namespace truepose {
 
-/// Frame (forward, side, axis) in which a joint sees its rod ρ, base frame. On the base's side of
-/// a revolute chain the arm, u × arm and u; of any other chain e, u × e and u, fixed in the base.
-/// On the nacelle's side the sensor's own (normal, direction × normal, direction), carried by the
-/// nacelle or by its bar.
+/// Frame (forward, side, axis), base frame, in which a joint sees its rod ρ. Base side: of a
+/// revolute chain the arm, u × arm and u; of any other e, u × e and u, fixed in the base. Platform
+/// side: the sensor's own (normal, direction × normal, direction), carried by platform or bar.
 /// @param p     P to B
 /// @param body  orientation of the body that carries A
 struct RodFrame {
@@ -27,11 +25,9 @@ inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const Vec3& 
   return {forward, axis.cross(forward), axis};
 }
 
-/// Direction of the rod ρ = A - B in the frame's plane, from `forward`, positive about `axis`
-/// (as q): atan2(side·ρ, forward·ρ); or out of it, positive along `axis`:
-/// atan2(axis·ρ, √((forward·ρ)² + (side·ρ)²)).
-///
-/// Turning rod and frame together changes nothing, so ∂s/∂frame = ∂s/∂ρ × ρ.
+/// Direction of the rod ρ = A - B in the frame's plane, from `forward`, positive about `axis` (as
+/// q): atan2(side·ρ, forward·ρ); or out of it, positive along `axis`: atan2(axis·ρ, √((forward·ρ)²
+/// + (side·ρ)²)). Turning rod and frame together changes nothing, so ∂s/∂frame = ∂s/∂ρ × ρ.
 /// @param v  A to B
 inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Vec3& p,
                               const Vec3& v, const Mat3& body) {
@@ -73,7 +69,7 @@ inline Sensed sense(Is<SensorKind::rod_lateral>, const Sensor& sensor, const See
   return sense_rod_angle(sensor, seen.chain, seen.p, seen.v, seen.body);
 }
 
-/// The motor's own position, on the load's side: the arm's angle, not the motor encoder's reading.
+/// The motor's position on the load side: the arm's angle, not the motor encoder's reading.
 inline Sensed sense(Is<SensorKind::motor_encoder>, const Sensor&, const SeenChain& seen) {
   Sensed s;
   s.value = seen.position;

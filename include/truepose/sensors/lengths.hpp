@@ -5,8 +5,8 @@
 
 namespace truepose {
 
-/// Along the fixed line o + s w to the plane of the nacelle through D + R t with normal R m:
-/// (R m)·(D + R t - o - s w) = 0.
+/// Telemeter along the line o + s w, fixed, to the plane of the platform through D + R t with
+/// normal R m: (R m)·(D + R t - o - s w) = 0.
 inline Sensed sense(Is<SensorKind::plane_distance>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 normal = pose.R * sensor.normal(), arm = pose.R * sensor.target();
@@ -24,7 +24,7 @@ inline Sensed sense(Is<SensorKind::plane_distance>, const Sensor& sensor, const 
   return s;
 }
 
-/// Draw-wire or ball bar from a point of the base to one of the nacelle: |D + R t - o|.
+/// Draw-wire or ball bar from a point of the base to one of the platform: |D + R t - o|.
 inline Sensed sense(Is<SensorKind::distance>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 arm = pose.R * sensor.target(), from = pose.D + arm - sensor.origin();
@@ -37,7 +37,7 @@ inline Sensed sense(Is<SensorKind::distance>, const Sensor& sensor, const Pose& 
   return s;
 }
 
-/// |A - B|: for a rod of fixed length a constant of the pose, that still says the length.
+/// |A - B|: constant over poses for a rod of fixed length, but a measurement of that length.
 inline Sensed sense(Is<SensorKind::rod_length>, const Sensor&, const SeenChain& seen) {
   Sensed s;
   s.value = seen.v.norm();

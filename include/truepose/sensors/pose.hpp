@@ -12,10 +12,10 @@ inline Sensed sense(Is<SensorKind::platform_angle>, const Sensor&, const Pose& p
   return s;
 }
 
-/// Angle of a passive axis, which is a coordinate and no function of the place: sensor.hpp has it.
+/// Angle of a passive axis: a coordinate, not a function of D and R; see sensor.hpp.
 inline Sensed sense(Is<SensorKind::axis_angle>, const Sensor&, const Pose&) { return {}; }
 
-/// A point of the nacelle along a fixed direction w: w·(D + R t - o).
+/// Coordinate of a platform point along a fixed direction w: w·(D + R t - o).
 inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 arm = pose.R * sensor.target(), w = sensor.direction();
@@ -28,9 +28,8 @@ inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose
   return s;
 }
 
-/// Turn of the nacelle about its own axis a, against gravity: the angle from its direction b
-/// ("up" at zero) to the vertical z of the robot's gravity as the nacelle sees it, g' = Rᵀ z:
-/// atan2((b×a)·g', b·g').
+/// Rotation of the platform about its own axis a against gravity, atan2((b×a)·g', b·g'): from its
+/// direction b ("up" at zero) to the robot's vertical z as seen from the platform, g' = Rᵀ z.
 inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 vertical = sensor.origin(), up = pose.R.transpose() * vertical;
@@ -38,7 +37,7 @@ inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Po
   const Real sine = side.dot(up), cosine = b.dot(up), square = sine * sine + cosine * cosine;
   s.value = std::atan2(sine, cosine);
   const Vec3 by_up = (cosine * side - sine * b) / square;
-  // A turn ω of the nacelle (base frame) moves g' by Rᵀ(z × ω).
+  // A turn ω of the platform (base frame) changes g' by Rᵀ(z × ω).
   s.angular = (pose.R * by_up).cross(vertical);
   s.origin = pose.R * by_up;
   s.direction = cosine / square * up.cross(b);
@@ -46,7 +45,7 @@ inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Po
   return s;
 }
 
-/// Component a·w of the nacelle's rotation vector w = log R. With R ← exp(ω) R,
+/// Component a·w of the platform's rotation vector w = log R. With R ← exp(ω) R,
 /// dw = ω - (w × ω)/2 + k w × (w × ω), k = (1 - (φ/2) cot(φ/2))/φ².
 inline Sensed sense(Is<SensorKind::rotation>, const Sensor& sensor, const Pose& pose) {
   Sensed s;

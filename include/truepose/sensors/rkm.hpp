@@ -6,8 +6,8 @@
 namespace truepose {
 
 /// r = RKM(x) and J_r = ∂r/∂x (r rows of n) at a closed pose.
-/// @return not_finite where a sensor has no reading (a telemeter along its own plane, a rod across
-/// its joint's plane), or one without a derivative (a draw-wire of no length)
+/// @return not_finite: no reading (telemeter along its own plane, rod across its joint's plane), or
+/// no derivative (draw-wire of zero length)
 template <Mobility K>
 inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
                    Matrix<kMaxSensors, kDof<K>>& jr) {
@@ -19,7 +19,6 @@ inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& value
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
-/// r = RKM(x) for coordinates x of any mobility.
 inline Outcome rkm(const Robot& robot, const Coordinates& x, Reading& values) {
   return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
     constexpr Mobility K = mobility();
@@ -37,7 +36,6 @@ inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extende
   for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = r[k];
 }
 
-/// Motor positions q of q_e = [q; r].
 template <Mobility K>
 inline Joint motors_of(const Extended& q_e) {
   Joint q{};

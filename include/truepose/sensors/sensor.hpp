@@ -11,10 +11,10 @@ namespace truepose {
 /// Whether a sensor is an encoder on a turning shaft.
 inline bool rotary(const Sensor& sensor) { return properties(sensor.kind).shaft; }
 
-/// Whether it errs with its own turns.
+/// Whether its encoder has an eccentricity error.
 inline bool eccentric(const Sensor& sensor) { return sensor.encoder_errs; }
 
-/// An encoder's value and gradients as its eccentricity has it.
+/// Applies an encoder's eccentricity to its value and gradients.
 inline void read_off_centre(const Sensor& sensor, Sensed& s) {
   s.angle = s.value;
   if (!eccentric(sensor)) return;
@@ -26,15 +26,15 @@ inline void read_off_centre(const Sensor& sensor, Sensed& s) {
   s.motor *= read.slope;
 }
 
-/// What a sensor measured, from its reading.
+/// Measured quantity, from a reading.
 inline Real measured(const Sensor& sensor, Real reading) {
   const Real value = (reading + sensor.offset) / sensor.gain;
   return eccentric(sensor) ? decode(sensor.eccentricity, value) : value;
 }
 
-/// The `sense` of a sensor's kind, among the kinds that see a chain or among the others, its
-/// encoder's eccentricity applied: a chain of comparisons, which a compiler makes a jump of.
-/// @param seen  what `sense` takes after the sensor
+/// Calls `sense` of a sensor's kind, among the kinds on a chain or the others, and applies its
+/// encoder's eccentricity. Compilers make a jump of this chain of comparisons.
+/// @param seen  arguments of `sense` after the sensor
 template <bool of_chain, int k = 0, class... Seen>
 inline Sensed sense_any(const Sensor& sensor, const Seen&... seen) {
   if constexpr (k == kSensorKinds) {
@@ -49,15 +49,15 @@ inline Sensed sense_any(const Sensor& sensor, const Seen&... seen) {
   }
 }
 
-/// Value and gradients of a sensor of the nacelle's pose alone.
+/// Value and gradients of a sensor of the platform's pose alone.
 inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
   return sense_any<false>(sensor, pose);
 }
 
-/// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
+/// Whether a sensor reads a chain's motor or rod, not the platform alone.
 inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
 
-/// Value and gradients of a sensor on a chain, whatever the level of the model.
+/// Value and gradients of a sensor on a chain, at any level of the model.
 inline Sensed sense_chain(const Sensor& sensor, const SeenChain& seen) {
   return sense_any<true>(sensor, seen);
 }
@@ -67,7 +67,7 @@ inline Mat3 body_of(const Chain& chain, const Pose& pose) {
   return chain.bar < 0 ? pose.R : Mat3(Mat3::Identity());
 }
 
-/// Value of an encoder on a passive axis. @param angles  of the pivot
+/// Value of an encoder on a passive axis. @param angles  of the passive axes
 inline Sensed sense_axis(const Sensor& sensor, const Pose& angles) {
   Sensed s;
   s.value = angles.D[sensor.axis];
@@ -87,8 +87,8 @@ inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& 
                               body_of(chain, closure.placed())});
 }
 
-/// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in
-/// which a joint on the base's side sees the rod.
+/// ∂s/∂q of the sensor's chain with the platform held: the motor moves B, and turns the arm, the
+/// reference of a base-side joint.
 /// @param dB    ∂B/∂q
 /// @param rate  ∂position/∂q
 inline Real by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
@@ -97,7 +97,7 @@ inline Real by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, 
   return (s.motor + (on_arm ? s.frame.dot(chain.axis()) : 0.0)) * rate - s.rod.dot(dB);
 }
 
-/// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
+/// Row of J_r without the gain: ds along the platform's free motions, the motors following.
 template <Mobility K>
 inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
                        const Sensed& s, Real* row) {
@@ -112,7 +112,7 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
   }
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
-  // A moves with the nacelle; so does the frame of a joint that the nacelle itself carries.
+  // A moves with the platform; so does the frame of a joint on the platform itself.
   const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3(Vec3::Zero());
   free_columns<K>(closure.carried, s.rod, state.lever.cross(s.rod) + turn, row);
   std::array<Real, kDof<K>> jx;
@@ -121,8 +121,7 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
   for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
 }
 
-/// Reading of one sensor at a closed pose, gain s - offset, and its row of J_r (size n), whatever
-/// its kind.
+/// Reading of any sensor at a closed pose, gain s - offset, and its row of J_r (size n).
 template <Mobility K>
 TRUEPOSE_APART inline Real read_any(const Robot& robot, const Sensor& sensor,
                                     const Closure<K>& closure, Real* row) {
@@ -132,7 +131,7 @@ TRUEPOSE_APART inline Real read_any(const Robot& robot, const Sensor& sensor,
   return sensor.gain * s.value - sensor.offset;
 }
 
-/// The same; the paper's θ without gradients it has not.
+/// The same, with a shortcut for the paper's θ sensor.
 template <Mobility K>
 inline Real read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure, Real* row) {
   if (sensor.kind != SensorKind::platform_angle || eccentric(sensor))

@@ -1,7 +1,6 @@
-"""Differences between rows of a log: contacts with a plane, repeated points, measured distances.
+"""Differences between rows of a log: plane contacts, repeated points, measured distances.
 
-Columns `plane` and `point` name what the tool touched at a line; distances of two lines are a file
-of their own. Differences are made anew of whatever lines are left of a log.
+Columns `plane` and `point` name what the tool touched; distances come in a file of their own.
 """
 
 from __future__ import annotations
@@ -21,38 +20,38 @@ from truepose.logs import PLANES, POINT, Log
 from truepose.robot import frames
 from truepose.robot.robot import Robot
 
-#: σ of a touch and of a distance, m, assumed where nobody says.
+#: Default σ of a touch and of a distance, m (assumed).
 SIGMA = 2e-5
-#: Prior σ of where a plane or a point is, m, about where the drawing has it.
+#: Prior σ of a plane's or point's position about its nominal one, m.
 SPREAD = 0.1
-#: Measured over expected distance, where it is in mm; to a factor of 3.
+#: Measured over expected distance if measured in mm; accepted within a factor of 3.
 _MILLIMETRES = 1000.0
 
 
 class Distance(NamedTuple):
-    """One line of a file of distances."""
+    """One row of a distance file."""
 
-    lines: tuple[int, int]  #: of the log's file
+    lines: tuple[int, int]  #: line numbers in the log's file
     ends: str  #: "A to B", as the file names them
     measured: float  #: m
     sigma: float
-    times: float  #: of a printed line's width
+    times: float  #: coefficient of a printed line's width
 
 
 @dataclass(frozen=True, kw_only=True)
 class Between:
-    """How well a log's touches and distances were measured, and what of theirs is unknown."""
+    """Measurement errors and auxiliary unknowns of a log's touches and distances."""
 
     sigma: float = SIGMA  #: of a touch, m
     tilt: float = 0.0  #: prior σ of a plane's slopes, rad; 0: level
-    tool: tuple[float, ...] = (0.0, 0.0, 0.0)  #: what touches, in the nacelle's frame, m
+    tool: tuple[float, ...] = (0.0, 0.0, 0.0)  #: contact point, platform frame, m
     tool_sigma: float = 0.0  #: of each of its coordinates
     distances: tuple[Distance, ...] = ()
     scale: float = 0.0  #: prior σ of a print's shrinkage
     width: float = 0.0  #: prior σ of a printed line's width, m
 
     def of(self, robot: Robot, log: Log) -> list[Difference]:
-        """Differences between these lines; a name that only one line has left is passed over."""
+        """Return the differences between the rows left in `log`; single touches are skipped."""
         touched = any((names != "").any() for names in log.labels.values())
         tool = self._places(robot, log) if touched else np.zeros((0, 3))
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
@@ -62,7 +61,7 @@ class Between:
         for column, name, rows in _touched(log):
             if len(rows) < 2:
                 continue
-            if column == POINT:  # its coordinates are the same unknowns at every touch
+            if column == POINT:  # coordinates are the same unknowns at every touch
                 level = np.zeros(len(rows))
                 linear = [axis for axis, unit in robot.coordinates if unit == "m"]
                 planes += [(f"point {name}, {axis}", axis, rows, level, 0.0) for axis in linear]
@@ -104,7 +103,7 @@ class Between:
         return result
 
     def check(self, robot: Robot, log: Log) -> None:
-        """Refuse names that say nothing, in one line."""
+        """Raise InputError for touched features that give no equation."""
         linear = [name for name, unit in robot.coordinates if unit == "m"]
         ends = {line for of in self.distances for line in of.lines}
         for column, name, rows in _touched(log):
@@ -113,12 +112,12 @@ class Between:
                 raise InputError(f"{column} {name}: {robot.name} has no {axis or 'x, y or z'}")
             if len(rows) < 2 and not (column == POINT and int(log.lines[rows[0]]) in ends):
                 raise InputError(
-                    f"{log.at(rows)}: {column} '{name}' is on no other {log.word}: what was "
-                    "touched once says nothing"
+                    f"{log.at(rows)}: {column} '{name}' is on no other {log.word}: a single "
+                    "touch gives no equation"
                 )
 
     def in_millimetres(self, robot: Robot, log: Log) -> bool:
-        """Whether the distances are some thousand times what the drawing expects."""
+        """Return whether the distances are about 1000 times the expected ones."""
         if not self.distances:
             return False
         at = {int(line): k for k, line in enumerate(log.lines)}
@@ -130,18 +129,17 @@ class Between:
         return len(ratio) > 0 and bool(_MILLIMETRES / 3 < np.median(ratio) < 3 * _MILLIMETRES)
 
     def _places(self, robot: Robot, log: Log) -> Array:
-        """Where the drawing has the tool on each line, (N, 3); NaN where it has it nowhere."""
+        """Return the tool's nominal position in each row, (N, 3), m; NaN without FKM."""
         drawn = robot.expected()
         at = frames.frames(drawn, poses_of(drawn, log.readings[:, : robot.n]))
         return (at @ np.array([*self.tool, 1.0]))[:, :3]
 
 
 def _touched(log: Log) -> list[tuple[str, str, Array]]:
-    """Column, name and rows of everything that was touched, in the order of the columns."""
     return [
         (column, name, np.flatnonzero(names == name))
         for column, names in log.labels.items()
-        if column == POINT or column in PLANES  # a posture is a pose that was measured
+        if column == POINT or column in PLANES  # a posture is a measured pose
         for name in dict.fromkeys(names[names != ""].tolist())
     ]
 
@@ -149,8 +147,8 @@ def _touched(log: Log) -> list[tuple[str, str, Array]]:
 def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
     """Read a file of distances: columns from, to, distance (m), and optionally sigma and times.
 
-    Ends are names of the log's column `point`, on its first line; without that column, lines of
-    the log's file. An InputError names the file, the line, the column and the cell.
+    Ends are names in the log's column `point`, at their first row; without that column, line
+    numbers of the log's file. An InputError names the file, the line, the column and the cell.
     """
     cells, lines = logs.texts(path, ("from", "to", "distance"))
     count = len(lines)
@@ -187,7 +185,6 @@ def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
 
 
 def _line(log: Log, end: str, where: str) -> int:
-    """Line of the log's file at which one end of a distance is."""
     if POINT in log.labels:
         names = log.labels[POINT]
         at = np.flatnonzero((names == end) & (names != ""))

@@ -1,8 +1,9 @@
-"""The Cramér-Rao bound: how accurately a pose can be known, before anything is built."""
+"""Cramér-Rao bound: the pose accuracy to expect, before anything is built."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +14,66 @@ from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
+from truepose.robot.maps import draw_map
 from truepose.robot.robot import Robot
+from truepose.robot.units import coordinate_table, summed
+from truepose.show.results import ShownArray
+from truepose.show.table import Table
 
-#: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
+#: σ of an exactly known pose, as a share of the smallest reading σ: 0 has no inverse.
 EXACT = 1e-6
+
+
+class Accuracy(ShownArray):
+    """Covariance of the best estimate of x at each pose: an array, (..., n, n); m², m·rad, rad²."""
+
+    robot: Robot
+    poses: Array  #: (..., n)
+    state: str  #: as built, self-calibrated, …
+
+    @property
+    def sigma(self) -> Array:
+        """σ of each coordinate and last of the position, of a rotational platform the turn."""
+        variance = np.diagonal(np.asarray(self), axis1=-2, axis2=-1)
+        total = variance[..., summed(self.robot).columns].sum(axis=-1, keepdims=True)
+        return np.asarray(np.sqrt(np.concatenate([variance, total], axis=-1)))
+
+    @property
+    def rms(self) -> float:
+        """σ of the position (or turn), root mean square over the poses."""
+        return float(np.sqrt(np.nanmean(self.sigma[..., -1] ** 2)))
+
+    @property
+    def worst(self) -> float:
+        """σ of the position at the pose where it is largest."""
+        return float(np.nanmax(self.sigma[..., -1]))
+
+    def at(self, share: float) -> float:
+        """σ of the position that this share of the poses, 0 to 1, does not exceed."""
+        return float(np.nanquantile(self.sigma[..., -1], share))
+
+    def table(self) -> Table:
+        """Return one row a coordinate: σ over the poses."""
+        sigma = self.sigma.reshape(-1, self.robot.n + 1)
+        parts = np.nanquantile(sigma, (0.5, 0.95, 1), axis=0)
+        columns = {"rms": np.sqrt(np.nanmean(sigma**2, axis=0))}
+        columns |= dict(zip(("median", "95 %", "worst"), parts, strict=True))
+        title = f"1σ bound of the pose, {self.state}, over {len(sigma)} poses"
+        return coordinate_table(self.robot, "accuracy", title, "σ of", columns)
+
+    def _draw(self, figure: Any) -> None:
+        total = summed(self.robot)
+        values, what = total.factor * self.sigma[..., -1], f"σ of the {total.label}"
+        draw_map(figure, self.robot, self.poses, values, what, self.state)
+
+
+def state_of(
+    calibrated_on: ArrayLike | None, reference_pose: ArrayLike | None, survives: bool = False
+) -> str:
+    """Name the state of a robot whose accuracy is predicted."""
+    state = ["as built" if calibrated_on is None else "self-calibrated"]
+    state += ["referenced"] * (reference_pose is not None)
+    return ", ".join(state + ["any one sensor failed"] * survives)
 
 
 def accuracy(
@@ -31,7 +88,7 @@ def accuracy(
     reference_sigma: ArrayLike | float = 0.0,
     relative_to: ArrayLike | None = None,
     differences: Sequence[Difference] = (),
-) -> Array:
+) -> Accuracy:
     """Predict the covariance of the best estimate of x: the Cramér–Rao bound of the sensors.
 
     Linear-Gaussian and Bayesian: tolerances (or a calibration's covariance) and the readings' own
@@ -40,33 +97,34 @@ def accuracy(
     Parameters
     ----------
     robot : Robot
-        With the sensors in use.
+        Robot with the sensors in use.
     poses : array_like, shape (..., n)
-        Where the accuracy is asked for.
+        Poses of the predicted accuracy, m or rad.
     calibrated_on : array_like, shape (N, n), optional
-        Poses at which the robot has calibrated itself before, by its own readings alone.
+        Poses of an earlier calibration by the robot's own readings alone.
     reference_pose : array_like, shape (n,), optional
-        A pose at which the robot has stood and been read, and which is known from outside.
+        A pose known from outside at which the readings were taken.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`.
     model_error : bool
-        Whether to count, at the ideal level, what it leaves out of a real robot.
+        Whether to include, at the ideal level, the errors that it omits.
     errors : {"raise", "nan"}
-        What to do with a pose that cannot be reached, or at which the readings do not determine x;
-        `calibrated_on`, `reference_pose` and `relative_to` are never such poses.
+        Treatment of a pose that cannot be reached, or at which the readings do not determine x; in
+        `calibrated_on`, `reference_pose` and `relative_to` it always raises.
     reference_sigma : array_like, shape (n,), or float
         σ to which `reference_pose` is known, m or rad; 0: exactly.
     relative_to : array_like, shape (n,), optional
-        A pose whose own estimate is taken off every other: what a display shows that is set to
-        zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
+        A pose whose estimate is subtracted from every other, as by a display zeroed there. Not a
+        bound, because the two are estimated separately: one more sensor can make it worse.
     differences : sequence of PlaneContacts, DistanceMeasurements and RepeatedPoses, optional
-        That are measured between the poses of `calibrated_on`, by their numbers from 0. What they
-        measure does not matter, only how well.
+        Differences measured between the poses of `calibrated_on`, by their numbers from 0. Only
+        their σ matter, not their values.
 
     Returns
     -------
-    ndarray, shape (..., n, n)
-        m², m·rad, rad²; of the free twist (spatial: rotation vector in the base frame).
+    Accuracy
+        An array, shape (..., n, n), m², m·rad, rad²; of the free twist (spatial: rotation vector
+        in the base frame).
 
     Raises
     ------
@@ -75,17 +133,17 @@ def accuracy(
 
     Examples
     --------
-    >>> import numpy as np, truepose as tp
+    >>> import truepose as tp
     >>> from truepose.paper import article
     >>> h4, poses = tp.load("h4"), article.table2()
     >>> for visited in (None, poses):
     ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
-    ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
-    7.47
-    1.07
+    ...     print(round(1e3 * P.rms, 2), round(1e3 * P.at(0.95), 2))  # mm
+    7.47 8.29
+    1.07 1.13
     >>> P = tp.accuracy(h4, poses, calibrated_on=poses, reference_pose=h4.home)
-    >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
-    0.16
+    >>> round(1e3 * P.rms, 2), P.shape
+    (0.16, (625, 4, 4))
     """
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
@@ -121,13 +179,15 @@ def accuracy(
         root, status = after_visiting(
             robot, visited, level, model_error, touched, sigma, differences
         )
-        if status:  # find the pose that it is about
+        if status:  # raises for the pose concerned
             bound(visited, shape, "raise", "calibrated_on")
             raise PoseError(
                 f"{robot.name}: model_error: {_core.describe(status)} at the full level"
             )
         known = knowledge.knowledge(robot, root, level=level, error=model_error, stretches=True)
-    return bound(rows, lead, errors, "poses", reference)
+    P = bound(rows, lead, errors, "poses", reference)
+    state = state_of(calibrated_on, reference_pose)
+    return Accuracy(P, robot=robot, poses=rows.reshape(*lead, model.n), state=state)
 
 
 def after_visiting(
@@ -139,12 +199,10 @@ def after_visiting(
     reference_sigma: Sequence[float] = (),
     differences: Sequence[Difference] = (),
 ) -> tuple[Array, int]:
-    """Root of Σ_ξ once the robot has calibrated itself at these poses, and the core's status.
+    """Return the root of Σ_ξ after a calibration at these poses, and the core's status.
 
-    Of the parameters as of :func:`truepose.robot.knowledge.learnable`.
-
-    `visited` has shape (N, n); `touched`, one pose more or none, is known from outside;
-    `differences` are measured between those visited.
+    Parameters are those of :func:`truepose.robot.knowledge.learnable`. `visited` has shape (N, n);
+    `touched` is one pose more, known from outside; `differences` link the visited poses.
     """
     full = robot.is_full(level)
     between = assemble(robot, differences, len(visited), len(knowledge.uncertain(robot)))
@@ -173,7 +231,7 @@ def after_visiting(
 
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:
-    """Return σ of a touched pose as the core takes it, each greater than 0."""
+    """Return σ of a known pose in the core's form, each greater than 0."""
     try:
         sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
     except (TypeError, ValueError):

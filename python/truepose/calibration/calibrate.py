@@ -44,70 +44,64 @@ def calibrate(
 ) -> Calibration:
     """Identify a robot's geometry from its own readings: maximum a posteriori, poses unknown.
 
-    Prior means and σ are the tolerances of the robot's file (or its last calibration). They also
-    hold the gauges: what no reading can see keeps its prior, and says so.
+    Prior means and σ are the tolerances of the robot file (or its last calibration). They also fix
+    the gauges: parameters that no reading depends on keep their prior and are reported so.
 
     Parameters
     ----------
     robot : Robot
-        With the sensors in use that were read.
+        Robot with the sensors in use that were read.
     readings : array_like, shape (N, n + r), or a table, optional
         Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
-        arrays, a list of dicts, a table of pandas, polars or pyarrow, with columns q1 … qn, each
-        sensor by its name, and
-        measured_x, … where something outside measured a coordinate, plane and point where the tool
-        touched what they name. A table is looked over first; what was noticed is in ``notes``.
-        May be left out where `known_pose` is given.
+        arrays, a list of dicts, or a pandas, polars or pyarrow table with columns q1 … qn, every
+        sensor's name, measured_x, … for externally measured coordinates, plane and point for the
+        names of touched features. A table is checked first; ``notes`` has the findings.
+        Optional where `known_pose` is given.
     known_pose : tuple of array_like, or a table, optional
-        Readings (n + r,) and pose (n,) in the base frame at which they were taken, NaN where a
-        coordinate is not known: a dowel, a stop, a probe. A third entry is σ of the pose, m and
-        rad; by default 0, exactly known. Also (K, n + r) and (K, n), or a table with columns
-        measured_x, …. ``tp.accuracy(…, reference_pose=pose)`` predicts its accuracy. With
-        the log in one call, or alone on a robot that is already calibrated.
+        Readings (n + r,) and the pose (n,) in the base frame at which they were taken (a dowel, a
+        stop, a probe), NaN for unknown coordinates. A third entry is σ of the pose, m and rad;
+        default 0, exact. Also (K, n + r) and (K, n), or a table with columns measured_x, …. Given
+        with the log, or alone for a robot that is already calibrated.
+        ``tp.accuracy(…, reference_pose=pose)`` predicts its accuracy.
     measured : array_like, shape (N, n), optional
-        Coordinates that something outside measured at these poses, NaN where it did not.
+        Externally measured coordinates of these poses, NaN where not measured.
     measured_sigma : float, or array_like, shape (n,) or (N, n), optional
-        σ of those: of lengths (m; of a pivot's angles, rad), or of every coordinate. By default
-        what a table's columns measured_x_sigma, … say, else 0.02 mm.
+        Their σ: of lengths (m; of a rotational platform's angles, rad), or of every coordinate.
+        By default a table's columns measured_x_sigma, …, else 0.02 mm.
     measured_angle_sigma : float, optional
         σ of measured angles, rad; 0.01° by default.
     registration : {"unknown", "known"} or Registration
-        Of the frame that `measured` is in, and of the marker that was measured: unknown within wide
-        priors, learnt with the geometry and told in ``registration``; or, known, those of the base
-        and of the nacelle's reference point.
+        Frame of `measured` and the measured marker. Unknown: identified with the geometry within
+        wide priors, result in ``registration``. Known: base frame and platform reference point.
     level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`, which is
-        full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
+        One rod per chain, or every rod; by default :attr:`Robot.highest_level`, full where
+        available. The calibrated robot keeps it (:attr:`Robot.level`).
     loss : {"squares", "huber", "student"}
-        What gross errors cost: their square, their size, or next to nothing. Squares are 1 % more
-        accurate on readings without any (30 H4s).
+        Cost of gross errors: quadratic, linear, or almost none. Squares are 1 % more accurate on
+        readings without gross errors (30 H4s).
     tuning : float, optional
-        Huber's bend (1 by default) or Student's degrees of freedom (4).
+        Huber's threshold (1 by default) or Student's degrees of freedom (4).
     model_error : {"on", "off"}
-        Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
-        nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
-        robot's estimates count with it too. "off" is for robots that are ideal, on paper.
+        Whether to allow, at the ideal level, for the errors that it omits: axis errors that tilt
+        the platform and turn its bars, by the file's tolerances. The calibrated robot's estimates
+        then include them. "off" is for robots that are ideal on paper.
     differences : sequence of PlaneContacts, DistanceMeasurements and RepeatedPoses, optional
-        Differences that were measured between these poses, by the lines of the readings, from 0.
-        With them a robot without any sensor can be calibrated. By default what a table's columns
-        plane and point say, each touch to 0.02 mm.
+        Differences measured between these poses, by rows of the readings, from 0. They can
+        calibrate a robot without sensors. By default a table's columns plane and point, with σ
+        of 0.02 mm a touch.
     influences : sequence of NuisanceParameter, optional
-        What else adds to the readings in a known pattern, by an unknown amount.
+        Additions to the readings of known pattern and unknown amount.
     loads : Payloads, optional
-        Forces and measured tensions under which each line was read, for robots whose file has
-        compliances with tolerances; by default a table's columns load_x, … and q1_tension, ….
-
-    Returns
-    -------
-    Calibration
+        Forces and measured tensions of each row, for robots whose file has compliances with
+        tolerances; by default a table's columns load_x, … and q1_tension, ….
 
     Raises
     ------
     InputError
-        Wrong shapes, nothing uncertain, no reading beyond those that the poses take; of a table,
-        missing columns, wrong units or signs, a stuck sensor.
+        Wrong shapes, no uncertain parameter, no reading beyond those that determine the poses; in
+        a table, missing columns, wrong units or signs, a stuck sensor.
     PoseError
-        No line of the readings fits the robot, or the search does not converge.
+        No row of the readings fits the robot, or the search does not converge.
 
     Examples
     --------
@@ -159,7 +153,7 @@ def calibrate(
 def _looked_over(
     robot: Robot, table: Any, differences: Sequence[Difference]
 ) -> tuple[logs.Log, Sequence[Difference], list[str]]:
-    """Take the readings out of a table, and what was noticed; InputError where they are wrong."""
+    """Return a table's log, differences and findings; InputError where it is refused."""
     log = logs.of(robot, table)
     if not differences:
         between = Between()
@@ -172,18 +166,18 @@ def _looked_over(
 
 
 def left_out(fit: Calibration, log: Log) -> list[str]:
-    """Lines whose motors were read and that the calibrated robot cannot reach, by the reason."""
+    """List rows with motor readings that the calibrated robot cannot reach, by reason."""
     read = np.isfinite(log.readings[:, : fit.robot.n]).all(axis=1)
     reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())
     return [
-        f"{log.at(np.flatnonzero(read & (fit.status == reason)))}: left out: by the calibrated "
-        f"robot {reason}"
+        f"{log.at(np.flatnonzero(read & (fit.status == reason)))}: left out: {reason} with the "
+        "calibrated geometry"
         for reason in reasons
     ]
 
 
 def review(fit: Calibration, log: Log) -> list[str]:
-    """Outliers, lines left out, what was learnt: a line of text each."""
+    """Describe rows left out, outliers and doubtful parameters: one line of text each."""
     findings = left_out(fit, log)
     if len(outliers := fit.outliers):
         by_size = outliers[np.argsort(-fit.chi2[outliers])]
@@ -192,8 +186,8 @@ def review(fit: Calibration, log: Log) -> list[str]:
     counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
     if counted.any() and (apart := fit.disagreement(counted)) > 2:
         findings.append(
-            f"the readings disagree by {apart:.1f} times their noise (median) whatever the "
-            "geometry: a level, a tolerance or a sensor's noise is not as the file says"
+            f"the readings disagree by {apart:.1f} times their noise (median) for any "
+            "geometry: check the file's level, tolerances and sensor noise"
         )
     far = [
         f"{name} by {abs(p.value - p.prior) / p.prior_sigma:.1f} σ"
@@ -201,7 +195,7 @@ def review(fit: Calibration, log: Log) -> list[str]:
         if abs(p.value - p.prior) > 4 * p.prior_sigma
     ]
     if far:
-        findings.append(f"further from the drawing than tolerances allow: {', '.join(far[:5])}")
+        findings.append(f"further from nominal than tolerances allow: {', '.join(far[:5])}")
     if all(p.verdict == "not identified" for p in fit.parameters.values()):
         findings.append("no parameter is known noticeably better than before")
     return findings

@@ -1,8 +1,4 @@
-"""Measured differences between visited poses, as equations of a calibration.
-
-A plane that the tool touched, distances of the places where it was, places that it came back to.
-Each knows its poses by their lines in the readings, from 0.
-"""
+"""Plane contacts, distances and repeated positions of the tool, by rows of the readings from 0."""
 
 from __future__ import annotations
 
@@ -22,31 +18,27 @@ from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 
 AXES = "xyz"
-#: Chance that a set of right differences has one that is called wrong.
+#: Probability that a set of correct differences has one reported as wrong.
 FALSE_ALARM = 1e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Measured:
-    """What all differences have in common."""
+    """Fields common to all differences."""
 
     sigma: ArrayLike  #: of each measurement, m
-    tool: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    #: the tool's point from the nacelle's reference point, in its frame, m
+    tool: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: tool point, platform frame, m
     tool_sigma: float = 0.0  #: of each of its coordinates; 0: known
     name: str = ""
-    called: Sequence[str] = ()  #: each measurement, where the numbers of its lines do not name it
+    called: Sequence[str] = ()  #: name of each measurement; by default its row numbers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlaneContacts(_Measured):
-    """A plane of the base that the tool touched: ``p_z = h + a p_x + b p_y + above``.
+    """Contacts of the tool with a base plane: ``p_z = h + a p_x + b p_y + above``, or cyclic."""
 
-    Of another axis the same, turned: ``p_x = h + a p_y + b p_z + above``.
-    """
-
-    lines: ArrayLike  #: at which it was touched
-    above: ArrayLike = 0.0  #: of the tool's point at each touch, m: a feeler gauge, a probed height
+    lines: ArrayLike  #: rows of the contacts
+    above: ArrayLike = 0.0  #: of the tool point over the plane, m: feeler gauge, probed height
     height: tuple[float, float] = (0.0, 0.1)  #: h: prior mean and σ, m; σ = 0: known
     slope_sigma: float = 0.0  #: prior σ of a and b (tangents); 0: level
     axis: Literal["x", "y", "z"] = "z"
@@ -55,21 +47,21 @@ class PlaneContacts(_Measured):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistanceMeasurements(_Measured):
-    """Distances of two places of the tool: ``(1 + scale) |p_i - p_j| + times · width``."""
+    """Distances between two tool positions: ``(1 + scale) |p_i - p_j| + times · width``."""
 
-    pairs: ArrayLike  #: (M, 2) lines i and j
+    pairs: ArrayLike  #: (M, 2) rows i and j
     measured: ArrayLike  #: (M,) m
     scale: tuple[float, float] = (0.0, 0.0)  #: prior mean and σ: a print's shrinkage is negative
-    width: tuple[float, float] = (0.0, 0.0)  #: prior mean and σ, m: of a printed line, say
-    times: ArrayLike = 1.0  #: of the width: 1 measured outside, -1 inside, 0 middle to middle
+    width: tuple[float, float] = (0.0, 0.0)  #: prior mean and σ, m: e.g. of a printed line
+    times: ArrayLike = 1.0  #: coefficient of width: 1 outside, -1 inside, 0 center to center
     name: str = "distances"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RepeatedPoses(_Measured):
-    """Places that the tool revisited, or left by a known step: ``p_i - p_j = apart``."""
+    """Tool positions that are repeated, or left by a known step: ``p_i - p_j = apart``."""
 
-    pairs: ArrayLike  #: (M, 2) lines i and j
+    pairs: ArrayLike  #: (M, 2) rows i and j
     apart: ArrayLike = 0.0  #: of each coordinate, in the base frame, m
     name: str = "revisits"
 
@@ -78,17 +70,17 @@ Difference = PlaneContacts | DistanceMeasurements | RepeatedPoses
 
 
 class Found(NamedTuple):
-    """What a calibration makes of one set of differences: (M,), of revisits (M, 2 or 3); m."""
+    """Calibration result of one set of differences: (M,), of RepeatedPoses (M, 2 or 3); m."""
 
-    residual: Array  #: measured less expected, all that was read and measured counted
-    left_out: Array  #: the same where all but this one counts, to first order
-    left_out_sigma: Array  #: of that
+    residual: Array  #: measured less expected, from all data
+    left_out: Array  #: the same with this one left out, to first order
+    left_out_sigma: Array  #: of `left_out`
     weight: Array  #: about 1; below 0.1 where a robust loss found an outlier
 
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """Measured differences as a calibration found them."""
+    """Measured differences after a calibration."""
 
     measured: tuple[Difference, ...]
     found: tuple[Found, ...]  #: one for each of `measured`
@@ -98,15 +90,15 @@ class Differences:
 
     @property
     def chi2(self) -> float:
-        """Squared normalised residuals of each left out, over their number: about 1."""
+        """Mean squared normalized leave-one-out residual: about 1."""
         size = [np.ravel(of.left_out / of.left_out_sigma) for of in self.found]
         return float(np.nanmean(np.square(np.concatenate(size))))
 
     @property
     def doubt(self) -> list[str]:
-        """Name what is wrong, if something is: a line of text each."""
+        """One line of text for each doubtful measurement."""
         return [
-            f"{of.name}: {1e3 * of.left_out:+.3f} mm off what all else says, "
+            f"{of.name}: {1e3 * of.left_out:+.3f} mm off the value from all other data, "
             f"± {1e3 * of.left_out_sigma:.3f}"
             for of in self.each
             if of.doubtful
@@ -114,11 +106,11 @@ class Differences:
 
     @property
     def each(self) -> list[Each]:
-        """Every measurement by itself."""
+        """All measurements, one by one."""
         return list(self._each())
 
     def _each(self) -> Iterator[Each]:
-        """Doubtful: what a robust loss left out; else the one furthest from all the others."""
+        """Yield measurements; doubtful: beyond the limit, and down-weighted or the worst."""
         count = sum(of.residual.size for of in self.found)
         limit = NormalDist().inv_cdf(1 - 0.5 * FALSE_ALARM / max(count, 1))
         size = [np.abs(of.left_out / of.left_out_sigma) for of in self.found]
@@ -131,18 +123,18 @@ class Differences:
 
 
 class Each(NamedTuple):
-    """One measured difference, and what a calibration makes of it."""
+    """One measured difference after a calibration."""
 
     name: str  #: "distances: 70.000 mm, lines 3 and 7"
     residual: float
     left_out: float
     left_out_sigma: float
     weight: float
-    doubtful: bool  #: chance hardly brings it there
+    doubtful: bool  #: improbable by chance, see `FALSE_ALARM`
 
 
 def _named(given: Difference, at: tuple[int, ...]) -> str:
-    """One measurement: "distances: 70.0000 mm, lines 3 and 7"."""
+    """Name one measurement: "distances: 70.000 mm, lines 3 and 7"."""
     k = at[0]
     if len(given.called):
         axis = "" if len(at) == 1 else f"{AXES[at[1]]}, "
@@ -157,7 +149,7 @@ def _named(given: Difference, at: tuple[int, ...]) -> str:
 
 @dataclass(eq=False)
 class Assembled:
-    """Differences as the core takes them."""
+    """Differences in the core's form."""
 
     given: tuple[Difference, ...]
     core: _core.Links
@@ -167,11 +159,11 @@ class Assembled:
     shapes: list[tuple[int, ...]] = field(default_factory=list)  #: of each set's measurements
 
     def columns(self, size: int) -> Array:
-        """Where its unknowns are in a covariance of that size, of which all of w is the end."""
+        """Return the free unknowns' columns in a covariance of `size` columns, w the last."""
         return size - len(self.sigma) + np.flatnonzero(self.sigma > 0)
 
     def found(self, w: Array, each: Array, joint: Array, p: int) -> Differences:
-        """Take what the core found apart; `joint` is the covariance, w behind all else."""
+        """Split the core's result by set; `joint` is the covariance with w last."""
         free = np.flatnonzero(self.sigma > 0)
         at = self.columns(len(joint))
         covariance = joint[np.ix_(at, at)]
@@ -190,16 +182,16 @@ class Assembled:
 def assemble(
     robot: Robot, differences: Sequence[Difference], lines: int, first: int
 ) -> Assembled | None:
-    """Check differences between `lines` poses, and write them as the core takes them; None: none.
+    """Check differences between `lines` poses and convert them for the core; None without any.
 
-    `first` is the place of their unknowns among all: behind the parameters and a tracker's frames.
+    `first` is the index of their unknowns: after the parameters and a tracker's frames.
     """
     if not differences:
         return None
     if robot.spec.passive_axis:
         raise InputError(
-            f"{robot.name}: measured differences need lengths among the coordinates: a pivot has "
-            "angles alone"
+            f"{robot.name}: measured differences need lengths among the coordinates: a "
+            "rotational platform has only angles"
         )
     mean: list[float] = []
     sigma: list[float] = []
@@ -246,7 +238,7 @@ def assemble(
 
 
 def measurements(differences: Sequence[Difference]) -> int:
-    """How many measurements there are in all."""
+    """Return the total number of measurements."""
     return sum(
         len(np.atleast_1d(d.lines if isinstance(d, PlaneContacts) else d.pairs))
         for d in differences
@@ -254,7 +246,6 @@ def measurements(differences: Sequence[Difference]) -> int:
 
 
 def _names(differences: Sequence[Difference]) -> list[str]:
-    """One name for each: plane, plane2, …"""
     result: list[str] = []
     for given in differences:
         base = name = str(getattr(given, "name", ""))
@@ -269,7 +260,6 @@ def _names(differences: Sequence[Difference]) -> list[str]:
 def _links(
     robot: Robot, given: Difference, name: str, lines: int, tool: int, unknowns: Any
 ) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
-    """Return one set's measurements, one row each, and their shape."""
     kinds = _core.LinkKind
     if isinstance(given, PlaneContacts):
         if given.axis not in AXES:
@@ -318,7 +308,6 @@ def _numbers(name: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> 
 def _measurements(
     name: str, given: Difference, what: str, value: ArrayLike, shape: tuple[int, ...]
 ) -> tuple[Array, Array]:
-    """What was measured, and its σ."""
     sigma = _numbers(name, "sigma", given.sigma, shape)
     if not (sigma > 0).all():
         raise InputError(f"{name}: sigma = {sigma.min()}: must be greater than 0 (m)")
@@ -326,7 +315,6 @@ def _measurements(
 
 
 def _at(name: str, lines: ArrayLike, count: int, width: int) -> Array:
-    """Lines of the readings, (M, width)."""
     at = np.asarray(lines)
     at = at.reshape(-1, 1) if width == 1 and at.ndim <= 1 else at
     what = "lines" if width == 1 else "pairs"

@@ -14,21 +14,21 @@ from truepose.robot import compliance, knowledge
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 
-#: Lines that are predicted at a time.
+#: Rows per batch.
 LINES = 4096
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """Sensors, then coordinates measured from outside, as the motors predict them.
+    """Sensor readings, then external measurements, as predicted from the motors.
 
-    N lines, k = r (+ n where something outside was measured) columns; NaN where nothing was read.
+    N rows, k = r (+ n with external measurements) columns; NaN where nothing was read.
     """
 
-    x: Array  #: (N, n) poses that the motors give; NaN where they give none
+    x: Array  #: (N, n) poses by FKM; NaN without a solution
     expected: Array  #: (N, k)
     residual: Array  #: (N, k) read less expected
-    sigma: Array  #: (N, k) of the residual, by what is known of the geometry and the readings
+    sigma: Array  #: (N, k) of the residual, from geometry and reading errors
 
 
 def expect(
@@ -40,14 +40,13 @@ def expect(
     level: Level | None = None,
     loads: Payloads | None = None,
 ) -> Expectation:
-    """Predict every sensor, and `measured` (N, n), from the motors at the geometry of this robot.
+    """Predict every sensor and `measured` (N, n) from the motors, with this robot's parameters.
 
-    Values and covariance of the robot's parameters are those of the prediction; `registration` is
-    of `measured`; `level` is by default the robot's highest. To first order x̂ - x = J (H_ξq δξ +
-    ν_q), J the inverse of H_x's first n rows, so that a sensor is missed by [-J_r J, I] (H_ξ δξ +
-    ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the registration of the external device.
+    `registration` belongs to `measured`; `level` is by default the robot's highest. To first order
+    x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows. A sensor's residual is
+    [-J_r J, I] (H_ξ δξ + ν), a coordinate's ν_m - H_mx (x̂ - x) + H_mt δt, t the registration.
     """
-    if len(readings) > LINES:  # H_ξ takes kilobytes a line
+    if len(readings) > LINES:  # H_ξ takes kilobytes a row
         parts = []
         for start in range(0, len(readings), LINES):
             part = slice(start, start + LINES)
@@ -99,7 +98,7 @@ def expect(
 
 
 def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tuple[Array, Array]:
-    """Derivatives of all readings by the pose, and by what is not known of the robot."""
+    """Return derivatives of all readings by the pose and by the uncertain parameters."""
     H_x, H_xi = robot.linearize(x, errors="nan", level=level)
     known = list(robot.parameters)
     by_unknown = H_xi[:, :, [known.index(name) for name in knowledge.learnable(robot)]]
@@ -110,7 +109,7 @@ def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tu
 
 
 def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:
-    """FKM of a log, (N, n): from home, and where that fails from the last pose found; NaN."""
+    """Return the FKM of a log, (N, n): from home, else from the last pose found; else NaN."""
     x = robot.fkm(q, errors="nan", level=level)
     lost = ~np.isfinite(x).all(axis=1) & np.isfinite(q).all(axis=1)
     if lost.any() and not lost.all():

@@ -1,16 +1,17 @@
-"""The result of a calibration: geometry, covariance, residuals, what stays unobserved."""
+"""Result of a calibration: geometry, covariance, residuals, unobserved parameters."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
+from truepose.calibration import learnt
 from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import (
     VERDICTS,
@@ -18,23 +19,19 @@ from truepose.calibration.learnt import (
     Learnt,
     chi2_quantile,
     departure,
-    figure,
 )
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from truepose.show.results import Shown
+from truepose.show.table import Table
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration:
+class Calibration(Shown):
     """A calibration: the identified robot and its covariance. N rows, p uncertain parameters.
-
-    Printed, it says what it rests on and what it found.
 
     Examples
     --------
@@ -43,7 +40,7 @@ class Calibration:
     >>> from truepose.paper import article
     >>> h4 = tp.load("h4")
     >>> tp.calibrate(h4, with_paper_errors(h4, seed=1).read(article.table2()))
-    h4 calibrated on 625 of 625 lines of theta, full level, 6 iterations
+    h4 calibrated on 625 of 625 lines of theta, full level, 13 iterations
     55 uncertain parameters: 4 identified, 22 barely, 29 not identified
     residuals with the poses fitted, rms: 0.94 of their σ
     """
@@ -62,7 +59,7 @@ class Calibration:
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
-    guarded: bool  #: whether what the ideal level leaves out was allowed for
+    guarded: bool  #: whether the ideal level's omitted errors were nuisances
     registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were
     influences: dict[str, Learnt] = field(default_factory=dict)  #: amounts of each
@@ -93,9 +90,12 @@ class Calibration:
         counts = (f"{found.count(v)} {v}" for v in VERDICTS)
         return f"{len(found)} uncertain parameters: {', '.join(counts)}"
 
-    def plot(self) -> Figure:
-        """Draw every parameter's change and posterior σ, in units of its prior σ."""
-        return figure(self.parameters)
+    def table(self) -> Table:
+        """Return every uncertain parameter: prior, posterior, verdict."""
+        return learnt.table(self.robot, self.parameters)
+
+    def _draw(self, figure: Any) -> None:
+        learnt.draw(figure, self.parameters)
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -108,36 +108,36 @@ class Calibration:
 
     @property
     def others(self) -> dict[str, Learnt]:
-        """What is unknown beside the parameters: of measured differences, of influences."""
+        """Auxiliary unknowns: those of measured differences and of influences."""
         return {**(self.differences.unknowns if self.differences else {}), **self.influences}
 
     @property
     def outliers(self) -> Array:
-        """Lines that count for less than a tenth."""
+        """Rows with a weight below a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
 
     def disagreement(self, rows: Array) -> float:
-        """By how many times their noise the readings of some lines disagree (median)."""
+        """Return the median disagreement of the readings of `rows`, in units of their noise."""
         usual = chi2_quantile(0.5, self.redundancy[rows])
         return float(np.sqrt(np.median(self.chi2[rows] / usual)))
 
     @property
     def departure(self) -> Departure:
-        """How far what was learnt is from the prior: whether the tolerances are too small."""
+        """Prior-consistency (χ²) test: whether the tolerances are too small."""
         off = np.array([p.value - p.prior for p in self.parameters.values()])
         return departure(off, self.covariance, self.prior_covariance)
 
     def accuracy_seen(self, poses: ArrayLike) -> Array:
-        """Covariance of this robot's pose as a tracker sees it, (P, n, n): in the tracker's frame.
+        """Return the covariance of the marker's pose in the tracker's frame, (P, n, n).
 
-        Of the marker where all readings, the calibrated geometry and the registration say that it
-        is. :func:`truepose.accuracy` of the calibrated robot is about the base's frame, which
-        readings and a tracker in a frame of its own see little of.
+        It is estimated from all readings, the calibrated geometry and the registration.
+        :func:`truepose.accuracy` of the calibrated robot refers to the base frame instead, which
+        readings and a tracker in its own frame hardly determine.
 
         Parameters
         ----------
         poses : array_like, shape (P, n)
-            Reachable ones.
+            Reachable poses, m or rad.
         """
         if self.registration is None:
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
@@ -164,14 +164,14 @@ class Calibration:
         )
 
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
-        """Combinations of parameters that the readings say least of.
+        """Return the parameter combinations that the readings determine least.
 
         Returns
         -------
         list of (ratio, combination)
             Posterior over prior σ of the combination, worst first, and its largest terms in units
-            of each parameter's prior σ, unknowns of measured differences among them. Gauges (the
-            base's and the nacelle's own frames) are among them, at 1.
+            of each parameter's prior σ, including auxiliary unknowns. Gauges (the base's and the
+            platform's own frames) appear with ratio 1.
         """
         names, before, after = list(self.names), self.prior_covariance, self.covariance
         if others := self.others:

@@ -45,12 +45,11 @@ ModelError = Literal["on", "off"]
 MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
 Loss = Literal["squares", "huber", "student"]
 
-#: Of known poses that are right, the share that is said to contradict all else.
+#: Share of correct known poses that is reported as contradicting the other data.
 FALSE_ALARMS = 1e-3
-
-#: Memory that a calibration may take without a warning, bytes.
+#: Memory above which a calibration warns, bytes.
 MUCH = 2e9
-#: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
+#: Default tuning of each loss: Huber's threshold and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
 
@@ -71,10 +70,7 @@ def fit_to(
     influences: Sequence[NuisanceParameter] = (),
     loads: Payloads | None = None,
 ) -> Calibration:
-    """Identify a robot's geometry from an array of its readings, checked or not.
-
-    Parameters, result and errors are those of :func:`truepose.calibrate`.
-    """
+    """Identify a robot's geometry from an array of readings; see :func:`truepose.calibrate`."""
     knowledge.require_uncertain(robot)
     names, own = knowledge.learnable(robot), len(knowledge.uncertain(robot))
     tuning = _tuned(loss, tuning)
@@ -157,7 +153,7 @@ def fit_to(
     stiff = calibrated.stiff if stretching.acts else calibrated
     expected = stiff.extended_positions(answer.x, errors="nan", level=level)
     residuals = np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected)))
-    told = slice(lines.own or None)  # known poses only where there is nothing else
+    told = slice(lines.own or None)  # known poses only without a log
     root = knowledge.root(robot, names)
     fit = Calibration(
         robot=calibrated,
@@ -189,7 +185,7 @@ def fit_to(
 def _between(
     between: Assembled | None, answer: _Answer, names: int, influences: int
 ) -> tuple[Differences | None, Array]:
-    """Measured differences as they were found, and the columns of all but parameters."""
+    """Return the fitted differences; columns of their unknowns and of influences."""
     last = np.arange(len(answer.covariance) - influences, len(answer.covariance))
     if between is None:
         return None, last
@@ -199,13 +195,13 @@ def _between(
 
 
 class _Answer(NamedTuple):
-    """What the core's `calibrate` returns."""
+    """Result of the core's `calibrate`."""
 
     status: int
     iterations: int
     xi: Array
     covariance: Array
-    #: of parameters, compliances among them, registration if unknown, differences, influences
+    #: of parameters with compliances, registration if unknown, differences, influences
     x: Array
     chi2: Array
     redundancy: Array
@@ -221,7 +217,7 @@ class _Answer(NamedTuple):
     amounts: Array  #: of influences, then of compliances, less their prior means
 
     def reordered(self, own: int, known: knowledge.Known) -> _Answer:
-        """Compliances, which the core has last, behind the `own` parameters."""
+        """Move the compliances, which the core puts last, behind the `own` parameters."""
         if not known.compliances:
             return self
         size = len(self.covariance)
@@ -231,23 +227,23 @@ class _Answer(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Readings and outside measurements as the core takes them, each once; known poses last."""
+    """Readings and external measurements in the core's form, each once; known poses last."""
 
     rows: Array  #: (N, n + r)
     outside: Array  #: (N, n), or no row
     outside_sigma: Array
-    known: int  #: how many are known poses
-    tracked: bool  #: whether anything but these was measured
+    known: int  #: number of known poses
+    tracked: bool  #: whether there are other external measurements
     notes: tuple[str, ...]
 
     @property
     def own(self) -> int:
-        """How many are the log's."""
+        """Number of the log's rows."""
         return len(self.rows) - self.known
 
 
 def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
-    """Name known poses that contradict all else: by chance one in 1000 does."""
+    """Report known poses that contradict the other data (χ², 1 false alarm in 1000)."""
     if not lines.known:
         return []
     of, notes = slice(lines.own, None), list[str]()
@@ -260,8 +256,8 @@ def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
         if chi2 > limit:
             by = sizes(fit.robot, row.known, off, "+.3g")
             notes.append(
-                f"known_pose: row {k}: contradicts all else: by that the robot stood {by} from it "
-                f"(χ² = {chi2:.3g}, at most {limit:.3g}): another pose, or tolerances too small"
+                f"known_pose: row {k}: contradicts all other data: by these the robot stood {by} "
+                f"from it (χ² = {chi2:.3g}, at most {limit:.3g}): wrong pose, or tolerances?"
             )
     return notes
 
@@ -283,7 +279,7 @@ def _lines(
     measured_sigma: ArrayLike | float | None,
     measured_angle_sigma: float | None,
 ) -> _Lines:
-    """Check the shapes; leave nothing but the motors of rows that are there already."""
+    """Check the shapes; keep only the motor readings of repeated rows."""
     poses = known_poses(robot, known_pose)
     if readings is None:
         if not len(poses.x):
@@ -297,7 +293,7 @@ def _lines(
     )
     tracked = len(outside) > 0
     again = repeated(rows, outside if tracked else None, robot.n)
-    if len(poses.x):  # a row of the log itself, perhaps
+    if len(poses.x):  # which may repeat rows of the log
         again |= repeated(np.vstack([poses.readings, rows]), None, robot.n)[len(poses.x) :]
         outside = np.vstack(
             [outside if tracked else np.full((len(rows), robot.n), np.nan), poses.x]
@@ -308,12 +304,11 @@ def _lines(
         return _Lines(rows, outside, sigma, len(poses.x), tracked, ())
     rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
     outside[again[: len(outside)]] = np.nan
-    note = f"{again.sum()} rows as an earlier one, digit for digit: each counts once"
+    note = f"{again.sum()} rows identical to an earlier one: each counts once"
     return _Lines(rows, outside, sigma, len(poses.x), tracked, (note,))
 
 
 def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> None:
-    """Raise the error that says why there is no fit, if there is none."""
     if known and (lost := np.flatnonzero(answer.lines[-known:])).size:
         why = _core.describe(int(answer.lines[-known:][lost[0]]))
         raise PoseError(
@@ -332,7 +327,7 @@ def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> Non
         raise PoseError(f"{what}the search ended after {answer.iterations} steps: {why}{hint}")
     if not (answer.redundancy.any() or np.isfinite(answer.differences).any()):
         raise InputError(
-            what + "nothing to learn from: none has a reading beyond those that its pose takes, "
+            what + "nothing to calibrate from: none has a reading beyond those that give its pose, "
             "no difference between poses was measured, and no pose is known"
         )
 
@@ -346,11 +341,10 @@ def _calibrated(
     level: Level,
     guarded: bool,
 ) -> Robot:
-    """Return the robot as it was found, at the level that its readings were understood by."""
     column = dict(columns(robot.spec))
     values = {name: of.value for name, of in stretched.items()}
     values = {name: values.get(name, float(answer.xi[column.get(name, 0)])) for name in names}
-    sigma = np.sqrt(np.diag(covariance))  # metres and radians are not mixed in the factors
+    sigma = np.sqrt(np.diag(covariance))  # scaled: factors mix no units
     root = sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
     source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
     error = knowledge.model_error(robot) if guarded else ()
@@ -360,7 +354,6 @@ def _calibrated(
 
 
 def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered]:
-    """Take the joint covariance of parameters and registration apart."""
     joint, cross, own = answer.covariance, np.zeros((count, 12)), np.zeros((12, 12))
     if sigma.any():
         at = slice(count, count + 12)
@@ -371,7 +364,7 @@ def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered
 
 
 def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
-    """How many bytes a calibration takes at most, about: two linearisations of every line."""
+    """Estimate a calibration's peak memory, bytes: two linearizations of every row."""
     unknowns = len(knowledge.uncertain(robot)) + 12 * measured
     unknowns += len(knowledge.left_out(robot)) if guarded else 0
     beyond = robot.r + robot.n * measured
@@ -379,5 +372,5 @@ def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
 
 
 def much_memory(robot: Robot, lines: int, needed: float) -> str:
-    """Say how much memory a calibration will take."""
+    """Return the warning about a calibration's memory."""
     return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"

@@ -22,19 +22,19 @@ from truepose.robotfile.schema import COMMON
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NuisanceParameter:
-    """Readings = those of the geometry + amount · pattern."""
+    """Additive error of known pattern: readings = those of the geometry + amount · pattern."""
 
     name: str
-    pattern: ArrayLike  #: (N, n + r) what one unit adds to each reading, m or rad
+    pattern: ArrayLike  #: (N, n + r) effect of one unit on each reading, m or rad
     amount: tuple[float, float]  #: prior mean and σ, in that unit
 
     def learnt(self, amount: float, sigma: float) -> Learnt:
-        """Return what a calibration says of the amount less its prior mean."""
+        """Return the result for an identified `amount`, relative to its prior mean."""
         return Learnt(*self.amount, self.amount[0] + amount, sigma)
 
 
 def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) -> Array:
-    """Patterns of all influences, (N, n + r, k), checked."""
+    """Return the checked patterns of all influences, (N, n + r, k)."""
     width = robot.n + robot.r
     result = np.zeros((lines, width, len(influences)))
     names: set[str] = set()
@@ -55,18 +55,17 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
 
 
 def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
-    """Pattern of rods, legs or belts that stretch: readings for a compliance of 1/N, (N, n + r).
+    """Return the pattern of compliant rods, legs or belts for a compliance of 1/N, (N, n + r).
 
-    Every rod, leg, belt or wire of length L is longer by compliance · tension · L. At a pose its
-    motor then stands elsewhere, by H_ξ's column of the rod's length; a leg's or a wire's reading is
-    what it would be without tension, less by that much.
+    Every rod, leg, belt or wire of length L elongates by compliance · tension · L. At a given pose
+    this shifts its motor by H_ξ's column of the rod length; a leg's or wire's reading falls by it.
 
     Parameters
     ----------
-    robot : Robot
     poses : array_like, shape (N, n)
+        Poses, m or rad.
     tension : array_like, shape (N, n + r)
-        N; of each chain, and of each sensor of kind distance; of any other sensor without effect.
+        Tension of each chain and of each sensor of kind distance, N; others are ignored.
 
     Examples
     --------
@@ -88,18 +87,18 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
 
 
 def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
-    """Tension of every chain that holds a force on the nacelle's reference point, (N, n), in N.
+    """Return every chain's tension under a force on the platform's reference point, (N, n), N.
 
-    At the ideal level, of this force alone; with the weights :meth:`Robot.rod_forces` has it.
+    At the ideal level, from this force alone; :meth:`Robot.rod_forces` includes the weights.
 
     Parameters
     ----------
     force : array_like, shape (3,) or (N, 3)
-        N, base frame; the nacelle's weight is its mass times gravity.
+        Force, N, base frame; for the platform's weight its mass times gravity.
 
     Examples
     --------
-    A hexapod's legs are pushed together by what they carry:
+    A load compresses a hexapod's legs:
 
     >>> import truepose as tp
     >>> robot = tp.load("stewart")
@@ -115,12 +114,12 @@ def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     return at.tension
 
 
-#: Turns at most, and the change of a reading in units of its σ that is not worth another.
+#: Maximum iterations; change of a reading, in units of its σ, that ends them.
 ROUNDS, NEGLIGIBLE = 8, 1e-3
 
 
 class Stretching:
-    """Patterns of a robot's compliances over a log. k are unknown."""
+    """Patterns of a robot's compliances over a log; k are unknown."""
 
     def __init__(self, robot: Robot, loads: Payloads | None, readings: Array, full: bool):
         self.names = compliance.unknown(robot)
@@ -137,10 +136,7 @@ class Stretching:
             self.follow(expected, x)
 
     def follow(self, model: Robot, x: Array) -> Array:
-        """Take the patterns of this geometry and these poses; return what that changes, m or rad.
-
-        Where there is no pose they stay as they were.
-        """
+        """Update the patterns, but of rows without a pose; return the change, m or rad."""
         at = compliance.under_load(
             model, x, self._full, compliance=model.compliance / 2, **self._loads
         )
@@ -156,16 +152,16 @@ class Stretching:
         return float(np.sqrt(sum(p.sigma**2 for name, p in both if name in own)))
 
     def patterns(self) -> Array:
-        """Of the unknown compliances, (N, n + r, k)."""
+        """Return the patterns of the unknown compliances, (N, n + r, k)."""
         return compliance.columns(self._robot, self.names, self._by)
 
     def usual(self) -> Array:
-        """What compliances as they are expected beforehand add to the readings, (N, n + r)."""
+        """Return the effect of the prior-mean compliances on the readings, (N, n + r)."""
         added: Array = self._by @ self._usual
         return added
 
     def learnt(self, amounts: Array, sigma: Array) -> dict[str, Learnt]:
-        """Name what was found beyond the prior means."""
+        """Return the compliances by name; `amounts` are relative to the prior means."""
         return {
             name: Learnt(p.mean, p.sigma, p.mean + float(amount), float(s))
             for name, p, amount, s in zip(self.names, self._prior, amounts, sigma, strict=True)
@@ -175,10 +171,7 @@ class Stretching:
 def relieved(
     robot: Robot, readings: Array, full: bool, loads: dict[str, Array]
 ) -> tuple[Array, Array]:
-    """Readings, (N, n + r), as they would be if the rods were stiff, and the motors' poses.
-
-    NaN where the motors give no pose.
-    """
+    """Return readings corrected to stiff rods, (N, n + r), and FKM poses (or NaN)."""
     n = robot.n
     home = np.broadcast_to(robot.home, (len(readings), n))
 

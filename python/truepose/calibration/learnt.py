@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
+from truepose.robot.units import in_print
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
+from truepose.show.table import Cell, Table, fixed
+from truepose.show.units import named
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-#: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
+#: Largest posterior over prior σ of an identified, and of a barely identified parameter.
 IDENTIFIED, BARELY = 0.3, 0.9
 #: Verdicts, and their colours in the figure.
 VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
-#: Posterior over prior σ, up to which a combination of parameters is used to judge the prior.
+#: Largest posterior over prior σ of a parameter combination that tests the prior.
 SEEN = 1 / 3
-#: Probability that tolerances that are right are called too small.
+#: Probability that correct tolerances are reported as too small.
 FALSE_ALARMS = 0.005
 
 
@@ -35,19 +36,19 @@ class Learnt(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """Posterior over prior σ: 1 where the readings said nothing."""
+        """Posterior over prior σ: 1 if the readings do not depend on the parameter."""
         return self.sigma / self.prior_sigma
 
     @property
     def verdict(self) -> str:
-        """Say whether the readings have seen it: identified, barely, not identified."""
+        """Identified, barely, or not identified."""
         if self.ratio <= IDENTIFIED:
             return "identified"
         return "barely" if self.ratio <= BARELY else "not identified"
 
 
 def mean_of(robot: Robot) -> Array:
-    """ξ at the prior means, in the core's order."""
+    """Return ξ at the prior means, in the core's order."""
     mean, known = np.asarray(robot.core_drawn.drawn_parameters()), robot.parameters
     for name, column in columns(robot.spec):
         if name in known:
@@ -61,7 +62,7 @@ def calibration_of(
     source: str,
     model_error: dict[str, float] | None = None,
 ) -> CalibrationSection:
-    """Return what a robot file keeps of a calibration: values, and their covariance root·rootᵀ."""
+    """Return a robot file's [calibration]: values, and their covariance root·rootᵀ."""
     return CalibrationSection(
         source=source,
         parameters=tuple(values),
@@ -72,9 +73,9 @@ def calibration_of(
 
 
 class Departure(NamedTuple):
-    """Squared departures from the prior over the combinations of parameters that a log sees."""
+    """Prior-consistency (χ²) test over the parameter combinations that a log determines."""
 
-    chi2: float  #: each in units of its expectation by the prior
+    chi2: float  #: squared deviations from the prior, in units of their expectation
     combinations: int
 
     @property
@@ -84,27 +85,27 @@ class Departure(NamedTuple):
 
     @property
     def rejected(self) -> bool:
-        """Whether tolerances that are right would depart so far in 0.5 % of all robots only."""
+        """Whether the tolerances are rejected; correct ones are in 0.5 % of all robots."""
         limit = chi2_quantile(1 - FALSE_ALARMS, self.combinations)
         return bool(self.combinations > 0 and self.chi2 > limit)
 
     def doubt(self, prior: str) -> list[str]:
-        """Return a line that says so, with the prior's source; none where the test passes."""
+        """Return a line of text on a rejection of `prior`; none where the test passes."""
         if not self.rejected:
             return []
         many = f"{self.combinations} combination{'' if self.combinations == 1 else 's'}"
         return [
             f"{prior} seem too small by a factor of about {self.factor:.1f}, judged by the {many} "
-            "of parameters that the readings see; then σ of unobserved parameters are so too"
+            "of parameters that the readings determine; other parameters' σ are then too small too"
         ]
 
 
 def departure(off: Array, covariance: Array, prior_covariance: Array) -> Departure:
-    """Compare ξ̂ less the prior mean, (p,), with the prior's covariance and the posterior's.
+    """Test ξ̂ less the prior mean, (p,), against the prior's and the posterior's covariance.
 
-    In units of the prior's root, u = S⁻¹(ξ - μ), the prior is N(0, I) and the posterior N(û, Σ_u).
-    By the law of total variance û then scatters by I - Σ_u from robot to robot, each eigenvector
-    of Σ_u by itself: û_k² / (1 - σ_k²) are χ²₁, whatever the readings and their noise.
+    With the prior's root S, u = S⁻¹(ξ - μ) has the prior N(0, I) and the posterior N(û, Σ_u).
+    By the law of total variance û scatters by I - Σ_u from robot to robot, along each eigenvector
+    of Σ_u independently: û_k² / (1 - σ_k²) are χ²₁, for any readings and noise.
     """
     whiten = np.linalg.inv(np.linalg.cholesky(prior_covariance))
     sigma2, vectors = np.linalg.eigh(whiten @ covariance @ whiten.T)
@@ -114,18 +115,32 @@ def departure(off: Array, covariance: Array, prior_covariance: Array) -> Departu
 
 
 def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
-    """Quantile of χ² (scipy.special.chdtri, imported when it is first needed)."""
+    """Return a quantile of χ² (scipy.special.chdtri, imported on first use)."""
     from scipy.special import chdtri
 
     return chdtri(freedoms, 1 - probability)
 
 
-def figure(found: dict[str, Learnt]) -> Figure:
-    """Draw every parameter's change and posterior σ, in units of its prior σ."""
-    from matplotlib.figure import Figure
+def table(robot: Robot, found: Mapping[str, Learnt]) -> Table:
+    """Every uncertain parameter: prior, posterior, verdict."""
+    rows = []
+    for name, p in found.items():
+        factor, unit = in_print(robot, name)
+        cells = [
+            Cell(f"{factor * p.value:.4f}", p.value),
+            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
+            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(p.ratio),
+        ]
+        rows.append([named("parameter", name, unit), *cells, p.verdict])
+    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
+    return Table("parameters", "Parameters", header, rows)
 
-    picture = Figure(figsize=(8.4, 1.0 + 0.17 * len(found)), layout="constrained")
-    axes = picture.subplots()
+
+def draw(figure: Any, found: Mapping[str, Learnt]) -> None:
+    """Draw every parameter's change and posterior σ, in units of its prior σ."""
+    figure.set_size_inches(6.4, 1.0 + 0.17 * len(found))
+    axes = figure.subplots()
     axes.axvspan(-1, 1, color="0.92", zorder=0)
     axes.axvline(0, color="0.6", lw=0.8)
     for verdict, colour in VERDICTS.items():
@@ -134,6 +149,6 @@ def figure(found: dict[str, Learnt]) -> Figure:
         style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
         axes.errorbar(change, list(some), xerr=[p.ratio for p in some.values()], **style)
     axes.set_yticks(range(len(found)), list(found), fontsize=7)
-    axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")
-    picture.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)
-    return picture
+    axes.set(ylim=(len(found) - 0.3, -0.7), ylabel="parameter")
+    axes.set_xlabel("change and σ, in units of the prior σ (–)")
+    figure.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)

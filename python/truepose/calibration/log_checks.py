@@ -18,22 +18,22 @@ from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles, reading_units
 
-#: A prediction that varies by this many σ shows what a reading should have followed.
+#: Variation of a prediction, in σ, that its reading must follow.
 VARIES = 8.0
 
 
 class Finding(NamedTuple):
-    """Something found in a log, in one line."""
+    """One finding in a log, as a line of text."""
 
     text: str
-    refused: bool = False  #: whatever is fitted to this log would be wrong
+    refused: bool = False  #: any fit to this log would be wrong
 
 
 def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
-    """Check a log before a fit; `differences` is the number measured between its lines.
+    """Check a log before a fit; `differences` is the number measured between its rows.
 
-    Return the log without the readings of a sensor that was stuck for a while, and without repeated
-    ones, and what was found. Units, signs, swapped columns and stuck sensors are refused.
+    Return the log without repeated readings and those of a sensor that was stuck for a while, and
+    the findings. Wrong units or signs, swapped columns and stuck sensors are refused.
     """
     model = robot.expected()
     findings = [*_cells(robot, log)]
@@ -60,7 +60,6 @@ def _count(number: int, what: str) -> str:
 
 
 def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
-    """Empty cells."""
     empty = ~np.isfinite(log.readings)
     for k, name in enumerate(log.names):
         if empty[:, k].all():
@@ -73,8 +72,7 @@ def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
 
 
 def _distinct(robot: Robot, log: Log) -> Array:
-    """Index of the first line at each pose, by the motors' counts."""
-    q = log.readings[:, : robot.n]
+    q = log.readings[:, : robot.n]  # poses by their counts
     count = robot.resolution[: robot.n]
     step = np.where(count > 0, count, 1e-6)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
@@ -83,16 +81,15 @@ def _distinct(robot: Robot, log: Log) -> Array:
 
 
 def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
-    """Leave nothing but the motors of lines that are there already."""
     again = logs.repeated(log.readings, log.measured, robot.n)
     if not again.any():
         return log, []
-    readings, measured = log.readings.copy(), log.measured
+    readings, measured = log.readings.copy(), log.measured  # motors are kept
     readings[again, robot.n :] = np.nan
     if measured is not None:
         measured = np.where(again[:, None], np.nan, measured)
     rows = np.flatnonzero(again)
-    text = f"{log.at(rows, 5)}: as an earlier line, digit for digit: each counts once"
+    text = f"{log.at(rows, 5)}: identical to an earlier line: each counts once"
     return replace(log, readings=readings, measured=measured), [Finding(text)]
 
 
@@ -105,23 +102,23 @@ def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
     if poses < 0.8 * read:
         yield Finding(
             f"{_count(read, log.word)} at only {_count(poses, 'different pose')}: repeats average "
-            "noise at best, and show nothing new of the geometry"
+            "noise at best, and add nothing on the geometry"
         )
 
 
 def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
-    """Readings beyond those that a pose takes, and differences between poses."""
+    """Count the readings beyond those that determine a pose, and the differences."""
     rows = _distinct(robot, log)
     count = np.isfinite(log.readings[rows]).sum(axis=1) - robot.n
     if log.measured is not None:
         count = count + np.isfinite(log.measured[rows]).sum(axis=1)
     total, unknown = int(count.sum()) + differences, len(knowledge.uncertain(robot))
     spare = [sensor.name for sensor in robot.spec.sensor if sensor.name in log.unused]
-    use = f"the log has {', '.join(spare)}: say that they were read, --sensors "
+    use = f"the log has {', '.join(spare)}: select --sensors "
     use += ",".join((*robot.sensors, *spare))
     if total == 0:
         yield Finding(
-            f"nothing to learn from: {robot.n} motors take all their readings for the pose; "
+            f"nothing to calibrate from: {robot.n} motors determine only the pose; "
             + (
                 f"{use} (with_sensors)"
                 if spare
@@ -140,11 +137,8 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
         )
 
 
-# --- motors ---------------------------------------------------------------------------------------
-
-
 def _motors(robot: Robot, log: Log) -> list[str]:
-    """Whether motors and sensors fit each other; else which mistake explains them."""
+    """Return the mistakes that explain motors and sensors; none where these agree."""
     n = robot.n
     read = np.isfinite(log.readings[:, :n]).all(axis=1)
     if not read.any():
@@ -177,7 +171,7 @@ def _motors(robot: Robot, log: Log) -> list[str]:
 
 
 def outside(robot: Robot, log: Log) -> Iterator[Finding]:
-    """Units of external measurements: no frame changes a distance."""
+    """Check units of external measurements by distances, which no frame changes."""
     if log.measured is None:
         return
     few = log_faults.few(robot, log)
@@ -198,11 +192,8 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
             yield Finding(f"{names}: {UNITS[factor == DEGREES][factor]}", refused=True)
 
 
-# --- sensors --------------------------------------------------------------------------------------
-
-
 def _slope(read: Array, expected: Array) -> float:
-    """Median slope over pairs of lines that are far apart (Theil and Sen); NaN where none are."""
+    """Return the median slope over distant pairs of rows (Theil–Sen); NaN without any."""
     good = np.isfinite(read) & np.isfinite(expected)
     read, expected = read[good], expected[good]
     if len(read) < 4 or np.ptp(expected) == 0:
@@ -216,7 +207,6 @@ def _slope(read: Array, expected: Array) -> float:
 
 
 def _named(slope: float, is_angle: bool) -> str | None:
-    """What a slope says, if anything."""
     for factor, name in UNITS[is_angle].items():
         if abs(abs(slope) / factor - 1) < 0.3:
             return name + (", and its sign is flipped" if slope < 0 else "")
@@ -224,7 +214,7 @@ def _named(slope: float, is_angle: bool) -> str | None:
 
 
 def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
-    """Units, signs and order of the sensors' columns, given motors that are right."""
+    """Check units, signs and order of the sensors' columns, given correct motors."""
     n, distance, units = robot.n, apart(seen), reading_units(robot)[robot.n :]
     for k in [k for k in range(robot.r) if distance[k] > APART]:
         name, unit = log.names[n + k], units[k]
@@ -247,7 +237,7 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
 
 
 def _runs(read: Array, rows: Array, step: float) -> list[Array]:
-    """Five and more of these rows, one after another, with one and the same reading."""
+    """Return runs of at least five consecutive `rows` with one and the same reading."""
     changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
     starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
     long = np.flatnonzero(ends - starts >= 5)
@@ -260,7 +250,7 @@ def _stuck_at(log: Log, column: int, value: float, rows: Array) -> str:
 
 
 def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
-    """Motors of one and the same reading on lines that no other line's geometry explains."""
+    """Exclude stuck motors: constant, while others move and most predictions fail."""
     n, findings, readings = robot.n, [], log.readings.copy()
     rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
     odd = np.asarray((np.abs(seen.residual) > APART * seen.sigma).any(axis=1))
@@ -283,7 +273,7 @@ def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]
 
 
 def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
-    """Runs of one and the same reading while its prediction goes on."""
+    """Exclude or refuse readings that are constant while their prediction varies."""
     findings, readings = [], log.readings.copy()
     for k in range(robot.r):
         read = readings[:, robot.n + k]
@@ -293,8 +283,7 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         step = max(robot.resolution[robot.n + k], 1e-9)
         hung = []
         for run in _runs(read, rows, step):
-            # A reading may be constant in a plane of the workspace, where an uncalibrated
-            # prediction still varies by what tolerances allow.
+            # In a plane of the workspace a reading may be constant but its prediction not.
             moved = np.ptp(seen.expected[run, k])
             if moved > VARIES * (step + np.median(seen.sigma[run, k])):
                 hung.append(run)

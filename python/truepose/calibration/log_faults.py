@@ -1,8 +1,7 @@
-"""Search for the column mistake that explains a log best: units, signs, order.
+"""Search for the column mistakes that explain a log best: units, signs, order.
 
-Each mistake is undone, and a geometry fitted to what then stands there: of those after which motors
-and sensors can be readings of this robot, the one that is left with the smallest residuals is
-named, and with it whatever is as good (a robot's mirror images).
+Each mistake is undone and a geometry fitted. Of those that make motors and sensors consistent,
+the one with the smallest residuals is reported, with equally good ones (mirror images).
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ from truepose.logs import Log
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed
 
-#: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
+#: Median deviation of a reading from its prediction, σ, that no geometry explains.
 APART = 5.0
-#: Nor are readings that disagree by this many times their noise once a geometry is fitted.
+#: Disagreement of readings after a fit, in units of noise, that no geometry explains.
 MISFIT = 20.0
-#: Lines that a mistake is looked for on, and mistakes that a geometry is fitted to, at most.
+#: Most rows searched for mistakes; most mistakes with a fitted geometry.
 LINES, FITTED = 80, 12
-#: Costs that are no further apart say nothing: this much, and this part of the smaller one.
+#: Costs count as equal within this amount plus this share of the smaller one.
 ALIKE, OF_COST = 20.0, 0.25
-#: Slopes of a column over its prediction that have a name.
+#: Slopes of a column over its prediction that indicate a unit.
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
-#: And the names, of a length (0) and of an angle (1).
+#: Their messages, for a length (0) and an angle (1).
 UNITS = (
     {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"},
     {DEGREES: "in degrees, must be rad"},
@@ -41,21 +40,21 @@ UNITS = (
 
 
 class Mistake(NamedTuple):
-    """What somebody may have done to a log's columns, and its undoing."""
+    """A possible mistake in a log's columns, and its inverse."""
 
     text: str
-    columns: int  #: that it is about
+    columns: int  #: number of columns affected
     undo: Callable[[Array], Array]
 
 
 def few(robot: Robot, log: Log) -> Log:
-    """Some lines with a reading of every motor, spread over the log."""
+    """Return at most `LINES` rows with all motors read, spread over the log."""
     rows = np.flatnonzero(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     return log.only(rows[np.linspace(0, len(rows) - 1, min(len(rows), LINES)).astype(int)])
 
 
 def plausible(robot: Robot, readings: Array) -> float:
-    """Part of the lines at which the motors close the loops near the workspace."""
+    """Return the share of rows whose motors close the loops near the workspace."""
     x = poses_of(robot, readings[:, : robot.n])
     good = np.isfinite(x).all(axis=1)
     if (box := robot.spec.workspace) is not None:
@@ -66,7 +65,7 @@ def plausible(robot: Robot, readings: Array) -> float:
 
 
 def apart(seen: Expectation) -> Array:
-    """Median over the lines of each sensor's distance from its prediction, in σ."""
+    """Return each sensor's median deviation from its prediction, in σ."""
     ratio = np.abs(seen.residual) / seen.sigma
     some = np.isfinite(ratio).any(axis=0)
     result = np.full(ratio.shape[1], np.nan)
@@ -75,10 +74,9 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Mistakes with the columns that explain a log of a robot with its expected geometry.
+    """Return the column mistakes that explain a log, given the expected geometry.
 
-    None: nothing is wrong. Empty: none that has a name. Several: equally good, those of the fewest
-    columns first.
+    None: nothing is wrong. Empty: no known mistake. Several: equally good, fewest columns first.
     """
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
@@ -106,7 +104,7 @@ def named(robot: Robot, log: Log) -> list[str] | None:
 
 
 def agree(robot: Robot, readings: Array) -> bool:
-    """Whether motors and sensors can be readings of this robot, on most lines."""
+    """Return whether motors and sensors are consistent with this robot in most rows."""
     if plausible(robot, readings) < 0.9:
         return False
     if robot.r == 0:
@@ -116,7 +114,7 @@ def agree(robot: Robot, readings: Array) -> bool:
 
 
 def _distance(robot: Robot, log: Log, readings: Array) -> float:
-    """How far all is from what the motors predict; gross errors count little."""
+    """Return a robust distance of all readings from their prediction by the motors."""
     if robot.r == 0 and log.measured is not None:  # distances are the same in every frame
         linear = summed(robot).columns
         x = poses_of(robot, readings)
@@ -136,16 +134,13 @@ def _fit(robot: Robot, log: Log, readings: Array) -> Calibration | None:
 
 
 def _cost(fit: Calibration | None) -> float:
-    """What a fitted geometry is left with, lines left out taken for average ones."""
+    """Return a fit's cost, rows left out counted as average ones."""
     good = 0 if fit is None else int((fit.status == "ok").sum())
     return fit.cost * len(fit.status) / good if fit and good else math.inf
 
 
-# --- mistakes -------------------------------------------------------------------------------------
-
-
 def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
-    """What may have happened to the columns: units, signs, order."""
+    """Yield possible mistakes in the columns: units, signs, order."""
     n, names = robot.n, log.names
     angle = np.array([unit == "rad" for unit in reading_units(robot)])
     every = range(n + robot.r)
@@ -183,7 +178,7 @@ def _listed(names: Sequence[str], which: Iterable[int]) -> str:
 
 
 def _orders(count: int) -> Iterator[tuple[int, ...]]:
-    """Orders of columns that are not their own: all of up to four, else those that people make."""
+    """Yield wrong orders: all of up to four columns, else rotations, reversal, 2- and 3-cycles."""
     own = tuple(range(count))
     if count <= 4:
         yield from itertools.islice(itertools.permutations(own), 1, None)
@@ -199,7 +194,6 @@ def _orders(count: int) -> Iterator[tuple[int, ...]]:
 
 
 def _reordered(names: list[str], order: tuple[int, ...]) -> str:
-    """Say which column holds which: "q1 and q2: swapped"."""
     moved = [k for k, held in enumerate(order) if k != held]
     if len(moved) == 2:
         return f"{names[moved[0]]} and {names[moved[1]]}: swapped"
@@ -208,7 +202,7 @@ def _reordered(names: list[str], order: tuple[int, ...]) -> str:
 
 
 def _too_large(robot: Robot, readings: Array) -> tuple[int, ...]:
-    """Motors that leave the range of the workspace, and would not, divided by a unit."""
+    """Return the motors outside their workspace range that a unit factor brings inside."""
     if (box := robot.spec.workspace) is None:
         return ()
     revolute = [chain.actuator == "revolute" for chain in robot.spec.chain]

@@ -21,29 +21,28 @@ from truepose.robotfile.to_core import columns
 
 
 class OnlineCalibrator:
-    """Online calibration: a recursive filter on the parameters, updated by every row of readings.
+    """Recursive filter on a robot's parameters, updated by every row of readings.
 
-    It starts from the priors of the robot's file (or its last calibration) and ends near where
-    :func:`truepose.calibrate` ends on the same lines. In the core one line takes bounded time and
-    no memory (``include/truepose/estimation/online_calibration.hpp``).
+    It starts from the priors of the robot file (or its last calibration) and ends near the result
+    of :func:`truepose.calibrate` on the same rows. In the core a row takes bounded time and no
+    memory (``include/truepose/estimation/online_calibration.hpp``).
 
     Parameters
     ----------
     robot : Robot
-        With the sensors in use that are read.
+        Robot with the sensors in use that are read.
     drift : dict, or sequence of dict, optional
-        Name of a parameter (or pattern, ``"chain*.rod"``): σ of its random walk over one line, m or
-        rad, each parameter by itself. Of a sequence, each dict is one random walk of all that it
-        names together, as by :meth:`Effects.growth`. Without it parameters are constant and the
-        filter ever surer.
+        Name of a parameter (or pattern, ``"chain*.rod"``): σ of its random walk per row, m or rad,
+        each parameter independent. In a sequence, each dict is one random walk that its parameters
+        share, as from :meth:`Effects.growth`. By default parameters are constant: σ only falls.
     gate : float
-        Readings that together are off by more than so many σ, what is still open of the geometry
-        included, are left out: one of them, where it alone explains it, or the line. Where lines
-        keep disagreeing, learning stops (:attr:`stopped`). 0 keeps all, whatever they say.
+        Limit in σ, with the geometry's remaining uncertainty, beyond which readings are left out:
+        the one that alone explains the deviation, else the row. Where rows keep disagreeing,
+        updates stop (:attr:`stopped`). 0 keeps all readings.
     level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`.
+        One rod per chain, or every rod; by default :attr:`Robot.highest_level`.
     model_error : {"on", "off"}
-        Whether readings count, at the ideal level, with what it leaves out of a real robot.
+        Whether readings include, at the ideal level, the errors that it omits.
 
     Examples
     --------
@@ -82,7 +81,7 @@ class OnlineCalibrator:
         self._start(mean_of(robot))
 
     def _walks(self, drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None) -> Array:
-        """Return one row for each random walk: change of every parameter by one σ, in one line."""
+        """Return a row per random walk: 1σ change of every parameter between samples."""
         walks = [drift or {}] if drift is None or isinstance(drift, Mapping) else drift
         together = walks is drift
         rows = []
@@ -124,20 +123,20 @@ class OnlineCalibrator:
         self._filter.resume(memory)
 
     def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
-        """Learn from lines of readings, in their order.
+        """Update the parameters from rows of readings, in order.
 
         Parameters
         ----------
         q_e : array_like, shape (..., n + r)
             Extended positions: motors, then the sensors in use.
         errors : {"raise", "nan"}
-            What to do with a line that fits no pose; nothing is learnt from it. One that the gate
-            leaves out still gives a pose.
+            Treatment of a row that fits no pose; it is skipped. A row that the gate leaves out
+            still gives a pose.
 
         Returns
         -------
         ndarray, shape (..., n)
-            Where the nacelle was, as known at that line.
+            Pose of each row, with the parameters as identified at that row.
         """
         rows, lead = flattened(self._robot, q_e, self._robot.n + self._robot.r, "q_e", errors)
         x, status, chain = self._filter.observe(rows, np.zeros(0))
@@ -145,10 +144,10 @@ class OnlineCalibrator:
         return x.reshape(*lead, self._robot.n)
 
     def replay(self, q_e: ArrayLike, times: int = 3) -> None:
-        """Start again from the priors with all lines linearised about what is known by now.
+        """Restart from the priors with all rows linearized about the current parameters.
 
-        What early lines said was linearised about a poor guess; after a replay or two the filter
-        stands where :func:`truepose.calibrate` does.
+        Early rows were linearized about a poor guess; after one or two replays the filter agrees
+        with :func:`truepose.calibrate`.
         """
         rows, _ = flattened(self._robot, q_e, self._robot.n + self._robot.r, "q_e", "raise")
         for _ in range(times):
@@ -158,31 +157,30 @@ class OnlineCalibrator:
 
     @property
     def prior(self) -> Robot:
-        """The robot that it started from."""
+        """Robot at the start."""
         return self._prior
 
     @property
     def level(self) -> Level:
-        """Level of the model by which it understands its readings."""
+        """Model level of the filter."""
         return self._level
 
     @property
     def lines(self) -> int:
-        """How many lines it has learnt from, all their readings."""
+        """Number of rows used with all their readings."""
         return self._filter.lines
 
     @property
     def left_out(self) -> int:
-        """How many lines it has not learnt from, or not from all their readings."""
+        """Number of rows left out, wholly or in part."""
         return self._filter.left_out
 
     @property
     def stopped(self) -> str | None:
-        """Why nothing is learnt any more, in words; None while it learns.
+        """Reason why updates stopped; None while they continue.
 
-        A faulty sensor, a motor that slipped, or tolerances that the robot does not keep. What
-        it knows is what it knew before. Once that is mended, `OnlineCalibrator(online.robot)` goes
-        on from there.
+        A faulty sensor, a motor that slipped, or a robot outside its tolerances. The filter rolls
+        back to its state before. After the repair, `OnlineCalibrator(online.robot)` continues.
 
         Examples
         --------
@@ -206,7 +204,7 @@ class OnlineCalibrator:
 
     @property
     def covariance(self) -> Array:
-        """Of the uncertain parameters, shape (p, p)."""
+        """Covariance of the uncertain parameters, (p, p)."""
         root = self._filter.root
         return root @ root.T
 
@@ -222,14 +220,12 @@ class OnlineCalibrator:
 
     @property
     def robot(self) -> Robot:
-        """The robot as it is known now; its estimates count with what is still open."""
+        """Robot with the current parameters and their covariance."""
         left_out = {}
         if self._error and self._level == "ideal":
             error = knowledge.stated_error(self._robot).tolist()
             left_out = dict(zip(self._robot.readings, error, strict=True))
-        more = compliance.unknown(
-            self._robot
-        )  # as they were: lines under unknown loads say nothing
+        more = compliance.unknown(self._robot)  # keep their priors: loads are unknown
         values = self._values() | {name: self._robot.parameters[name].mean for name in more}
         root = self._filter.root
         if more:

@@ -1,4 +1,4 @@
-"""Poses known from outside: tracker's frame and marker, known poses, and their χ² test."""
+"""External measurements and known poses: a tracker's frame and marker, and a χ² test."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from truepose.show.units import printed
 if TYPE_CHECKING:
     from truepose.robot.robot import Robot
 
-#: σ of an angle of which nothing is known, rad: uniform over a whole turn.
+#: σ of an unknown angle, rad: uniform over a whole turn.
 ANY_TURN = math.pi / math.sqrt(3)
-#: Posterior over prior σ above which a marker's coordinate is not seen by itself.
+#: Posterior over prior σ above which a marker's coordinate is not identified by itself.
 UNSEEN = 0.5
-#: σ of an outside measurement where nobody says (m, rad): 0.02 mm and 0.01°.
+#: Default σ of an external measurement, m and rad: 0.02 mm and 0.01°.
 SIGMA, ANGLE_SIGMA = 2e-5, math.radians(0.01)
 
 
@@ -35,16 +35,15 @@ SIGMA, ANGLE_SIGMA = 2e-5, math.radians(0.01)
 class Registration:
     """Prior of a tracker's frame and of its marker; σ = 0: known exactly.
 
-    The tracker is to see position p = t + R_F (D + R c) and orientation R_F R M, where (D, R) is
-    the nacelle's pose, (t, R_F) the base in the tracker's frame, (c, M) the marker's in the
-    nacelle's. The search for the base starts in closed form, from any rotation, where its σ are not
-    zero.
+    The tracker measures position p = t + R_F (D + R c) and orientation R_F R M, where (D, R) is the
+    platform's pose, (t, R_F) the base in the tracker's frame, (c, M) the marker on the platform.
+    Unless the base's σ are zero, its search starts from a closed-form solution, for any rotation.
     """
 
-    base: ArrayLike | None = None  #: (4, 4) the base in the tracker's frame, where it is known
-    base_sigma: tuple[float, float] = (10.0, ANY_TURN)  #: of its position (m), its turn (rad)
-    marker: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: from the nacelle's reference point, m
-    marker_sigma: tuple[float, float] = (0.1, ANY_TURN)  #: of its place (m), its turn (rad)
+    base: ArrayLike | None = None  #: (4, 4) known base pose in the tracker's frame
+    base_sigma: tuple[float, float] = (10.0, ANY_TURN)  #: of its position (m), its rotation (rad)
+    marker: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: from the platform's reference point, m
+    marker_sigma: tuple[float, float] = (0.1, ANY_TURN)  #: of its position (m), its rotation (rad)
 
     def __post_init__(self) -> None:
         if self.base is not None:
@@ -66,9 +65,9 @@ class Registration:
             raise InputError(f"registration: marker = {self.marker}: must be three numbers, m")
 
     def sigma(self, robot: Robot, measured: Array) -> Array:
-        """σ of the unknowns, (12,); 0 where known, or where nothing measured depends on it."""
+        """Return σ of the unknowns, (12,); 0 if known or without effect on the measurements."""
         result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
-        if robot.spec.passive_axis:  # of a pivot: angles are measured in no frame but their own
+        if robot.spec.passive_axis:  # rotational platform: angles need no frame
             return np.zeros_like(result)
         names = [name for name, _ in robot.coordinates]
         if "z" not in names:  # in a plane
@@ -80,22 +79,21 @@ class Registration:
         return result
 
     def begin(self) -> tuple[Array, Array]:
-        """Base and marker to start from, two (4, 4)."""
+        """Return initial base and marker, two (4, 4)."""
         marker = np.eye(4)
         marker[:3, 3] = self.marker
         return (np.eye(4) if self.base is None else np.asarray(self.base)), marker
 
 
-#: The tracker gives the nacelle's coordinates in the base frame.
+#: Registration of a tracker that gives the platform's coordinates in the base frame.
 KNOWN = Registration(base=np.eye(4), marker_sigma=(0.0, 0.0))
 
-
-#: How many: shift and turn of the base in the tracker's frame, then of the marker in the nacelle's.
+#: Shift and rotation (3 each) of the base in the tracker's frame, of the marker on the platform.
 UNKNOWNS = 12
 
 
 def registration_of(registration: Literal["unknown", "known"] | Registration) -> Registration:
-    """Return what a word says of a registration."""
+    """Return the registration for a word."""
     if isinstance(registration, Registration):
         return registration
     words = {"unknown": Registration(), "known": KNOWN}
@@ -105,17 +103,17 @@ def registration_of(registration: Literal["unknown", "known"] | Registration) ->
 
 
 class View(NamedTuple):
-    """What a tracker is to measure at N poses."""
+    """Predicted measurements of a tracker at N poses."""
 
     coordinates: Array  #: (N, n), θ from -π to π
-    residual: Array  #: (N, n) what it measured less these; NaN where it did not
-    H_x: Array  #: (N, n, n) how they change with the pose's twist
-    H: Array  #: (N, n, 12) and with the registration
-    blunt: Array  #: (N,) by what σ of θ grows where the marker's x axis nears the tracker's z
+    residual: Array  #: (N, n) measured less these; NaN where not measured
+    H_x: Array  #: (N, n, n) derivatives by the pose's twist
+    H: Array  #: (N, n, 12) and by the registration
+    blunt: Array  #: (N,) factor on σ of θ, larger as the marker's x axis nears the tracker's z
 
 
 class Known(NamedTuple):
-    """One thing that a calibration found out about a registration."""
+    """One identified quantity of a registration."""
 
     name: str  #: an unknown, or two of which only the sum is known
     unit: str  #: m or rad
@@ -126,37 +124,34 @@ class Known(NamedTuple):
 
 @dataclass(frozen=True)
 class Registered:
-    """A tracker's frame as a calibration found it."""
+    """A tracker's frame and marker after a calibration."""
 
     base: Array  #: (4, 4) the base in the tracker's frame
-    marker: Array  #: (4, 4) the marker in the nacelle's frame
+    marker: Array  #: (4, 4) the marker in the platform's frame
     sigma: Array  #: (12,) before; 0: was known
-    covariance: (
-        Array  #: (12, 12) after: shift and turn of the base, in the tracker's frame, then of the
-    )
-    #: marker, in the nacelle's
+    covariance: Array  #: (12, 12) after, in the order of `UNKNOWNS`
     cross: Array  #: (p, 12) covariance with the robot's parameters
     start: tuple[Array, Array]  #: base and marker that the search began from
 
     def see(self, robot: Robot, x: Array, measured: Array | None = None) -> View:
-        """What the tracker is to measure at poses (N, n)."""
+        """Predict the tracker's measurements at poses (N, n)."""
         x = np.ascontiguousarray(x)
         measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
         return View(*_core.seen(robot.core, self.base, self.marker, x, measured))
 
     def begun(self) -> Registered:
-        """Return the registration that the search began from, taken as exact."""
+        """Return the registration at the search's start, taken as exact."""
         base, marker = self.start
         known, cross = np.zeros((12, 12)), np.zeros_like(self.cross)
         return replace(self, base=base, marker=marker, covariance=known, cross=cross)
 
     @property
     def known(self) -> list[Known]:
-        """What the readings say of the registration.
+        """Identified quantities of the registration.
 
-        Places of the marker that the robot cannot tell from a shift of the base, because its
-        nacelle does not turn that way, are named together with it: of "base + marker.z" x, y and z
-        in the tracker's frame are known, of the two by themselves only what was known before.
+        Marker coordinates that only shift with the base, because the platform does not rotate that
+        way, are given as sums: "base + marker.z" has known x, y and z in the tracker's frame, while
+        its two parts keep their priors.
         """
         result = []
         R, after = self.base[:3, :3], np.sqrt(np.diag(self.covariance))
@@ -198,7 +193,7 @@ def measured_outside(
     angle_sigma: float | None,
     count: int,
 ) -> tuple[Array, Array]:
-    """Outside measurements and their σ as the core takes them; none: no rows."""
+    """Return external measurements and σ in the core's form; no rows without any."""
     if measured is None:
         return np.zeros((0, robot.n)), np.zeros((0, robot.n))
     rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
@@ -215,12 +210,12 @@ def _require_turns(robot: Robot, rows: Array, what: str) -> None:
 
 
 def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, count: int) -> Array:
-    """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
+    """Return σ of each measured coordinate, (count, n), m and rad; see `truepose.calibrate`."""
     angles = angles_of(robot)
     default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
     result = default.copy()
     if sigma is not None:
-        lengths = np.ndim(sigma) == 0 and not angles.all()  # a pivot has none
+        lengths = np.ndim(sigma) == 0 and not angles.all()  # a rotational platform has none
         which = ~angles if lengths else np.full(robot.n, True)
         try:
             result[:, which] = sigma
@@ -241,20 +236,20 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
     return result
 
 
-#: Readings and the pose, and how well it is known (0: exactly); or a table with measured_ columns.
+#: Readings, pose, and optionally its σ (0: exact); or a table with measured_ columns.
 KnownPose = tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike] | Mapping
 
 
 class KnownPoses(NamedTuple):
-    """K poses as the core takes them."""
+    """K known poses in the core's form."""
 
     readings: Array  #: (K, n + r)
-    x: Array  #: (K, n), NaN where a coordinate is not known
+    x: Array  #: (K, n), NaN for unknown coordinates
     sigma: Array  #: (K, n)
 
 
 def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
-    """Check shapes and values of known poses; none: no rows."""
+    """Check shapes and values of known poses; no rows without any."""
     if given is None:
         return KnownPoses(np.zeros((0, robot.n + robot.r)), *np.zeros((2, 0, robot.n)))
     sigma: ArrayLike
@@ -262,7 +257,7 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
         log = logs.of(robot, given, "known_pose")
         if log.measured is None:
             wanted = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
-            raise InputError(f"known_pose: no column says where it stood: {wanted}")
+            raise InputError(f"known_pose: no column with its pose: {wanted}")
         readings, x = log.readings, log.measured
         sigma = 0.0 if log.measured_sigma is None else np.nan_to_num(log.measured_sigma)
     elif isinstance(given, tuple) and len(given) in (2, 3):
@@ -289,21 +284,21 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
 
 
 class Row(NamedTuple):
-    """Readings less those expected at a known pose, e = B δξ + H δx + noise of covariance I.
+    """Reading residuals at a known pose: e = B δξ + H δx + noise of covariance I.
 
-    What is not known of the pose is projected out, δx is what is: its own σ is in the noise.
+    Unknown coordinates are projected out; δx are the known ones, whose σ is part of the noise.
     """
 
     e: Array  #: (m,)
     B: Array  #: (m, p) by the calibration's parameters
-    H: Array  #: (m, k) by the coordinates that are known
-    known: Array  #: (n,) which they are
+    H: Array  #: (m, k) by the known coordinates
+    known: Array  #: (n,) bool: which coordinates are known
 
     def left_out(self, covariance: Array, step: Array) -> tuple[float, Array]:
-        """χ² of m freedoms, and the coordinates' error, as all other rows predict this one.
+        """Return χ² of m freedoms and the coordinates' errors, predicted by all other rows.
 
-        With û (`step`) and Σ (`covariance`) of all rows, r = e - B û and P = I - B Σ
-        Bᵀ, the others miss it by P⁻¹ r, whose covariance is P⁻¹.
+        With û (`step`) and Σ (`covariance`) of all rows, r = e - B û and P = I - B Σ Bᵀ, the
+        leave-one-out residual is P⁻¹ r, with covariance P⁻¹.
         """
         r = self.e - self.B @ step
         missed = np.linalg.solve(np.eye(len(r)) - self.B @ covariance @ self.B.T, r)
@@ -313,9 +308,9 @@ class Row(NamedTuple):
 def rows_of(
     robot: Robot, names: tuple[str, ...], readings: Array, x: Array, known: Array, sigma: Array
 ) -> list[Row]:
-    """Linearise K readings at poses `x` near the `known` ones and their σ, all (K, n).
+    """Linearize K readings at poses `x` near the `known` ones with σ `sigma`, all (K, n).
 
-    NaN in `known` where a coordinate is not known; `names` are those of the p parameters.
+    `known` is NaN for unknown coordinates; `names` are those of the p parameters.
     """
     H_x, H_xi = robot.linearize(x, level=robot.level)
     every = list(robot.parameters)
@@ -336,7 +331,7 @@ def rows_of(
 
 
 def sizes(robot: Robot, known: Array, values: Array, form: str) -> str:
-    """Name lengths and angles of some coordinates: "x +1.2 mm, theta 0.1°"."""
+    """Format the known coordinates' values: "x +1.2 mm, theta 0.1°"."""
     named = (of for of, own in zip(robot.coordinates, known, strict=True) if own)
     return ", ".join(
         f"{name} {printed(value, unit, form)}"

@@ -20,36 +20,36 @@ from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
+from truepose.robot.units import in_print, summed
 from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.units import PRINT, SI, in_print
+from truepose.show.units import PRINT, named
 
-#: Every so many lines one is held out.
+#: One row in so many is held out.
 FOLD = 5
 #: Calls of `progress` that :func:`assess` makes.
 STEPS = 3
-#: Errors of the marker as the tracker will see it, not of the pose in the base's frame.
+#: Errors of the marker in the tracker's frame, not of the pose in the base frame.
 SEEN = "in the tracker's frame"
 HOW = ("absolute", "referenced", SEEN)
-#: Poses drawn from the workspace for the accuracy to come.
+#: Poses sampled from the workspace to predict the accuracy.
 POSES = 500
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """A calibration, tried. N lines, k = r (+ n where something outside measured) columns."""
+    """A calibration and its tests. N rows, k = r (+ n with external measurements) columns."""
 
     fit: Calibration
     log: Log
     names: tuple[str, ...]  #: of the k columns
-    before: Expectation  #: of all lines by the motors, at the prior mean
+    before: Expectation  #: of all rows by the motors, at the prior mean
     after: Expectation  #: by the motors, at the calibrated geometry
-    held_out: Array  #: (N, k) residuals of the held-out lines, fitted without them; else NaN
+    held_out: Array  #: (N, k) residuals of the held-out rows, fitted without them; else NaN
     reference_pose: Array  #: (n,)
-    where: str  #: which poses the accuracy is for
+    where: str  #: description of `poses`
     poses: Array  #: (P, n) of the accuracy
     accuracy: dict[tuple[str, str], Array]  #: (before/after, absolute/referenced) -> (P, n, n)
-    notes: tuple[str, ...]  #: what was noticed in the log, before and after the fit
+    notes: tuple[str, ...]  #: findings in the log, before and after the fit
 
 
 def assess(
@@ -61,12 +61,12 @@ def assess(
     between: Between | None = None,
     **settings: Any,
 ) -> Assessment:
-    """Calibrate by a log, and again without every fifth line; predict the accuracy.
+    """Calibrate by a log, and again without every fifth row; predict the accuracy.
 
-    The log comes from :func:`truepose.calibration.log_checks.check`, and so do the `notes`.
-    `reference_pose`, (n,), by default home, is the pose that the predicted accuracy takes as known.
-    `progress` is called `STEPS` times, with the name of the step. `between` says how well the
-    log's touches were made. `settings` are those of :func:`truepose.calibrate`: level, loss, ….
+    `log` and `notes` come from :func:`truepose.calibration.log_checks.check`. `reference_pose`,
+    (n,), by default home, is known in the predicted accuracy. `progress` is called `STEPS` times
+    with a step's name. `between` has the errors of the log's touches. `settings` are those of
+    :func:`truepose.calibrate`: level, loss, ….
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
@@ -126,8 +126,7 @@ def assess(
 def _ahead(
     fit: Calibration, model: Robot, poses: Array, touch: Array
 ) -> dict[tuple[str, str], Array]:
-    """Accuracy to come at the poses that can be reached, before and after."""
-    result = {}
+    result: dict[tuple[str, str], Array] = {}
     for when, known in (("before", model), ("after", fit.robot)):
         reached = _reached(fit, known, poses)
         for how, at in (("absolute", None), ("referenced", touch)):
@@ -142,7 +141,7 @@ def _reached(fit: Calibration, robot: Robot, x: Array) -> Array:
 
 
 def _poses(fit: Calibration) -> tuple[str, Array]:
-    """Poses of the workspace, else those of the log."""
+    """Return a description and poses of the workspace, else those of the log."""
     box = fit.robot.spec.workspace
     if box is not None:
         x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, fit.robot.n))
@@ -156,7 +155,7 @@ def _poses(fit: Calibration) -> tuple[str, Array]:
 
 
 def counted(result: Assessment) -> Array:
-    """Lines that count, (N,): outliers and lines left out are not in any rms."""
+    """Return the rows that count in any rms, (N,) bool: no outliers, none left out."""
     return (result.fit.status == "ok") & (result.fit.weights >= 0.1)
 
 
@@ -166,13 +165,8 @@ def _rms(values: Array, rows: Array) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
 
 
-def _named(what: str, name: str, unit: str) -> Cell:
-    """Name a row for people in print units; its data are SI."""
-    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})
-
-
 def residuals(result: Assessment) -> Table:
-    """RMS of each sensor against what the motors predict; the last column with poses fitted."""
+    """Tabulate readings' rms errors against the motors' prediction; last: poses fitted."""
     rows, good = [], counted(result)
     n, seen = result.fit.robot.n, result.fit.registration
     outside = np.zeros((len(result.fit.x), 0))
@@ -195,29 +189,13 @@ def residuals(result: Assessment) -> Table:
         if values[0] is None and values[1] is None:
             continue
         cells = [number(None if v is None else factor * v, data=v) for v in values]
-        rows.append([_named("reading", name, unit), *cells])
+        rows.append([named("reading", name, unit), *cells])
     header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
 
 
-def parameters(fit: Calibration) -> Table:
-    """Every uncertain parameter: prior, posterior, verdict."""
-    rows = []
-    for name, p in fit.parameters.items():
-        factor, unit = in_print(fit.robot, name)
-        cells = [
-            Cell(f"{factor * p.value:.4f}", p.value),
-            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
-            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
-            fixed(p.ratio),
-        ]
-        rows.append([_named("parameter", name, unit), *cells, p.verdict])
-    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
-    return Table("parameters", "Parameters", header, rows)
-
-
 def worst(fit: Calibration, count: int = 5) -> Table:
-    """Combinations of parameters that the readings say least of."""
+    """Tabulate the parameter combinations that the readings determine least."""
     rows = []
     for ratio, terms in fit.worst_known(count):
         text = " ".join(f"{v:+.2f} {name}" for name, v in terms.items())
@@ -228,7 +206,7 @@ def worst(fit: Calibration, count: int = 5) -> Table:
 
 
 def predicted(result: Assessment) -> Table:
-    """RMS of the predicted error of x, before and after, absolute and referenced."""
+    """Tabulate the rms of the predicted pose error, before and after, absolute and referenced."""
     robot = result.fit.robot
     total = summed(robot)
     rows = []
@@ -249,7 +227,7 @@ def predicted(result: Assessment) -> Table:
 
 
 def registration_table(fit: Calibration) -> Table | None:
-    """Where the tracker and its marker were found; None where that was known."""
+    """Tabulate the identified tracker frame and marker; None where they were known."""
     if fit.registration is None or not fit.registration.sigma.any():
         return None
     rows = []
@@ -262,7 +240,7 @@ def registration_table(fit: Calibration) -> Table | None:
 
 
 def differences_table(fit: Calibration) -> Table | None:
-    """What each measured difference leaves over; None where there is none."""
+    """Tabulate the residuals of measured differences; None without any."""
     if fit.differences is None:
         return None
     rows = []
@@ -276,7 +254,7 @@ def differences_table(fit: Calibration) -> Table | None:
 
 
 def beside_table(fit: Calibration) -> Table | None:
-    """What measured differences have of their own: planes, a tool, a print; None without."""
+    """Tabulate unknowns of measured differences (planes, tool, print); None without any."""
     if fit.differences is None or not fit.differences.unknowns:
         return None
     rows = []
@@ -284,14 +262,14 @@ def beside_table(fit: Calibration) -> Table | None:
         plain = ".slope." in name or name.endswith(".scale")
         factor, unit = PRINT["" if plain else "m"]
         cells = [Cell(f"{factor * v:.4f}", v) for v in (p.value, p.prior_sigma, p.sigma)]
-        rows.append([_named("unknown", name, unit), *cells, fixed(p.ratio), p.verdict])
+        rows.append([named("unknown", name, unit), *cells, fixed(p.ratio), p.verdict])
     header = ["unknown", "value", "prior σ", "σ", "σ / prior σ", "verdict"]
-    return Table("differences_own", "What differences have of their own", header, rows)
+    return Table("differences_own", "Unknowns of the measured differences", header, rows)
 
 
 def tables_of(result: Assessment) -> list[Table]:
-    """Return every table, in reading order; with external measurements, if there are any."""
+    """Return every table that applies, in reading order."""
     fit = result.fit
-    tables = [residuals(result) if result.names else None, parameters(fit), worst(fit)]
+    tables = [residuals(result) if result.names else None, fit.table(), worst(fit)]
     tables += [differences_table(fit), beside_table(fit), registration_table(fit)]
     return [table for table in (*tables, predicted(result)) if table is not None]

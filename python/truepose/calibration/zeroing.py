@@ -23,43 +23,69 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import reading_axes, reading_units
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
+from truepose.show.units import named
 
-#: Share of a motor's variance from which a parameter is named.
+#: Least share of a motor's variance at which a parameter is listed as a cause.
 _SHARE = 0.05
-#: σ by which a posture's lines may differ.
+#: Allowed motion within a posture's rows, σ.
 _SAME = 5.0
-#: Of logs whose postures are all right, the share in which one is refused for the others' sake.
+#: Share of logs with correct postures in which one is refused.
 FALSE_ALARMS = 1e-3
 
 
 class Zero(NamedTuple):
-    """What a motor reads where the robot stands, m or rad."""
+    """A motor's reading at a reference posture, m or rad."""
 
-    reading: float  #: mean of all lines
-    drawn: float  #: what it would read if all were as the file has it
-    off: float  #: what the calibrated robot reads there, less that
-    prior_sigma: float  #: of `off`, by the tolerances
+    reading: float  #: mean of all rows
+    drawn: float  #: reading of the nominal robot
+    off: float  #: reading of the calibrated robot, less `drawn`
+    prior_sigma: float  #: of `off`, from the tolerances
     sigma: float
-    causes: dict[str, float]  #: parameters that may be what is off, by their share of its variance
+    causes: dict[str, float]  #: possible causes: parameters with their share of its variance
 
 
-@dataclass(frozen=True, eq=False)
-class Zeroing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Zeroing(Shown):
     """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
-    x: Array  #: (K, n) where the robot stood, as far as it was said; NaN
+    x: Array  #: (K, n) reference poses; NaN for unknown coordinates
     motors: tuple[Zero, ...]  #: at the first of them
     notes: tuple[str, ...] = ()
 
     @property
     def robot(self) -> Robot:
-        """The calibrated robot."""
+        """Calibrated robot."""
         return self.fit.robot
 
+    def table(self) -> Table:
+        """Return what each motor reads at the posture, should read, and how well that is known."""
+        rows = []
+        for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
+            sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
+            name = named("motor", axis.name, axis.unit)
+            rows.append([name, *(number(axis.factor * size, data=size) for size in sizes)])
+        header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
+        return Table("motors", "Motors where the robot stands", header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
+            series = panels.setdefault(f"calibrated less nominal reading ({axis.unit})", {})
+            for what, middle, sigma in (
+                ("prior ± σ", 0.0, motor.prior_sigma),
+                ("calibrated ± σ", motor.off, motor.sigma),
+            ):
+                spread = axis.factor * (middle + sigma * np.array([-1, 0, 1]))
+                series.setdefault(what, {})[axis.name] = spread
+        ranges(figure, panels, "motor")
+
     def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
-        """Covariances (..., n, n) of the pose by all readings, before and after."""
+        """Return covariances (..., n, n) of the pose from all readings, before and after."""
         before, after = self.fit.prior, self.robot
         level = self.fit.level
         return accuracy(before, poses, level=level), accuracy(after, poses, level=level)
@@ -74,37 +100,34 @@ def zero(
 ) -> Zeroing:
     """Identify homing offsets from readings at a known reference pose.
 
-    A foot that stands flat, a nacelle against its stop. All that the file leaves open may be what
-    is off there, and is corrected by as much as it is likely to be: offsets, rods, points. The
-    motors' readings there are known then, and poses near it; which parameter it was is not.
+    Examples are a foot that stands flat and a platform against its stop. The deviation there is
+    attributed to all uncertain parameters (offsets, rods, points) by their priors. Afterwards the
+    readings at and near this pose are right; which parameter was wrong remains unknown.
 
     Parameters
     ----------
     robot : Robot
-        With the sensors in use that were read.
+        Robot with the sensors in use that were read.
     readings : array_like, shape (N, n + r), or a table
-        Of a table: where it has a column "posture", the lines that name one; lines of one name are
-        averaged. Otherwise each line with columns measured_x …, and without these all lines
-        together are one. Where one was measured, it stood there; of a line that names no posture
-        what was not measured is not known.
+        In a table with a column "posture", the rows that name one count, and rows of one name are
+        averaged. Otherwise each row with columns measured_x … is a posture; without these, all
+        rows together. Measured coordinates are the pose's; where rows name no posture, coordinates
+        not measured are unknown.
     at : array_like, shape (n,), optional
-        Where the robot stands as far as it was not measured, m and rad; NaN: not known. By default
-        at zero (a pivot; axes parallel to gravity not known) or home. Not with a column "posture",
-        which says the same of its lines.
+        Pose as far as it was not measured, m and rad; NaN: unknown. By default 0 on a rotational
+        platform (axes parallel to gravity unknown), else home. Not with a column "posture", which
+        implies it.
     sigma : float, or array_like, shape (n,)
-        How well; of a pivot 0.05° by default (assumed), which other robots must be told.
-
-    Returns
-    -------
-    Zeroing
+        σ of the pose, m or rad. The default 0.05° (assumed) is for rotational platforms; other
+        robots need a value.
 
     Raises
     ------
     InputError
-        As :func:`truepose.calibrate`; no line of a posture; a robot that moves within one, by 20 of
-        its σ; one that stands 5 σ off what motors and tolerances allow; a posture that contradicts
-        the others (χ², at 1 in 1000 over all postures). One posture alone has nothing to be
-        compared with: ``notes`` says how far it may be off undetected.
+        As :func:`truepose.calibrate`; no row of a posture; motion within a posture by 20 of its σ;
+        a pose 5 σ off what motors and tolerances allow; a posture that contradicts the others (χ²,
+        at 1 in 1000 over all postures). A single posture cannot be compared: ``notes`` has the
+        error that would stay undetected.
 
     Examples
     --------
@@ -137,13 +160,13 @@ def zero(
     _, first, of = np.unique(
         np.nan_to_num(every, nan=np.inf), axis=0, return_index=True, return_inverse=True
     )
-    order = np.argsort(first)  # poses as they come, each read by its postures' mean
+    order = np.argsort(first)  # poses in order of appearance, with mean readings
     of, x = np.argsort(order)[of.ravel()], every[first[order]]
     rows = np.array([_mean(np.array([s.read for s in postures])[of == k]) for k in range(len(x))])
     sigmas = known / np.sqrt(np.bincount(of))[:, None]
     allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first[order]])
     given: dict[str, Any] = {"measured": x, "measured_sigma": sigmas, "registration": "known"}
-    fit = calibrate(robot, rows, loss="squares", **given)  # few rows, each compared with the others
+    fit = calibrate(robot, rows, loss="squares", **given)  # few rows, compared below
     _require_agreement(fit, postures, of, known)
     if len(postures) == 1:
         notes.append(_undetected(robot, allowed[0], x[0]))
@@ -152,8 +175,8 @@ def zero(
 
 class _Posture(NamedTuple):
     where: str  #: name and lines
-    read: Array  #: (n + r,) mean of its lines
-    x: Array  #: (n,) where it stood, NaN where that is not known
+    read: Array  #: (n + r,) mean of its rows
+    x: Array  #: (n,) its pose, NaN for unknown coordinates
 
 
 def _pose(robot: Robot, at: ArrayLike | None) -> Array:
@@ -161,7 +184,7 @@ def _pose(robot: Robot, at: ArrayLike | None) -> Array:
         x = np.asarray(at, dtype=float)
         if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
             raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
-        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # of a pivot
+        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # if rotational
             low, high = axis.limits or (-np.inf, np.inf)
             if angle < low or angle > high:
                 raise InputError(
@@ -188,7 +211,6 @@ def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
 def _postures(
     robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
 ) -> tuple[list[_Posture], list[str]]:
-    """Return the log's postures, and what was seen."""
     names = labels = log.labels.get(logs.POSTURE)
     usual = _pose(robot, at)
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
@@ -203,8 +225,8 @@ def _postures(
             raise InputError("no line names a posture: the column 'posture' is empty, or 0")
         if at is not None:
             raise InputError(
-                "at (--at): the column 'posture' says that it stood flat, at 0: leave one of them "
-                f"out, or say where in columns {', '.join(outside)}"
+                "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
+                f"out, or give the pose in columns {', '.join(outside)}"
             )
     postures, notes = [], []
     for name in dict.fromkeys(str(name) for name in names[stood]):
@@ -221,23 +243,22 @@ def _postures(
 
 
 def _mean(rows: Array) -> Array:
-    """Mean reading of each column; NaN where nothing was."""
     read = np.isfinite(rows)
     count = read.sum(axis=0)
     return np.where(count, np.where(read, rows, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
-    """Say by how much the robot moves within the lines of a posture; "": it stands."""
+    """Return a note on motion within a posture's rows; "" without any."""
     q = here[:, : robot.n]
     x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
-    if np.isnan(x).any(axis=1).all():  # units, signs: :func:`_require_near` says so
+    if np.isnan(x).any(axis=1).all():  # units, signs: see :func:`_require_near`
         return ""
     moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
     noise = knowledge.reading_sigma(robot)[: robot.n]
     k, units = int(np.argmax(size / noise)), reading_units(robot)
-    said = f"{where}: the robot moves while it stands, q{k + 1} by {size[k]:.3g} {units[k]}"
-    still = (moved <= MISFIT * sigma).all()  # not where some lines close no loop
+    said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
+    still = (moved <= MISFIT * sigma).all()  # False where some rows close no loop
     if not still and size[k] > MISFIT * noise[k]:
         raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
     return said if (moved > _SAME * sigma).any() else ""
@@ -265,26 +286,22 @@ def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, si
     against = f"the other {len(others)}" if len(others) > 1 else others[0]
     again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
     raise InputError(
-        f"{postures[worst].where}: contradicts {against}: by that the robot stood {by} from where "
-        f"it is said to (χ² = {chi2[worst]:.3g}, at most {limit[worst]:.3g}): {again}"
+        f"{postures[worst].where}: contradicts {against}: by that the robot stood {by} from the "
+        f"pose given (χ² = {chi2[worst]:.3g}, at most {limit[worst]:.3g}): {again}"
     )
 
 
 def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
-    """Say how far a posture that nothing is compared with may be off."""
     told = np.isfinite(x)
     return (
-        "one posture: nothing shows whether it was as said; an error of it below "
-        f"{sizes(robot, told, APART * sigma[told], '.2g')} goes into the zeros: put the robot "
-        "down anew, and read it again"
+        "one posture: its pose cannot be checked; an error of it below "
+        f"{sizes(robot, told, APART * sigma[told], '.2g')} goes into the homing offsets: "
+        "repeat the posture, and read it again"
     )
 
 
 def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
-    """Refuse readings of a robot whose drawn geometry, by its tolerances, cannot stand there.
-
-    Returns σ of each coordinate there by motors and tolerances, (K, n).
-    """
+    """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
     model, n = robot.expected(), robot.n
     base, marker = KNOWN.begin()
     nothing = np.zeros((UNKNOWNS, UNKNOWNS))
@@ -302,7 +319,7 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     units = reading_units(robot)[:n]
     read = (
         f"q{k + 1} = {rows[i, k]:.4g} {unit}"
-        + (f" (drawn: {round(drawn[k], 6) + 0.0:.4g})" if np.isfinite(drawn[k]) else "")
+        + (f" (nominal: {round(drawn[k], 6) + 0.0:.4g})" if np.isfinite(drawn[k]) else "")
         for k, unit in enumerate(units)
     )
     why = "close no loop"
@@ -317,14 +334,13 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     wrong = " or ".join(text for unit, text in (("rad", "degrees"), ("m", "mm")) if unit in every)
     raise InputError(
         f"{called[i]}: {', '.join(read)}: {why}: in {wrong}, a sign, the order of the columns, "
-        "another pose, or another zero (encoder_offset: drawn less read, or a larger tolerance)?"
+        "another pose, or another zero (encoder_offset: nominal less read, or a larger tolerance)?"
     )
 
 
 def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
-    """What each motor reads at the first posture: before, after, and why."""
     before, after, n = fit.prior, fit.robot, fit.robot.n
-    x = fit.x[:1]  # at a stop perhaps, and beyond it by an error of the readings
+    x = fit.x[:1]  # perhaps slightly beyond a stop
     drawn = before.extended_positions(x, level=fit.level)[0, :n]
     off = after.extended_positions(x, level=fit.level)[0, :n] - drawn
     _, H_xi = before.linearize(x, level=fit.level)
@@ -350,26 +366,16 @@ def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
 
 
 def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
-    """Return a robot with larger σ of its homing offsets: each may be off by `sigma`.
+    """Return a robot whose homing offsets have `sigma` added to their uncertainty (in squares).
 
-    Everything else that a calibration has learnt is kept, with its covariance, so that a few poses
-    find the zeros again.
+    All other calibrated parameters keep their covariance, so that a few poses identify the offsets.
 
     Parameters
     ----------
     robot : Robot
-        As drawn, or calibrated.
+        Nominal or calibrated robot.
     sigma : float, or array_like, shape (n,)
-        By how far each zero may have moved, m or rad.
-
-    Returns
-    -------
-    Robot
-
-    Raises
-    ------
-    InputError
-        σ below 0 or no number.
+        σ of each offset's change, m or rad; not negative.
 
     Examples
     --------
@@ -396,27 +402,22 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
 def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
     """Return the earlier homing offsets of a log with several homings, as nuisance parameters.
 
-    The calibrated robot then has the zeros of the last homing, and all lines together tell the
-    rest: what a tracker saw before, too, if it still stands where it stood.
+    The calibrated robot has the offsets of the last homing. All rows contribute to the other
+    parameters and to the registration of a tracker that has not moved.
 
     Parameters
     ----------
     robot : Robot
     homing : array_like, shape (N,)
-        Which homing each line comes after; any numbers that grow.
+        Number of the homing before each row, increasing.
     sigma : float, or array_like, shape (n,)
-        By how far each zero may have moved from one to the next, m or rad.
+        σ of each offset's change between homings, m or rad; not negative.
 
     Returns
     -------
     tuple of NuisanceParameter
-        For each homing but the last and each motor that may have moved, by what it reads more than
-        since the last.
-
-    Raises
-    ------
-    InputError
-        σ below 0 or no number.
+        One for each homing but the last and each offset that may have changed: its excess over the
+        last homing's.
 
     Examples
     --------
@@ -437,7 +438,6 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Nuisance
 
 
 def _moved(robot: Robot, sigma: ArrayLike) -> Array:
-    """σ of each zero, (n,)."""
     moved = np.asarray(sigma, dtype=float)
     if moved.shape not in ((), (robot.n,)) or not (np.isfinite(moved) & (moved >= 0)).all():
         raise InputError(

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import csv
-import fnmatch
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import ArrayLike
 
-from truepose import _core
-from truepose.arguments import Array, Level, numbers_of
+from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
-from truepose.commands import info
 from truepose.commands.options import (
     Force,
     How,
@@ -29,17 +23,14 @@ from truepose.commands.options import (
     plot_to,
     wrote,
 )
+from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.exceptions import InputError, one_line
 from truepose.files import contents
+from truepose.robot.maps import workspace_slice
 from truepose.robot.robot import Robot, load
-from truepose.robot.units import summed
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.units import coordinate_axes, label, summed
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def command(
@@ -70,10 +61,11 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Predict the pose accuracy that sensors allow: the Cramér-Rao bound.
+    """Predict which law and sensors make a robot accurate, and after how many calibration poses.
 
-    Prints 1σ of each coordinate, root mean square over the poses, for each set of sensors. The
-    tolerances and counts are those of the robot file.
+    First the position error by sensor set: as built at rest under each law, and after
+    self-calibration. Then the Cramér-Rao bound (1σ) of each coordinate. All errors are root mean
+    squares over the poses; tolerances and counts are those of the robot file.
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
@@ -87,47 +79,28 @@ def command(
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
-    save(lambda: draw_map(shown, visited, touched, level))
+    slice_ = workspace_slice(shown) if plot else shown.home
+    save(lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
     left_out = f", {found.left_out} that are unreachable or singular left out"
     where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
     answer = f"{loaded.name}: {where}{left_out if found.left_out else ''}."
-    best = tables(found)[:: -1 if how is Format.table else 1]  # on a screen the calibrated first
-    show(best, how, [answer], more=plot is not None)
+    first = overview(found, level)
+    answers = [*best(first), answer]
+    shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first
+    show([first, *shown_tables], how, answers, notes(found), more=plot is not None)
     wrote(how, plot)
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """σ over P poses: root mean squares, m and rad; one row a sensor set, NaN where a set fails."""
-
-    robot: Robot
-    sets: list[tuple[str, ...]]
-    poses: Array  #: (P, n)
-    left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
-    calibrated: bool
-    sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
-
-
-def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
-    """Sets worth comparing: none, those in use, these with each other one, with each group, all.
-
-    A group is all other sensors of one kind: an elbow is seldom bought alone.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> sensor_sets(tp.load("3rrr"))
-    [(), ('theta',)]
-    >>> sensor_sets(tp.load("delta"))[-2:]
-    [('elbow1', 'elbow2', 'elbow3'), ('z_telemeter', 'elbow1', 'elbow2', 'elbow3')]
-    """
-    spare = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
-    kinds = dict.fromkeys(spare.values())
-    groups = [tuple(name for name in spare if spare[name] == kind) for kind in kinds]
-    added = [(), *((name,) for name in spare), *groups, tuple(spare)]
-    most = min(_core.max_sensors, _core.max_readings - robot.n)
-    sets = [(), *(robot.sensors + names for names in added)]
-    return list(dict.fromkeys(names for names in sets if len(names) <= most))
+def notes(found: Prediction) -> list[str]:
+    """Say why a robot as built may err by more than the bound."""
+    off = [name for name, p in found.robot.parameters.items() if abs(p.mean - p.value) > 1e-12]
+    if not off:
+        return []
+    some = ", ".join(off[:4]) + f" and {len(off) - 4} more" * (len(off) > 4)
+    return [
+        f"Tolerances of {found.robot.name} are not centred: as built, laws use the nominal "
+        f"geometry, and the bound the mean: {some}."
+    ]
 
 
 def read_poses(robot: Robot, path: Path) -> Array:
@@ -175,137 +148,20 @@ def _number(path: Path, line: int, name: str, row: dict) -> float:
     return value
 
 
-def predict(
-    robot: Robot,
-    sets: Sequence[Sequence[str]] | None = None,
-    poses: ArrayLike | None = None,
-    *,
-    calibrated: bool = False,
-    reference_pose: ArrayLike | None = None,
-    level: Level | None = None,
-) -> Prediction:
-    """Bound of several sensor sets over the same poses.
-
-    Parameters
-    ----------
-    robot : Robot
-    sets : sequence of names, optional
-        By default :func:`sensor_sets`.
-    poses : array_like, shape (P, n), optional
-        By default those of :func:`workspace_grid` that every set's readings determine.
-    calibrated : bool
-        Also what remains after self-calibration over these poses.
-    reference_pose : array_like, shape (n,), optional
-        Also what remains once the robot has been read at this pose, which is known from outside.
-    level : {"ideal", "full"}, optional
-        By default :attr:`Robot.highest_level`.
-
-    Raises
-    ------
-    InputError, PoseError
-        An unknown sensor or level; a given pose that cannot be reached.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.commands.accuracy import predict
-    >>> found = predict(tp.load("h4"), [["theta"], ["theta", "z_telemeter"]], calibrated=True)
-    >>> for what, sigma in found.sigma.items():
-    ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
-    as built [7.47 5.02]
-    self-calibrated [1.07 0.59]
-    """
-    sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
-    candidates = [robot.with_sensors(*names) for names in sets]
-    left_out = 0
-    if poses is None:
-        grid = workspace_grid(robot)
-        found = [accuracy(c, grid, level=level, errors="nan") for c in candidates]
-        good = np.isfinite(found).all(axis=(0, 2, 3))
-        if not good.any():
-            raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-        poses, left_out = grid[good], int((~good).sum())
-    poses = np.atleast_2d(numbers_of(poses, "poses"))
-    total = summed(robot).columns
-    sigma = {}
-    for learnt in (False, True)[: 1 + calibrated]:
-        for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
-            rows = []
-            for candidate in candidates:
-                P = accuracy(candidate, poses, poses if learnt else None, touched, level)
-                variance = np.diagonal(P, axis1=-2, axis2=-1).mean(axis=0)
-                rows.append(np.sqrt([*variance, variance[total].sum()]))
-            what = "self-calibrated" if learnt else "as built"
-            sigma[what + (", referenced" if touched is not None else "")] = np.array(rows)
-    return Prediction(robot, sets, poses, left_out, calibrated, sigma)
-
-
 def tables(found: Prediction) -> list[Table]:
     """One table for each thing predicted: rows of sensor sets, σ in mm and degrees."""
-    coordinates, total = found.robot.coordinates, summed(found.robot)
-    header = [f"{name} ({PRINT[unit][1]})" for name, unit in coordinates]
-    factor = [PRINT[unit][0] for _, unit in coordinates]
+    axes, total = coordinate_axes(found.robot), summed(found.robot)
+    factor = [*(axis.factor for axis in axes), total.factor]
     result = []
     for what, sigma in found.sigma.items():
         rows = []
         for names, values in zip(found.sets, sigma, strict=True):
-            cells = values * [*factor, PRINT[total.unit][0]]
             named = Cell(label(found.robot, names), ",".join(names) or "none")
-            rows.append([named, *(number(float(v)) for v in cells)])
+            rows.append([named, *(number(float(v)) for v in values * factor)])
         count = len(found.poses)
         learnt = ", calibrated on the same poses" if what.startswith("self-calibrated") else ""
         title = f"1σ bound of the pose, {what}: rms over {count} poses{learnt}"
         name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
-        last = f"{total.name} ({PRINT[total.unit][1]})"
-        result.append(Table(name, title, ["sensors", *header, last], rows))
+        header = ["sensors", *(axis.label for axis in axes), total.label]
+        result.append(Table(name, title, header, rows))
     return result
-
-
-def label(robot: Robot, names: Sequence[str]) -> str:
-    """Name a sensor set for people: all of one kind as a glob, where that says which."""
-    every = [sensor.name for sensor in robot.spec.sensor]
-    if not names:
-        return "motors alone"
-    if len(every) > 2 and sorted(names) == sorted(every):
-        return f"all {len(every)}"
-    short = list(names)
-    for kind in {sensor.kind: None for sensor in robot.spec.sensor}:
-        group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
-        glob = group[0].rstrip("0123456789") + "*"
-        if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
-            short = [glob if name == group[0] else name for name in short]
-            short = [name for name in short if name not in group]
-    return ", ".join(short)
-
-
-def draw_map(
-    robot: Robot,
-    poses: ArrayLike | None = None,
-    reference_pose: ArrayLike | None = None,
-    level: Level | None = None,
-    points: int = 101,
-) -> Figure:
-    """Draw σ of the position, a pivot's turn, over the workspace's first two coordinates.
-
-    Through home.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use.
-    poses : array_like, shape (P, n), optional
-        After self-calibration over these poses.
-    reference_pose : array_like, shape (n,), optional
-        Once the robot has been read at this pose, which is known from outside.
-    """
-    first, second, x = info.workspace_slice(robot, points)
-    P = accuracy(robot, x, poses, reference_pose, level, errors="nan")
-    total = summed(robot)
-    factor, unit = PRINT[total.unit]
-    variance = np.diagonal(P, axis1=-2, axis2=-1)[..., total.columns].sum(axis=-1)
-    state = "as built" if poses is None else "self-calibrated"
-    note = f"{label(robot, robot.sensors)}; {state}" + (
-        ", referenced" * (reference_pose is not None)
-    )
-    what = f"σ of the {total.name} ({unit})"
-    return info.draw_slice(robot, first, second, factor * np.sqrt(variance), what, note)

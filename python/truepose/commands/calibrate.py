@@ -36,6 +36,7 @@ from truepose.commands.options import (
     parse_pose,
     parse_sigmas,
     parse_sizes,
+    plot_to,
     wrote,
 )
 from truepose.exceptions import InputError
@@ -68,6 +69,9 @@ def command(
     report: Annotated[
         Path | None,
         typer.Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html"),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw each parameter's change and σ (PNG, SVG, PDF).")
     ] = None,
     sensors: Annotated[
         str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
@@ -139,6 +143,7 @@ def command(
     if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
     columns = (TextColumn("{task.description:20}"), BarColumn())
+    save = plot_to(plot, [robot, *filter(None, (log, known_pose, distances))], force)
     try:
         with Progress(
             *columns, console=errors, transient=True, disable=not errors.is_terminal
@@ -183,9 +188,10 @@ def command(
         few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
         tables.sort(key=lambda table: table.name != "accuracy")
-    written = sum(path is not None for path in (out, report))
+    save(result.fit.plot)
+    written = sum(path is not None for path in (out, report, plot))
     show(tables, how, [f"{result.fit.verdicts}."], more=written)
-    wrote(how, out, report)
+    wrote(how, out, report, plot)
 
 
 def furthest(table: Table) -> Table:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.calibration import learnt, review
+from truepose.calibration import review
 from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
 from truepose.files import picture
-from truepose.robot.units import summed
+from truepose.robot.units import in_print, summed
 from truepose.show.page import as_uri, render, versions
-from truepose.show.units import PRINT, in_print, printed
+from truepose.show.units import PRINT, printed
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 
@@ -42,7 +42,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
         images=({"residuals": as_uri(picture(residuals(result), ".svg"))} if result.names else {})
         | {
             "accuracy": as_uri(picture(accuracy(result), ".svg")),
-            "parameters": as_uri(picture(learnt.figure(result.fit.parameters), ".svg")),
+            "parameters": as_uri(picture(result.fit.plot(), ".svg")),
         },
         versions=versions(),
     )

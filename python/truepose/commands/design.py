@@ -13,7 +13,7 @@ import typer
 
 from truepose import files, robotfile
 from truepose.arguments import Array
-from truepose.commands.accuracy import label, read_poses
+from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -29,14 +29,15 @@ from truepose.commands.options import (
 from truepose.design.candidates import drawn, reachable
 from truepose.design.placement import Placement
 from truepose.design.placement import place_sensors as find_place
-from truepose.design.sensors import SensorSelection, SensorSet, in_other_states, select_sensors
+from truepose.design.selection import SensorSelection, SensorSet, machined
+from truepose.design.sensors import in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load
-from truepose.robot.units import summed, unit_of
+from truepose.robot.units import label, summed, unit_of
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT, WRITTEN, tolerance
+from truepose.show.units import PRINT, WRITTEN
 
 #: Poses of a self-calibration, where a report shows one that was not asked for.
 OTHERWISE = "10"
@@ -147,8 +148,6 @@ def command(
         else parse_pose(loaded, reference_pose, "--reference-pose"),
         "poses": None if over is None else read_poses(loaded, over),
     }
-    state = ["as built" if calibrated is None else "self-calibrated"]
-    state += ["referenced"] * (reference_pose is not None) + ["any one sensor failed"] * survives
     if place is not None:
         boxes = parse_boxes(within or [])
         beside = None if must is None else parse_set(loaded, must)
@@ -157,7 +156,7 @@ def command(
         )
         if out is not None:
             there.robot.save(out, force=force)
-        show([_placement_table(there, ", ".join(state))], how, _placement_notes(there))
+        show([there.table()], how, _placement_notes(there))
         wrote(how, out)
         return
     found = select_sensors(
@@ -170,17 +169,15 @@ def command(
         survives=survives,
         **known,
     )
-    from truepose.design import figures  # matplotlib takes its time
-
-    save(lambda: figures.front(found))
-    shown = table(found, ", ".join(state))
+    save(found.plot)
+    shown = found.table()
     if page_out is not None:
+        from truepose.design import figures  # matplotlib takes its time
+
         visited = known["calibrated_on"] if calibrated else _visited(loaded, OTHERWISE)
         at = known["reference_pose"] if reference_pose else loaded.home
         told = [shown, each(found), states(found, in_other_states(found, visited, at))]
-        text = figures.page(
-            found, ", ".join(state), told, notes(found), len(visited), bool(reference_pose)
-        )
+        text = figures.page(found, told, notes(found), len(visited), bool(reference_pose))
         files.write({page_out: text}, inputs, force)
     show([shown], how, notes(found), more=sum(p is not None for p in (plot, report)))
     wrote(how, plot, report)
@@ -279,40 +276,6 @@ def _visited(robot: Robot, text: str) -> Array:
     return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
 
 
-def table(found: SensorSelection, state: str) -> Table:
-    """One row a set of the front, cheapest first."""
-    total = summed(found.robot)
-    factor, unit = PRINT[total.unit]
-    rows = [
-        [
-            Cell(label(found.robot, choice.sensors), ",".join(choice.sensors) or "none"),
-            *([machined(found.robot, choice)] if found.levels else []),
-            number(choice.price),
-            number(factor * choice.sigma),
-            *([] if found.exact else ["greedy"]),
-        ]
-        for choice in found.front
-    ]
-    what = "sensors and machining buy" if found.levels else "sensors buy"
-    title = f"What {what}, {state}: σ of the {total.name}, and their price"
-    title += "" if found.exact else " (greedy choices, not proven)"
-    header = [
-        "sensors",
-        *(["machined to"] if found.levels else []),
-        "price",
-        f"{total.name} ({unit})",
-        *([] if found.exact else ["front"]),
-    ]
-    return Table("design", title, header, rows)
-
-
-def machined(robot: Robot, choice: SensorSet) -> Cell:
-    """To what parameters are machined in a set: for people, and as it is read again."""
-    shown = [tolerance(robot, *level) for level in choice.machined]
-    data = ",".join(f"{group}={sigma!r}" for group, sigma in choice.machined)
-    return Cell(", ".join(shown) or "–", data or "none")
-
-
 def states(found: SensorSelection, sigma: Mapping[str, Array]) -> Table:
     """One row a set of the front: its σ in every state."""
     rows = []
@@ -363,18 +326,6 @@ def notes(found: SensorSelection) -> list[str]:
         own += f"; machined: {machined(robot, best)}" if best.machined else ""
         lines.append(f"Best: {own}: {best.price:g}, {number(factor * best.sigma)}{unit}; {sure}.")
     return lines
-
-
-def _placement_table(found: Placement, state: str) -> Table:
-    """One row a coordinate."""
-    rows = []
-    for name, place in found.places.items():
-        low, high = found.within[name]
-        cells = [number(1e3 * value) for value in (low, high, found.file[name], place)]
-        rows.append([Cell(name), *cells])
-    title = f"Where sensors say most of the {summed(found.robot).name}, {state}"
-    header = ["coordinate", "from (mm)", "to (mm)", "in the file (mm)", "best (mm)"]
-    return Table("place", title, header, rows)
 
 
 def _placement_notes(found: Placement) -> list[str]:

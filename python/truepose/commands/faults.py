@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
 
 from truepose import logs
 from truepose.arguments import Array, Level
-from truepose.commands import isolation
-from truepose.commands.accuracy import label, read_poses
+from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -29,28 +29,25 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.exceptions import InputError
-from truepose.faults.isolation import isolate
+from truepose.faults.isolation import Hypothesis, Isolation, isolate
 from truepose.faults.limits import (
     HOURS,
+    TIMES,
     Detectability,
     detectability,
     false_alarm_rate,
+    limit_cell,
 )
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import label, reading_axes
 from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 #: Effects that readings show while the model is right: what `Effects.allowed_for` knows of.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
-#: Faults of so many times their limit are looked at for what they are confused with.
-TIMES = 1.5
 
 
 def command(
@@ -108,7 +105,7 @@ def command(
             raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
         loaded = load_with(robot, sensors)
         isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
-        show([isolation.hypotheses(isolated)], how, isolation.verdict(isolated))
+        show([isolated.table()], how, verdict(isolated))
         return
     save = plot_to(plot, [robot, *([poses] if poses else [])], force)
     loaded = load_with(robot, sensors)
@@ -117,20 +114,20 @@ def command(
     visited = at if calibrated else None
     subject = known.allowed_for(loaded)
     found = detectability(subject, at, visited, level, false_alarm=false_alarm)
-    state = f"{'self-calibrated' if calibrated else 'as built'}, {found.level} level"
-    state += "" if effects == "none" else f", effects {effects}"
+    if effects != "none":
+        found = replace(found, state=f"{found.state}, effects {effects}")
     if not loaded.r:
         if how is not Format.table:
-            show([limits(found, state)], how)
+            show([found.table()], how)
         say(unwatched(loaded), how)
         return
-    save(lambda: draw(found, state))
+    save(found.plot)
     others = list(_beside(loaded, subject, at, visited, found, effects))
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
     where = f"{len(at)} poses of {poses or 'a grid over the workspace'}"
     gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
-    subject_line = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {state}."
-    tables = [limits(found, state), *parts, *harm(found), beside(others)]
+    subject_line = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {found.state}."
+    tables = [found.table(), *parts, *harm(found), beside(others)]
     show(tables, how, [subject_line], list(notes(found)), plot is not None)
     wrote(how, plot)
 
@@ -193,40 +190,6 @@ def _beside(
                 yield f"{state}, {name}{doubt}", told
 
 
-def limits(found: Detectability, state: str) -> Table:
-    """One row a reading: median and largest over the poses, mm and degrees."""
-    m = len(found.robot.readings)
-    detected, isolated, jump = (
-        values.reshape(-1, m) for values in (found.detected, found.isolated, found.jump)
-    )
-    confused = found.confused_with(TIMES)
-    rows = []
-    for c, (name, (factor, unit)) in enumerate(_readings(found.robot)):
-        named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
-        values = [
-            np.median(detected[:, c]),
-            detected[:, c].max(),
-            np.median(isolated[:, c]),
-            np.median(jump[:, c]),
-            found.moving_detected[c],
-            found.moving_isolated[c],
-        ]
-        cells = [_limit(factor * float(value)) for value in values]
-        rivals = "all others" if len(confused[name]) == m - 1 else " ".join(confused[name])
-        rows.append([named, *cells[:3], rivals, *cells[3:]])
-    over = f"over {found.moving} poses: "
-    header = [
-        "reading",
-        "detected",
-        "at the worst pose",
-        "isolated",
-        f"confused with (at {TIMES:g} ×)",
-        "jump",
-    ]
-    header += [over + "detected", over + "isolated"]
-    return Table("faults", f"Smallest faults, {state}", header, rows)
-
-
 def harm(found: Detectability) -> list[Table]:
     """How far the nacelle is off by a fault just below detection: one column a law."""
     laws = list(found.cross_sensitivity)
@@ -282,19 +245,19 @@ def by_box(found: Detectability, poses: Array, parts: int) -> Table:
 
 
 def _header(robot: Robot) -> list[str]:
-    return [f"{name} ({unit})" for name, (_, unit) in _readings(robot)]
+    return [axis.label for axis in reading_axes(robot)]
 
 
 def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
     """Medians over some poses of each reading's detectable and isolable fault."""
     cells = []
-    for c, (reading, (factor, unit)) in enumerate(_readings(found.robot)):
+    for c, (reading, factor, unit) in enumerate(reading_axes(found.robot)):
         every = [
             values.reshape(-1, values.shape[-1]) for values in (found.detected, found.isolated)
         ]
         pair = [factor * float(np.median(values[inside, c])) for values in every]
         names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
-        text = " / ".join(map(_limit, pair))
+        text = " / ".join(map(limit_cell, pair))
         cells.append(Cell(text, dict(zip(names, pair, strict=True))))
     return cells
 
@@ -322,54 +285,6 @@ def notes(found: Detectability) -> Iterator[str]:
         yield f"Seen by no test, at no pose: {', '.join(found.unseen)}."
 
 
-def draw(found: Detectability, state: str) -> Figure:
-    """Draw each reading's limits: median, 5 and 95 % of the poses that have one; by unit."""
-    from matplotlib.figure import Figure
-
-    m, names = len(found.robot.readings), found.robot.readings
-    parts: dict[tuple[float, str], list[int]] = {}
-    for c, (_, printed) in enumerate(_readings(found.robot)):
-        parts.setdefault(printed, []).append(c)
-    figure = Figure(figsize=(7.0, 1.4 + 0.45 * m), layout="constrained")
-    ratios = [len(shown) for shown in parts.values()]
-    panels = figure.subplots(len(parts), squeeze=False, height_ratios=ratios)[:, 0]
-    for axes, ((factor, unit), shown) in zip(panels, parts.items(), strict=True):
-        for what, values, shift, colour in (
-            ("detected", found.detected, -0.12, "C0"),
-            ("isolated", found.isolated, 0.12, "C1"),
-        ):
-            for row, c in enumerate(shown):
-                at = factor * values.reshape(-1, m)[:, c]
-                if not np.isfinite(at).any():
-                    continue
-                low, middle, high = np.quantile(at[np.isfinite(at)], (0.05, 0.5, 0.95))
-                label = what if row == 0 else None
-                axes.plot([low, high], [row + shift] * 2, color=colour, lw=3, alpha=0.5)
-                axes.plot(middle, row + shift, "o", color=colour, ms=5, label=label)
-        for what, least, mark in (
-            ("over poses: detected", found.moving_detected, "|"),
-            ("over poses: isolated", found.moving_isolated, "x"),
-        ):
-            axes.plot(factor * least[shown], range(len(shown)), mark, color="0.2", ms=7, label=what)
-        axes.set_xscale("log")
-        axes.set_yticks(range(len(shown)), [names[c] for c in shown])
-        axes.set(xlabel=f"smallest fault ({unit})", ylim=(len(shown) - 0.5, -0.5))
-        axes.grid(axis="x", color="0.9")
-    panels[0].legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
-    figure.suptitle(f"{found.robot.name}: {state}", fontsize=10, parse_math=False)
-    return figure
-
-
-def _readings(robot: Robot) -> list[tuple[str, tuple[float, str]]]:
-    """Name of every reading, factor and unit in which people read it."""
-    units = [PRINT[unit] for unit in reading_units(robot)]
-    return list(zip(robot.readings, units, strict=True))
-
-
-def _limit(value: float) -> Cell:
-    return number(value) if np.isfinite(value) else Cell("never", value)
-
-
 def _offset(robot: Robot, law: str, error: Array) -> Cell:
     """Position and rotation in one cell, mm and degrees; what no test bounds is unbounded."""
     units = dict.fromkeys(unit for _, unit in robot.coordinates)
@@ -379,3 +294,33 @@ def _offset(robot: Robot, law: str, error: Array) -> Cell:
         return Cell("unbounded", data)
     gap = {"mm": " mm", "°": "°"}
     return Cell(", ".join(number(f * v) + gap[n] for (f, n), v in parts), data)
+
+
+def verdict(found: Isolation) -> list[str]:
+    """Say which reading it is, or why that is not known."""
+    gone = f"; {found.left_out} without a pose left out" if found.left_out else ""
+    said = [
+        f"{found.lines} lines{gone}, {found.level} level: χ² of the contradictions "
+        f"{found.chi2:.4g}, of {found.freedom} degrees of freedom; a healthy robot exceeds "
+        f"{found.limit:.4g} with probability {found.false_alarm:.2g}."
+    ]
+    if not found.faulty:
+        said.append("No contradiction: every reading may be right.")
+    elif not found.may_be:
+        said.append(
+            "No single bias or gain explains it: a fault that began on the way, several, a change "
+            "of the geometry, or another robot's file."
+        )
+    elif len(found.readings) > 1:
+        said.append(
+            f"One of these is wrong: {', '.join(found.readings)}. More poses, or another sensor, "
+            "tell them apart (truepose faults says which)."
+        )
+    else:
+        said.append(f"It is {found.readings[0]}: {_one_of(found.may_be)}.")
+    return said
+
+
+def _one_of(may_be: tuple[Hypothesis, ...]) -> str:
+    kinds = [h.kind for h in may_be]
+    return f"its {kinds[0]} is wrong" if len(kinds) == 1 else "by a " + " or a ".join(kinds)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -13,14 +13,13 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError
+from truepose.robot.maps import draw_map, workspace_slice
 from truepose.robot.robot import Robot, load
 from truepose.robot.workspace import workspace
+from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, printed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LENGTH = 0.1  #: m; turns a nacelle's angle into a length that a condition number can compare
 
@@ -48,7 +47,7 @@ def command(
     save = plot_to(plot, [robot], force)
     loaded = load(robot)
     measured = measure(loaded, samples, seed, length)
-    save(lambda: draw_map(loaded, length))
+    save(lambda: figure_of(lambda figure: draw(figure, loaded, length)))
     show([table(loaded, measured)], how)
     wrote(how, plot)
 
@@ -198,75 +197,21 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     return np.sqrt(np.nanmean(squares, axis=(0, 1)))
 
 
-def workspace_slice(robot: Robot, points: int = 101) -> tuple[Array, Array, Array]:
-    """Poses over the first two coordinates of the workspace, through home.
-
-    Returns
-    -------
-    first, second : ndarray, shape (points,)
-        The two coordinates.
-    x : ndarray, shape (points, points, n)
-        Rows along `second`.
-    """
-    if robot.n < 2:
-        raise InputError(f"{robot.name}: one coordinate, no slice to draw")
-    box = workspace(robot)
-    first, second = (np.linspace(box.minimum[k], box.maximum[k], points) for k in range(2))
-    x = np.tile(robot.home, (points, points, 1))
-    x[..., 0], x[..., 1] = np.meshgrid(first, second)
-    return first, second, x
-
-
-def condition_map(
-    robot: Robot, length: float = LENGTH, points: int = 101
-) -> tuple[Array, Array, Array]:
-    """Condition number of J over a :func:`workspace_slice`, NaN where unreachable or singular."""
-    first, second, x = workspace_slice(robot, points)
+def condition_map(robot: Robot, length: float = LENGTH, points: int = 101) -> tuple[Array, Array]:
+    """Poses of a :func:`workspace_slice`, and condition number of J: NaN where singular."""
+    x = workspace_slice(robot, points)
     J = robot.jacobian(x, errors="nan")
     condition = np.full((points, points), np.nan)
     regular = np.isfinite(J).all(axis=(2, 3))
     condition[regular] = _condition(robot, J[regular], length)
-    return first, second, condition
+    return x, condition
 
 
-def draw_map(robot: Robot, length: float = LENGTH) -> Figure:
+def draw(figure: Any, robot: Robot, length: float = LENGTH) -> None:
     """Draw :func:`condition_map`."""
     angles = len({unit for _, unit in robot.coordinates}) > 1
-    note = f"angles times {1e3 * length:g} mm" if angles else ""
-    label = "condition number of J (–)"
-    return draw_slice(robot, *condition_map(robot, length), label, note)
-
-
-def draw_slice(
-    robot: Robot, first: Array, second: Array, values: Array, label: str, note: str = ""
-) -> Figure:
-    """Draw values over a :func:`workspace_slice`; grey where they are NaN."""
-    from matplotlib.figure import Figure
-
-    if not np.isfinite(values).any():
-        raise InputError(f"{robot.name}: no pose of the slice is reachable and regular")
-    shape = float(np.clip(np.ptp(second) / max(np.ptp(first), 1e-9), 0.3, 1.4))
-    figure = Figure(figsize=(6.0, 1.0 + 3.8 * shape), layout="constrained")
-    axes = figure.subplots()
-    axes.set_facecolor("0.8")  # unreachable or singular
-    levels = np.linspace(np.nanmin(values), np.nanmax(values) + 1e-9, 15)
-    (name_1, unit_1), (name_2, unit_2) = robot.coordinates[:2]
-    (by_1, shown_1), (by_2, shown_2) = PRINT[unit_1], PRINT[unit_2]
-    filled = axes.contourf(by_1 * first, by_2 * second, values, levels, cmap="viridis")
-    figure.colorbar(filled, label=label, format="%.3g")
-    axes.plot(by_1 * robot.home[0], by_2 * robot.home[1], "w+", ms=12, mew=2)
-    rest = [
-        f"{name} = {printed(v, unit, 'g')}"
-        for (name, unit), v in zip(robot.coordinates[2:], robot.home[2:], strict=True)
-    ]
-    title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
-    axes.set_title(f"{title}\n{note}".rstrip(), fontsize=10, parse_math=False)
-    axes.set(
-        xlabel=f"{name_1} ({shown_1})",
-        ylabel=f"{name_2} ({shown_2})",
-        aspect="equal" if unit_1 == unit_2 else "auto",
-    )
-    return figure
+    note = f"angles times {1e3 * length:g} mm" if angles else "conditioning"
+    draw_map(figure, robot, *condition_map(robot, length), "condition number of J (–)", note, 1.0)
 
 
 def table(robot: Robot, figures: Figures) -> Table:

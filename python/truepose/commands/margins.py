@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import numpy as np
 import typer
 
-from truepose.arguments import Array
 from truepose.commands.options import (
     Force,
     How,
@@ -21,18 +19,15 @@ from truepose.commands.options import (
     plot_to,
     wrote,
 )
-from truepose.control import gains
 from truepose.control.controller import Controller, positive
-from truepose.control.margins import ALL, StabilityMargins, stability_margins
+from truepose.control.margins import StabilityMargins, draw, stability_margins
 from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.show.table import Cell, Table, number
+from truepose.show.results import figure_of
+from truepose.show.table import Table, number
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
 
@@ -91,14 +86,14 @@ def command(
             refused.append(error)
     if not found:
         raise refused[0]
-    save(lambda: draw(found))
+    save(lambda: figure_of(lambda figure: draw(figure, found)))
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)
     units = "°" if all(unit == "rad" for _, unit in loaded.coordinates) else "mm, °"
     where += f" ({names}; {units})" * (poses > 1)
     least = f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}."
-    tables = [chosen(found), *(table(each) for each in found)]
+    tables = [chosen(found), *(each.table() for each in found)]
     show(tables, how, [least, *refused], notes(found), plot is not None)
     wrote(how, plot)
 
@@ -154,38 +149,6 @@ def chosen(found: list[StabilityMargins]) -> Table:
     return Table("gains", "Gains", header, rows)
 
 
-def table(found: StabilityMargins) -> Table:
-    """One row a loop: its least margins, and the pose where it bears least."""
-    rows = []
-    for loop in found.loops:
-        margin, pose = found.worst(loop), found.poses[found.worst_pose(loop)]
-        decibels = [20 * float(np.log10(times)) for times in (margin.more, margin.less)]
-        values = [*decibels, float(np.degrees(margin.phase)), margin.delay]
-        shown = [_bears(value, bool(found.stable.all())) for value in values]
-        rows.append([loop, *shown, named(found.robot, pose)])
-    header = ["loop", "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"]
-    law = found.controller.built_in
-    return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
-
-
-def _bears(value: float, stable: bool) -> Cell:
-    if not stable:
-        return Cell("unstable", np.nan)
-    return number(value) if np.isfinite(value) else Cell("any", value)
-
-
-def named(robot: Robot, pose: Array) -> Cell:
-    """Name a pose for people, mm and degrees, and for programs."""
-    scales = [PRINT[unit] for _, unit in robot.coordinates]
-    values = [float(factor * value) for (factor, _), value in zip(scales, pose, strict=True)]
-    names = [
-        f"{name} ({scale[1]})" for (name, _), scale in zip(robot.coordinates, scales, strict=True)
-    ]
-    home = bool((pose == robot.home).all())
-    text = "home" if home else " ".join(f"{value:.4g}" for value in values)
-    return Cell(text, dict(zip(names, values, strict=True)))
-
-
 def notes(found: list[StabilityMargins]) -> list[str]:
     """What the tables mean, and what is wrong."""
     lines = [
@@ -199,35 +162,3 @@ def notes(found: list[StabilityMargins]) -> list[str]:
         elif not each.kept:
             lines.append(f"{each.controller.law}: does not keep 6 dB, 30° and two cycles.")
     return lines
-
-
-def draw(found: list[StabilityMargins]) -> Figure:
-    """Draw the loop of all motors of every law at every pose, and what it has to keep clear of."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3.4 * len(found) + 0.8, 3.8), layout="constrained")
-    panels = figure.subplots(1, len(found), squeeze=False, sharey=True)[0]
-    for axes, each in zip(panels, found, strict=True):
-        decibels = 20 * np.log10(np.abs(each.loci) + 1e-300)
-        degrees = -np.degrees(-np.angle(each.loci) % (2 * np.pi))
-        wraps = np.abs(np.diff(degrees, axis=1)) > 180
-        degrees[:, 1:][wraps] = np.nan
-        worst = each.worst_pose(ALL)
-        for pose in [*(p for p in range(len(each.poses)) if p != worst), worst]:
-            style = {"color": "C3", "lw": 1.2} if pose == worst else {"color": "0.75", "lw": 0.7}
-            for locus in range(decibels.shape[2]):
-                axes.plot(degrees[pose, :, locus], decibels[pose, :, locus], **style)
-        db, phase = 20 * np.log10(gains.LEAST.more), np.degrees(gains.LEAST.phase)
-        # A cross of 6 dB and 30° about the edge of stability.
-        axes.plot([-180 - phase, -180 + phase], [0, 0], color="C0", lw=2)
-        axes.plot([-180, -180], [-db, db], color="C0", lw=2)
-        axes.set(xlim=(-360, 0), ylim=(-60, 40), xlabel="phase (°)", title=each.controller.law)
-        axes.set_xticks(range(-360, 1, 90))
-        axes.grid(color="0.92")
-    panels[0].set_ylabel("gain (dB)")
-    figure.suptitle(
-        f"{found[0].robot.name}: loops of all motors, worst pose red; the cross is to stay clear",
-        fontsize=10,
-        parse_math=False,
-    )
-    return figure

@@ -27,10 +27,10 @@ from truepose.commands.options import (
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
 from truepose.robot.robot import Robot, load
+from truepose.robot.units import in_print
 from truepose.robotfile import path_of, to_toml
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.terminal import Format, say, show
-from truepose.show.units import in_print
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo

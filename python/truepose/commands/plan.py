@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
 
 from truepose import files, logs, robotfile
-from truepose.arguments import Array
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.differences import measurements
 from truepose.calibration.fit import Calibration
-from truepose.commands.accuracy import label, read_poses
+from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -33,16 +30,14 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.design.candidates import COUNT, CandidatePoses, drawn
-from truepose.design.poses import HARDLY, PosePlan, plan_poses
+from truepose.design.pose_plan import PosePlan
+from truepose.design.poses import HARDLY, plan_poses
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import as_csv, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def command(
@@ -142,8 +137,8 @@ def command(
         seen=seen,
         seed=seed,
     )
-    save(lambda: draw(found))
-    show([table(found)], how, notes(found), more=sum(p is not None for p in (out, plot)))
+    save(found.plot)
+    show([found.table()], how, notes(found), more=sum(p is not None for p in (out, plot)))
     if output is not None and found.steps:
         files.write({output: written(found)}, inputs, force)
     elif output is not None:
@@ -166,30 +161,6 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
         loss="student",
         differences=differences,
     )
-
-
-def table(found: PosePlan) -> Table:
-    """One row a pose, the most useful first: where, when on the tour, and what is left then."""
-    places = dict(zip(found.order, range(1, len(found.order) + 1), strict=True))
-    coordinates = found.robot.coordinates
-    total = summed(found.robot)
-    factor, unit_shown = PRINT[total.unit]
-    rows: list[list[str]] = []
-    for k, sigma in enumerate(found.sigma):
-        name = Cell(str(k) if k else "before", k)
-        x = found.steps[k - 1].poses[0] if k else [None] * found.robot.n
-        cells = [
-            Cell("", None) if v is None else number(PRINT[unit][0] * float(v))
-            for v, (_, unit) in zip(x, coordinates, strict=True)
-        ]
-        place = Cell(str(places[k - 1]) if k else "", places[k - 1] if k else None)
-        rows.append([name, *cells, place, number(factor * float(sigma[-1]))])
-    header = [f"{name} ({PRINT[unit][1]})" for name, unit in coordinates]
-    of = " as the tracker sees it" if found.seen else ""
-    own = label(found.robot, found.robot.sensors)
-    title = f"Poses to measure, {own}, and the σ they promise{of}"
-    last = f"{total.name} ({unit_shown})"
-    return Table("plan", title, ["pose", *header, "on the tour", last], rows)
 
 
 def notes(found: PosePlan) -> list[str]:
@@ -218,53 +189,8 @@ def notes(found: PosePlan) -> list[str]:
     return lines
 
 
-def _header(robot: Robot) -> list[str]:
-    return [*(name for name, _ in robot.coordinates), "step"]
-
-
 def written(found: PosePlan) -> str:
     """Write the poses in the tour's order as CSV, and which step each is: the first buys most."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(_header(found.robot))
-    for x, k in zip(found.poses.tolist(), found.order, strict=True):
-        rows.writerow([*map(repr, x), k + 1])
-    return text.getvalue()
-
-
-def draw(found: PosePlan) -> Figure:
-    """Draw what each pose promises, and the tour over the first two coordinates."""
-    from matplotlib.figure import Figure
-
-    robot = found.robot
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    count = len(found.steps)
-    total = summed(robot)
-    factor, unit = PRINT[total.unit]
-    left.plot(range(count + 1), factor * found.sigma[:, -1], color="C0", label="planned")
-    if count:
-        low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
-        span = [[median - low], [high - median]]
-        left.errorbar([count], [median], span, fmt="o", color="C1", label="as many at random")
-    left.axhline(factor * found.everything, color="0.6", lw=0.8, label="all candidates")
-    left.set(xlabel="poses", ylabel=f"σ of the {total.name} ({unit})")
-    left.set_ylim(bottom=0)
-    left.grid(color="0.92", which="both")
-    left.legend(frameon=False)
-    (a, unit), (b, other) = robot.coordinates[:2]
-    way: Array = np.vstack([robot.home, found.poses, robot.home])
-    right.plot(PRINT[unit][0] * way[:, 0], PRINT[other][0] * way[:, 1], color="0.7", lw=0.8)
-    third = robot.coordinates[2:3]
-    colours = PRINT[third[0][1]][0] * found.poses[:, 2] if third else None
-    dots = right.scatter(
-        PRINT[unit][0] * found.poses[:, 0],
-        PRINT[other][0] * found.poses[:, 1],
-        c="C0" if colours is None else colours,
-        zorder=2,
-    )
-    if third:
-        figure.colorbar(dots, ax=right, label=f"{third[0][0]} ({PRINT[third[0][1]][1]})")
-    right.set(xlabel=f"{a} ({PRINT[unit][1]})", ylabel=f"{b} ({PRINT[other][1]})")
-    figure.suptitle(f"{robot.name}: {label(robot, robot.sensors)}", fontsize=10, parse_math=False)
-    return figure
+    names = [name for name, _ in found.robot.coordinates]
+    steps = zip(found.poses.tolist(), found.order, strict=True)
+    return as_csv(dict(zip(names, x, strict=True)) | {"step": k + 1} for x, k in steps)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -39,20 +38,17 @@ from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, list_robots
-from truepose.robot.units import summed
 from truepose.robotfile import path_of
+from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT
 from truepose.simulation import paths
 from truepose.simulation.drive import controller_of
+from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.visit import visit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Poles of a controller that visits poses without effects, rad/s, and the velocity loops' bandwidth
 #: in units of poles, where they are to rest at every pose or with effects.
@@ -185,7 +181,9 @@ def command(
                 for option, text in (("--from", start), ("--to", end))
             ]
             run = _move(believed, truth, controller, *ends, effects=forgotten, **settings)
-    save(lambda: draw(run))
+    torque = run.log.torque if isinstance(run.log, Simulation) else None
+    asked = (believed, run.over, run.error, torque)
+    save(lambda: figure_of(lambda figure: draw_errors(figure, *asked)))
     if log is not None:
         columns = logs.columns(run.log, truth)
         files.write({log: logs.encoded(log.path, columns)}, read, force)
@@ -263,8 +261,7 @@ def _follow(
     robot: Robot, truth: Robot, controller: Controller, path: paths.Path, **settings: Any
 ) -> Run:
     run = simulate(robot, truth, controller, path=path, **settings)
-    errors = _errors(robot, run.error, {"rms": _rms, "largest": _largest}, {})
-    return Run(run, run.time, run.error, robot, [errors, _motors(robot, run)], run.status)
+    return Run(run, run.time, run.error, robot, [run.table(), _motors(robot, run)], run.status)
 
 
 def _move(
@@ -279,9 +276,7 @@ def _move(
         usual = default_move(robot)
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     run = simulate(robot, truth, controller, start=start, end=end, **settings)
-    columns = {"largest": _largest, "at the end": lambda error: error[-1]}
-    errors = _errors(robot, run.error, columns, {"from": start, "to": end})
-    return Run(run, run.time, run.error, robot, [errors, _motors(robot, run)], run.status)
+    return Run(run, run.time, run.error, robot, [run.table(), _motors(robot, run)], run.status)
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:
@@ -305,43 +300,6 @@ def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **sett
         words += f": {reason}"
     if not reached.any():
         raise PoseError(f"{robot.name}: {words}")
-    columns = {"mean": lambda error: error.mean(axis=0), "rms": _rms, "largest": _largest}
-    errors = _errors(robot, (x - x_d)[reached], columns, {})
+    errors = error_table(robot, x - x_d)
     log = Visit(q_e, frames(truth, x), x, status)
     return Run(log, np.arange(len(x)), x - x_d, robot, [errors], words)
-
-
-def _rms(error: Array) -> Array:
-    return np.sqrt((error**2).mean(axis=0))
-
-
-def _largest(error: Array) -> Array:
-    return np.abs(error).max(axis=0)
-
-
-def _errors(
-    robot: Robot,
-    error: Array,
-    columns: dict[str, Callable[[Array], Array]],
-    ends: dict[str, Array],
-) -> Table:
-    """One row a coordinate, mm and degrees; last the position, of a pivot the turn."""
-    total = summed(robot)
-    position = np.linalg.norm(error[:, total.columns], axis=1)
-    values = [of(np.column_stack([error, position])) for of in columns.values()]
-    values = [np.append(pose, np.nan) for pose in ends.values()] + values
-    rows = []
-    for k, (name, unit) in enumerate([*robot.coordinates, (total.name, total.unit)]):
-        factor, shown = PRINT[unit]
-        label = Cell(f"{name} ({shown})", {"error": name, "unit": shown})
-        cells = [float(factor * column[k]) for column in values]
-        rows.append([label, *(number(v if np.isfinite(v) else None) for v in cells)])
-    return Table("errors", "Error (true − desired)", ["error", *ends, *columns], rows)
-
-
-def draw(run: Run) -> Figure:
-    """Draw the errors over time or poses: lengths above, angles below; then the torques."""
-    from truepose.simulation import figures
-
-    torque = run.log.torque if isinstance(run.log, Simulation) else None
-    return figures.errors(run.robot, run.over, run.error, torque)

@@ -22,7 +22,6 @@ from truepose.commands.options import (
 )
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
@@ -74,7 +73,7 @@ def command(
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=_sigma(loaded, sigma))
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    show([motors(found), known(found)], how, open_questions(found))
+    show([found.table(), known(found)], how, open_questions(found))
     if output:
         fitted = found.robot
         values = {name: p.value for name, p in fitted.parameters.items()}
@@ -94,19 +93,6 @@ def _sigma(robot: Robot, text: str | None) -> list[float]:
         units = sorted({unit for _, unit in robot.coordinates})
         raise InputError(f"--sigma {text}: {robot.name}'s coordinates are in {' and '.join(units)}")
     return [float(value) for value in found if value is not None]
-
-
-def motors(found: Zeroing) -> Table:
-    """What each motor reads at the posture, should read, and how well that is known."""
-    rows = []
-    units = reading_units(found.robot)
-    for k, motor in enumerate(found.motors):
-        factor, unit = PRINT[units[k]]
-        sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
-        name = Cell(f"q{k + 1} ({unit})", {"motor": f"q{k + 1}", "unit": units[k]})
-        rows.append([name, *(number(factor * size, data=size) for size in sizes)])
-    header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
-    return Table("motors", "Motors where the robot stands", header, rows)
 
 
 def known(found: Zeroing) -> Table:

@@ -20,7 +20,7 @@ from truepose.robot.robot import Robot
 
 FeedForward = Literal["none", "gravity", "full"]
 Gains = Literal["inertia", "diagonal"]
-MOST_SCALED = 1_000_000  #: of `sigma_scale`
+MOST_SCALED = 1_000_000  #: largest `sigma_scale`
 
 
 LONGEST_PERIOD = 0.2  #: s
@@ -33,22 +33,21 @@ class Controller:
     Parameters
     ----------
     law : {"joint", "tej", "cartesian", "weighted", "estimated"} or callable
-        The paper's Figure 1 (usual control), Figure 2 (TEJ), or closing remark (redundant FKM);
+        The paper's Figure 1 (joint control), Figure 2 (TEJ), or closing remark (redundant FKM);
         Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`. All but
-        "joint" need a redundant sensor in use. The last two weigh the readings by the tolerances
-        (or the calibration) of the robot that the controller believes in, and take its values as
-        they are: pass ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one.
-        Or a function law(robot, x_d, q_e) that returns the motor error ê, (n,), from the
-        controller's robot, the desired pose (n,) and the readings (n + r,).
+        "joint" need a redundant sensor in use. The last two weight the readings by tolerances (or
+        calibration) of the controller's robot and take its parameter values as they are: pass
+        ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one. Or a function
+        law(robot, x_d, q_e) that returns the motor error ê, (n,), from the controller's robot, the
+        desired pose (n,) and the readings (n + r,).
     frequency, damping : float
         PD gains by pole placement, rad/s and 1.
     integral : float
         Integral action: ki = integral · kp, 1/s; 0 is none.
     gains : {"inertia", "diagonal"}
-        What the gains act through: the whole joint inertia JᵀMJ of the nominal robot at the
-        setpoint, so that every motor has these poles at every pose; or its diagonal where the
-        controller was set up, a PD on each motor by itself, as the paper's: 150 rad/s at the start
-        of the paper's move are then 84 to 254 rad/s over Table 2.
+        Inertia that the gains multiply: the nominal joint inertia JᵀMJ at the setpoint, so that
+        every motor has these poles at every pose; or its diagonal at the start, a PD per motor as
+        in the paper, where 150 rad/s at the start of its move become 84 to 254 rad/s over Table 2.
     feed_forward : {"none", "gravity", "full"}
         From the nominal robot: nothing, its weight, or weight, inertia and Coriolis.
     period : float
@@ -56,13 +55,12 @@ class Controller:
     velocity_bandwidth : float
         Bandwidth of the velocity tracking loops (of the readings, or of x̂), rad/s.
     damped_below : float
-        Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that
-        torques stay bounded beside a singularity; 0 is never, the paper's laws.
+        Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, which bounds
+        torques near a singularity; 0: never, as in the paper.
     sigma_scale : int
-        "weighted" and "estimated" only: the readings' own σ count so many times in the weights.
-        The best weights of a calibrated robot multiply differences of its readings, and with them
-        what compliant arms and late torques do to the readings; a larger scale makes these
-        multiples smaller.
+        "weighted" and "estimated" only: factor on the readings' σ in the weights. The best weights
+        of a calibrated robot amplify differences of its readings, and with them the readings'
+        errors by compliant arms and delayed torques; a larger scale amplifies less.
     """
 
     law: Law | OwnLaw = "tej"
@@ -99,7 +97,7 @@ class Controller:
 
     @property
     def built_in(self) -> Law:
-        """The law's name; an InputError where the law is a function, which cannot be linearised."""
+        """The law's name; InputError where the law is a function, which cannot be linearized."""
         if callable(self.law):
             raise InputError(
                 f"law {law_name(self.law)}: is a function; here only {', '.join(LAWS)} work "
@@ -120,29 +118,29 @@ class Controller:
     ) -> Self:
         """Return the fastest controller that is stable with the effects that the model omits.
 
-        Its poles and its velocity filter keep 6 dB, 30° and two cycles of delay, at home and at the
-        corners of the workspace, of all motors at once and of each motor and each reading alone;
-        counts, as white noise, shake no motor by more than 1 % of its torque limit (rms), and let
-        the nacelle hunt by no more than 50 µm and 0.05°. At most 150 rad/s, the paper's.
-        :func:`margins` shows what is kept.
+        Its poles and velocity filter keep margins of 6 dB, 30° and two cycles of delay, at home and
+        at the corners of the workspace, of all motors at once and of each motor and each reading
+        alone. Quantization, as white noise, causes torques of at most 1 % of a motor's limit (rms)
+        and a limit cycle of the platform of at most 50 µm and 0.05°. At most 150 rad/s, as in the
+        paper. :func:`stability_margins` shows the margins.
 
         Parameters
         ----------
         robot : Robot
-            What the controller believes.
+            The controller's robot.
         effects : Effects, optional
-            By default all of them.
+            All by default.
         law, period, damping, **settings
-            As of the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which
-            are chosen. The law by default is tej, of a robot without a sensor in use the joint
-            law; an own law takes their gains. With less damping than the paper's 1 a loop as stiff
-            answers less to what is fast: a count's step, an arm's ringing.
+            As for the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which are
+            chosen. By default the TEJ law, without a sensor in use the joint law; an own law takes
+            their gains. With less damping than the paper's 1 a loop of the same stiffness responds
+            less to high frequencies: a count's step, an arm's ringing.
 
         Raises
         ------
         InputError
-            No poles keep that: the period is too long, say. The reason is told. Or the law needs a
-            redundant sensor, and none is in use.
+            No poles keep these margins, for instance because of a long period; the message has the
+            reason. Or the law needs a redundant sensor, and none is in use.
 
         Examples
         --------
@@ -157,7 +155,7 @@ class Controller:
         law = usual(robot) if law is None else law
         for name in ("frequency", "velocity_bandwidth", "sigma_scale"):
             if name in settings:
-                raise InputError(f"{name}: is chosen; name it in Controller(…) instead")
+                raise InputError(f"{name}: is chosen here; set it with Controller(…) instead")
         rest = cls(law=law, period=period, damping=damping, **settings)
         like = built_in(law, robot)
         require_sensors(robot, like)
@@ -195,7 +193,7 @@ class Controller:
 
 
 def positive(name: str, value: float) -> None:
-    """Raise InputError unless the value is."""
+    """Raise InputError unless the value is finite and positive."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{name} = {value}: must be a finite number greater than 0")
 
@@ -209,18 +207,18 @@ def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:
 
 
 def require_same_readings(robot: Robot, truth: Robot) -> None:
-    """Raise InputError unless what is believed and what is read alike."""
+    """Raise InputError unless the controller's and the true robot have the same readings."""
     if (robot.spec.mobility, robot.sensors) != (truth.spec.mobility, truth.sensors):
         raise InputError(f"{robot!r} and {truth!r} must have the same mobility and sensors")
 
 
 class ControllerInput(NamedTuple):
-    """Inputs of a user's control law at the start of a control period."""
+    """Inputs of an own control law at the start of a control period."""
 
     time: float  #: s
     x: Array  #: (n,) desired pose
     rate: Array  #: (n,) its free twist
     acceleration: Array  #: (n,) and the derivative
     q_e: Array  #: (n + r,) readings
-    torque: Array  #: (n,) what was commanded last
-    robot: Robot  #: what the controller believes
+    torque: Array  #: (n,) last command
+    robot: Robot  #: the controller's robot

@@ -15,23 +15,14 @@ from truepose.robot.robot import Robot
 
 Lateness = tuple[_core.MultirateSettings | None, _core.MultirateSettings | None]
 
-_POSES, _STEP = 64, 1e-4  #: of the workspace; m and rad, of a difference
+_POSES, _STEP = 64, 1e-4  #: poses of the workspace; step of a finite difference, m and rad
 
 
 def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
-    """Return what the core brings slow and late readings up by; None where there are none.
+    """Return the core's settings for multirate and delayed readings; None where there are none.
 
-    Parameters
-    ----------
-    robot : Robot
-        What the controller believes, and its sensors' period and age.
-    period : float
-        Of the control, s. Both count in whole ones, and in the next larger where they are none.
-
-    Raises
-    ------
-    InputError
-        A sensor's period or age is too many control periods.
+    From the sample periods and latencies of the controller's robot, rounded up to whole control
+    periods (`period`, s). Raises InputError for one that is too many control periods.
 
     Examples
     --------
@@ -49,12 +40,12 @@ def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
 
 
 def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
-    """Return the slow and late sensors as a controller knows them, and as they are."""
+    """Return multirate and delayed sensors as the controller models them, and as they are."""
     return settings(robot, period), clock(truth, period)
 
 
 def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
-    """Return when sensors sample, and how old that is on arrival; see :func:`settings`."""
+    """Return when sensors sample, and their latency; see :func:`settings`."""
     every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
     for k, sensor in enumerate(robot.spec.used):
         for key, most, cycles in (
@@ -76,14 +67,10 @@ def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
 
 
 def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
-    """Return what a law makes of readings, (n, n + r), where motors carry slow and late sensors.
+    """Return a law's matrix E, (n, n + r), with multirate and delayed sensors on the motors.
 
-    What such a reading does within milliseconds is what the motors say: its column of E is theirs.
-
-    Parameters
-    ----------
-    H_x : ndarray, shape (n + r, n)
-        As of :meth:`Robot.linearize`.
+    Within milliseconds such a sensor's value follows the motors: its column of E is added to
+    theirs. `H_x`, (n + r, n), is that of :meth:`Robot.linearize`.
     """
     slow, n, E = clock(robot, period), robot.n, E.copy()
     if slow is None:
@@ -97,13 +84,13 @@ def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
 
 @lru_cache(maxsize=16)
 def sensitivity(robot: Robot) -> Array:
-    """By how much what a sensor and the motors disagree about changes with the pose, σ: (r, n).
+    """Return how a sensor's disagreement with the motors changes with the pose, σ: (r, n).
 
-    Uncertainty of the geometry, along each freedom: the largest over the workspace.
+    From the geometry's uncertainty, per degree of freedom; the largest over the workspace.
 
     Examples
     --------
-    A telemeter of a calibrated robot goes astray by some 0.1 mm in a metre:
+    A calibrated robot's telemeter drifts by some 0.1 mm per metre:
 
     >>> import truepose as tp
     >>> from truepose.control.delays import sensitivity
@@ -117,7 +104,7 @@ def sensitivity(robot: Robot) -> Array:
     root = knowledge.root(robot, uncertain)
 
     def open_(x: Array) -> Array:
-        """Geometry's part of the parity, (N, r, p)."""
+        """Return the geometry's part of the parity, (N, r, p)."""
         H_x, H_xi = robot.linearize(x, errors="nan", level="ideal")
         H_xi = H_xi[..., columns] @ root
         return H_xi[:, n:] - H_x[:, n:] @ np.linalg.solve(H_x[:, :n], H_xi[:, :n])

@@ -27,10 +27,10 @@ def _effect(default: float, group: str, unit: str, what: str, source: str) -> An
 class Effects:
     """Strengths of the unmodelled effects; 0 switches one off.
 
-    The defaults are assumed, orders of magnitude of a machine of the H4's size;
-    ``dataclasses.fields`` has each one's unit, meaning and source. Groups, the names that
-    :meth:`only` and :meth:`without` take: "backlash", "friction", "compliance", "thermal",
-    "eccentricity", "quantization", "delay", "ripple".
+    The defaults are assumed, orders of magnitude for a machine of the H4's size;
+    ``dataclasses.fields`` has each one's unit, meaning and source. Groups, for :meth:`only` and
+    :meth:`without`: "backlash", "friction", "compliance", "thermal", "eccentricity",
+    "quantization", "delay", "ripple".
 
     Examples
     --------
@@ -43,7 +43,7 @@ class Effects:
         math.radians(0.1),
         "backlash",
         "rad",
-        "play of the tool gear, whole width, as an angle of the nacelle (×4 at the tool: 0.4°)",
+        "whole width at the tool gear, as platform angle (×4 at the tool: 0.4°)",
         "assumed; a plain spur gear pair of that size",
     )
     motor_friction: float = _effect(
@@ -73,7 +73,7 @@ class Effects:
         math.radians(0.02),
         "eccentricity",
         "rad",
-        "first harmonic of every rotary encoder, of its shaft's angle; the phase is drawn",
+        "first harmonic of every rotary encoder's shaft; random phase",
         "assumed",
     )
     quantization: float = _effect(
@@ -86,7 +86,7 @@ class Effects:
         0.01,
         "ripple",
         "",
-        "amplitude over the torque, six periods per turn of the motor; the phase is drawn",
+        "amplitude over torque, six periods per motor turn; random phase",
         "assumed",
     )
 
@@ -103,12 +103,12 @@ class Effects:
 
     @classmethod
     def groups(cls) -> tuple[str, ...]:
-        """Names of effects that can be switched on and off."""
+        """Return the names of effects that can be switched on and off."""
         return tuple(dict.fromkeys(f.metadata["group"] for f in fields(cls)))
 
     @classmethod
     def none(cls) -> Effects:
-        """Nothing is forgotten: the model is the robot, its readings unquantized."""
+        """Return no effects: the model is exact, readings are unquantized."""
         return cls().without(*cls.groups())
 
     def without(self, *groups: str) -> Effects:
@@ -129,24 +129,15 @@ class Effects:
 
     @classmethod
     def _switches(cls, group: str) -> list[str]:
-        """Fields whose zero switches a group off; a time of nothing is meaningless."""
+        """Return the fields whose zero switches a group off; a time constant stays."""
         names = [f.name for f in fields(cls) if f.metadata["group"] == group]
         return [name for name in names if name != "warm_up_time"]
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
-        """Return the true robot as it is some time after a cold start: its geometry.
+        """Return the true robot's geometry some time, s, after a cold start.
 
-        Thermal growth of base, arms and rods; eccentric encoders, their phases drawn by `seed`;
-        counts or none.
-
-        Parameters
-        ----------
-        truth : Robot
-            The true robot, cold.
-        time : float
-            Since it was switched on, s.
-        seed : int
-            The same seed gives the same phases.
+        Thermal growth of base, arms and rods; eccentric encoders with phases from `seed`;
+        quantization on or off. `truth` is the cold robot.
         """
         if not (math.isfinite(time) and time >= 0):
             raise InputError(f"time = {time}: must be a finite number of seconds of at least 0")
@@ -160,17 +151,17 @@ class Effects:
         rng = np.random.default_rng(check_seed(seed))
         encoders = [name[: -len(".c1")] for name in values if name.endswith(".eccentricity.c1")]
         for encoder in encoders:
-            phase = rng.uniform(0, 2 * math.pi)  # one for each encoder, whether used or not
+            phase = rng.uniform(0, 2 * math.pi)  # one per encoder, used or not
             for key, share in (("c1", math.cos(phase)), ("s1", math.sin(phase))):
                 grown[f"{encoder}.{key}"] = values[f"{encoder}.{key}"] + self.eccentricity * share
         robot = truth.replace(grown)
         return robot if self.quantization else robot.without_quantization()
 
     def growth(self, robot: Robot) -> list[dict[str, float]]:
-        """Return what base, arms and rods each gain in the whole warm-up, m by parameter.
+        """Return the growth of base, arms and rods over the whole warm-up, m by parameter.
 
-        Three temperatures, each of which moves many parameters together: what
-        :class:`OnlineCalibrator` takes as `drift`, once divided by √lines.
+        Three temperatures, each common to many parameters: divided by √rows, the `drift` of
+        :class:`OnlineCalibrator`.
 
         Examples
         --------
@@ -190,12 +181,12 @@ class Effects:
         ]
 
     def allowed_for(self, robot: Robot) -> Robot:
-        """Return the robot as a builder who knows of these effects would write its file.
+        """Return the robot with tolerances and noise that allow for these effects.
 
-        What a calibration should not blame on lengths and angles: encoders may be eccentric
-        (tolerances of c1 and s1, a known amplitude at an unknown phase), and an angle read through
-        a gear is off by up to half its play (noise). Warm-up is within the tolerances of most
-        robots; arms and rods deflect by less than a count.
+        They keep a calibration from attributing effects to lengths and angles: encoders may be
+        eccentric (tolerances of c1 and s1: known amplitude, unknown phase), and angles read through
+        a gear are off by up to half its backlash (noise). Warm-up is within most robots'
+        tolerances; arms and rods deflect by less than a count.
 
         Examples
         --------
@@ -220,10 +211,10 @@ class Effects:
         return Robot(spec.model_copy(update=update), values)
 
     def plant(self, robot: Robot, seed: int = 0) -> _core.Effects:
-        """Return the core's struct: all but the geometry, for :func:`truepose.simulate`.
+        """Return the core's struct for :func:`truepose.simulate`: all effects but geometry.
 
-        A chain's passive joints count at its motor: four of them where its rods are a pair, two
-        else, each turning as far as the motor does.
+        A chain's passive joints count at its motor: four for a pair of rods, otherwise two, each
+        rotating as far as the motor does.
         """
         core = _core.Effects()
         core.backlash = self.tool_backlash

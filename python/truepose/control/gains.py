@@ -17,29 +17,27 @@ from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 
-#: What chosen gains keep at every pose, of all motors at once, of each motor and of each reading
-#: alone: 6 dB up and down, 30°, two cycles.
+#: Margins of chosen gains at every pose, of all motors at once, each motor and each reading alone:
+#: 6 dB up and down, 30°, two cycles.
 LEAST = Margin(2.0, 2.0, np.radians(30), 2.0)
-#: Torques' rms by counts and noise, of the limits: half the limit for rest, since a loop that
-#: hunts by a count shakes its motors some twice as much as the white noise that is reckoned with.
+#: Torque rms by quantization and noise, relative to the limits: half that for rest, since a limit
+#: cycle of one count causes about twice the torque of the assumed white noise.
 _DITHER = 0.01
-#: What rest is: the nacelle's swing, peak to peak, m and rad; a motor's torque, rms of its limit.
+#: Rest: the platform's oscillation, peak to peak, m and rad; a motor's torque rms over its limit.
 REST, REST_TORQUE = (50e-6, np.radians(0.05)), 0.02
-#: How far off friction alone may hold the nacelle, m. Slower poles leave the robot to its friction,
-#: through which it creeps for seconds.
+#: Largest platform error by friction alone, m. With slower poles the robot creeps for seconds.
 _HELD = 1e-3
-#: Poles that are tried, rad/s, and bandwidths of the velocity loops in units of them: nothing is
-#: asked beyond the paper's.
+#: Candidate poles, rad/s, at most the paper's, and velocity bandwidths in units of them.
 _FREQUENCIES = np.geomspace(10.0, 150.0, 41)
 _RATIOS = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
-#: Times the readings' own σ that are tried, in this order, of laws that weigh.
+#: Candidate factors on the readings' σ, in this order, for laws with weights.
 _SCALES = (1, 10, 100, 1000)
 
 
 def poses(robot: Robot) -> Array:
-    """Return home and the corners of the workspace box that are regular.
+    """Return home and the regular corners of the workspace box.
 
-    Of a robot with six freedoms, those of its position and those of its orientation apart.
+    For six degrees of freedom the corners of position and of orientation separately.
 
     Examples
     --------
@@ -60,7 +58,7 @@ def poses(robot: Robot) -> Array:
 
 
 def kept(margin: Margin) -> bool:
-    """Whether a margin is at least `LEAST`."""
+    """Return whether a margin is at least `LEAST`."""
     return all(has >= least for has, least in zip(margin, LEAST, strict=True))
 
 
@@ -104,20 +102,12 @@ def choose(
     integral: float = 0.0,
     diagonal: bool = False,
 ) -> tuple[Gains, int]:
-    """Return the fastest gains that keep `LEAST` at :func:`poses`, and torques calm.
+    """Return the fastest gains that keep `LEAST` at :func:`poses`, and the torque limits.
 
-    Beside them the least scale of the readings' σ, as of :class:`truepose.Controller`, at which
-    there are any: 1 of laws that do not weigh. Each set of arguments is computed once.
-
-    Parameters
-    ----------
-    diagonal : bool
-        They act through the diagonal of the joint inertia at home.
-
-    Raises
-    ------
-    InputError
-        There are none: the period is too long, the counts are too coarse, or friction too strong.
+    Also the least scale of the readings' σ, as for :class:`truepose.Controller`, that has such
+    gains: 1 for laws without weights. `diagonal` gains multiply the diagonal of the joint inertia
+    at home. Results are cached. Raises InputError if there are none: the period is too long, the
+    quantization too coarse, or friction too strong.
     """
     refused = InputError()
     for scale in _SCALES if _core.laws[law].weighs else _SCALES[:1]:
@@ -149,13 +139,13 @@ def _chosen(
             return _said(margin)
         dither = float((found.dither(gains, read.reading_sigma) / limits).max())
         if not dither <= _DITHER:
-            return f"counts and noise shake a motor by {100 * dither:.2g} % of its torque limit"
+            return f"counts and noise cause torques of {100 * dither:.2g} % of a motor's limit"
         swing = found.limit_cycle(gains, read.resolution).max(axis=0)
         if not (swing <= rest).all():
             k = int((swing / rest).argmax())
             length = rest[k] == REST[0]
             far = f"{1e6 * swing[k]:.3g} µm" if length else f"{np.degrees(swing[k]):.2g}°"
-            return f"counts let the nacelle hunt by {far}"
+            return f"counts cause a limit cycle of {far}"
         margin = found.least_alone(gains)
         if not kept(margin):
             return f"{_said(margin)} of a motor or reading alone"
@@ -165,7 +155,7 @@ def _chosen(
     slowest = min(max(least, friction_poles(robot, effects)), most)
     tried = [float(f) for f in _FREQUENCIES[::-1] if f > slowest] + [slowest]
     for frequency in tried:
-        # The widest band first: the least lag, hence the most phase.
+        # The widest bandwidth first: the least lag, hence the largest phase margin.
         for ratio in _RATIOS[::-1]:
             gains = Gains(frequency, ratio * frequency, damping, integral)
             if not (lacks(gains, home) or lacks(gains, everywhere)):
@@ -175,7 +165,7 @@ def _chosen(
     reason = lacks(widest, everywhere) if stable else "it is unstable"
     held = "mm" if summed(robot).unit == "m" else "mrad"
     why = (
-        f" before friction holds the nacelle {1e3 * _HELD:g} {held} off" if slowest > least else ""
+        f" before friction shifts the platform by {1e3 * _HELD:g} {held}" if slowest > least else ""
     )
     raise InputError(
         f"{robot.name}: period {period:g} s: the {law} law cannot hold it with 6 dB, 30° and two "
@@ -184,9 +174,9 @@ def _chosen(
 
 
 def friction_poles(robot: Robot, effects: Effects) -> float:
-    """Return the poles at which friction may hold the nacelle off by `_HELD`, rad/s.
+    """Return the poles at which friction may displace the platform by `_HELD`, rad/s.
 
-    A motor rests where the PD asks for less than its friction F: at an error of up to F/(ω² I).
+    A motor rests where the PD torque is below its friction F: at an error of up to F/(ω² I).
 
     Examples
     --------

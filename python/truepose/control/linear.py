@@ -1,10 +1,10 @@
 """The sampled closed loop about a pose at rest, to first order.
 
-At a pose: the nacelle's M(x) on its rotors and arm springs, held against its weight; what its
-encoders read of that; and the law as a constant matrix E from readings to motor errors, ê_q =
--E δq_e. Torques are constant over a period, so that the sampled plant is exact (Van Loan). Not in
-it: what is not smooth (Coulomb friction, play, counts) and the ripple. A slow or late sensor reads
-what the motors say that it does; how its samples correct that, slowly, is not in it either.
+At a pose: the platform's M(x) on its rotors and arm springs, held against its weight; the encoders'
+readings; and the law as a constant matrix E from readings to motor errors, ê_q = -E δq_e. Torques
+are constant over a period, so the sampled plant is exact (Van Loan). Excluded: Coulomb friction,
+backlash, quantization and ripple. A multirate or delayed sensor follows the motors; the slow
+correction by its samples is excluded too.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import PAIRED
 
-_FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
-_STEP = 1e-5  # m and rad, of the nacelle: the weight's stiffness is a difference
-#: Of a twist, what each mobility has: translations, then rotations. (A pivot's are its angles.)
+_FALLEN = 1e12  #: growth in a period beyond which no control is possible
+_STEP = 1e-5  # m and rad, of the platform: finite difference for the weight's stiffness
+#: Each mobility's components of a twist: translations, then rotations. (Rotational: its angles.)
 _DIRECTIONS = {
     "translation": (0, 1, 2),
     "planar_translation": (0, 1),
@@ -38,7 +38,7 @@ _DIRECTIONS = {
 
 @dataclass(frozen=True)
 class Gains:
-    """What of a controller a linear loop knows; see :class:`truepose.Controller`."""
+    """Controller settings of the linear loop; see :class:`truepose.Controller`."""
 
     frequency: float
     velocity_bandwidth: float
@@ -46,7 +46,7 @@ class Gains:
     integral: float = 0.0
 
     def transfer(self, z: Array, period: float) -> Array:
-        """From a motor error to the acceleration that answers it, at points z.
+        """Return the transfer from a motor error to its commanded acceleration, at points z.
 
         The tracking loop finds a reading's rate by (1-p)²/T · z (z-1)/(z-p)².
         """
@@ -59,7 +59,7 @@ class Gains:
 
 @dataclass(frozen=True)
 class Plant:
-    """A sampled plant at one pose, from torques to readings, and what a law makes of those.
+    """A sampled plant at one pose, from torques to readings, and a law's matrix E.
 
     y(k) = C s(k) + D u(k-1),  s(k+1) = A s(k) + B u(k),  u a torque that is `late` cycles old.
     """
@@ -74,7 +74,7 @@ class Plant:
     late: int
 
     def response(self, z: Array) -> tuple[Array, Array]:
-        """From torques to readings, (..., n + r, n), and the nacelle's twist, (..., n, n).
+        """Return readings, (..., n + r, n), and the platform's twist, (..., n, n), per torque.
 
         At points z, delay included.
         """
@@ -83,15 +83,10 @@ class Plant:
         return self.C @ states + self.D / z ** (1 + self.late), states[..., : len(self.E), :]
 
     def closed(self, gains: Gains, gain: float = 1.0) -> Array:
-        """Return the closed loop, from one cycle to the next.
+        """Return the closed loop's matrix from one cycle to the next; `gain` scales its feedback.
 
-        States: the plant's, torques on their way (the last of them acts), what the tracking loops
-        hold of ê_q and of its rate, and the integrals'.
-
-        Parameters
-        ----------
-        gain : float
-            Times the torques that answer errors.
+        States: the plant's, delayed torques (the last acts), the tracking loops' ê_q and its rate,
+        and the integrals.
         """
         n, s, T = len(self.E), len(self.A), self.period
         p = np.exp(-gains.velocity_bandwidth * T)
@@ -125,14 +120,10 @@ def plants(
     diagonal: Array | None = None,
     sigma_scale: int = 1,
 ) -> list[Plant]:
-    """Linearise a robot that its controller holds, at poses.
+    """Linearize a controlled robot at poses.
 
-    Parameters
-    ----------
-    diagonal : ndarray, shape (n,), optional
-        Inertias through which diagonal gains act; by default the joint inertia at each pose.
-    sigma_scale : int
-        As of :class:`truepose.Controller`.
+    `diagonal`, (n,), are inertias for diagonal gains, by default the joint inertia at each pose.
+    `sigma_scale` is as for :class:`truepose.Controller`.
     """
     return [
         _plant(robot, np.asarray(x), law, effects, period, diagonal, sigma_scale) for x in poses
@@ -159,7 +150,7 @@ def _plant(
     E = delays.carried(robot, -np.linalg.solve(J, leak), H_x, period)
     inertia = slope[:, None] * (J.T @ M @ J) if diagonal is None else np.diag(slope * diagonal)
 
-    # Nacelle, and rotors that turn by themselves: see offline/effects.hpp.
+    # Platform, and rotors on compliant arms: see offline/effects.hpp.
     springy, own, left = _apart(robot, effects, M, K)
     k = effects.arm_stiffness
     damping = 2 * _ARM_DAMPING * np.sqrt(k * own)
@@ -183,11 +174,11 @@ def _plant(
     with np.errstate(over="ignore", invalid="ignore"):
         whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
     if not (np.abs(whole) < _FALLEN).all():
-        raise InputError(f"{robot.name}: period {period:g} s: it falls meanwhile")
+        raise InputError(f"{robot.name}: period {period:g} s: too long, the robot falls")
 
     C, D = H_x @ one[at], np.zeros((n + robot.r, n))
     C[springy] = slope[springy, None] * one[turn]
-    if effects.rod_stiffness:  # rods deflect at once, by the torque that they carry
+    if effects.rod_stiffness:  # rods deflect instantly, in proportion to their torque
         names = list(robot.parameters)
         rods = 2 if robot.spec.mobility in PAIRED else 1
         carried = np.zeros((n, s))
@@ -198,7 +189,7 @@ def _plant(
                 longer = longer * robot.parameters[f"chain{i + 1}.gain"].value
             else:
                 longer = H_xi[:, names.index(f"chain{i + 1}.rod")]
-            # A motor turns by ∂q/∂L where its rod is longer: by that much it pulls at it.
+            # By virtual work the rod's force is the torque times ∂q/∂L.
             yields = abs(longer[i] / slope[i]) / (rods * effects.rod_stiffness)
             yields = yields * np.sign(longer[i] / slope[i])
             C += yields * np.outer(longer, carried[i])
@@ -208,7 +199,7 @@ def _plant(
 
 
 def ringing(robot: Robot, x: Array, effects: Effects) -> float:
-    """Return the fastest frequency at which rotors swing against their arms, rad/s; 0 of none.
+    """Return the fastest frequency of rotors oscillating against their arms, rad/s; 0: none.
 
     Examples
     --------
@@ -229,35 +220,35 @@ def ringing(robot: Robot, x: Array, effects: Effects) -> float:
 
 
 def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
-    """Torques that hold a robot at rest, and how its motors turn with the nacelle, (n, n)."""
+    """Return the torques at rest, and the matrix from the platform's to motor rates, (n, n)."""
     if not np.linalg.eigvalsh(M).min() > 0:
-        raise InputError(f"{robot.name}: moves without inertia: its file has to name masses")
+        raise InputError(f"{robot.name}: has motions without inertia: add masses to its file")
     still = np.zeros(robot.n)
     held = robot.inverse_dynamics(x, still, still)
     ones = robot.acceleration(x, still, held + np.eye(robot.n))
-    # Rows of the acceleration by one torque more are M⁻¹ Kᵀ of each motor.
+    # Row i: change of the acceleration by one unit of torque i, M⁻¹ Kᵀ.
     return held, (ones - robot.acceleration(x, still, held)) @ M
 
 
 def _apart(robot: Robot, effects: Effects, M: Array, K: Array) -> tuple[list[int], Array, Array]:
-    """Motors with compliant arms, their rotors' inertia, and the mass matrix without those."""
+    """Return motors with compliant arms, their rotors' inertia, and the mass matrix without it."""
     revolute = [i for i, chain in enumerate(robot.spec.chain) if chain.actuator == "revolute"]
     springy = revolute if effects.arm_stiffness else []
     own = np.array([_rotor(robot, i) for i in springy])
     return springy, own, M - K[springy].T @ (own[:, None] * K[springy])
 
 
-_ARM_DAMPING = 0.05  # ratio, of a rotor against its arm: the plant's
+_ARM_DAMPING = 0.05  # ratio, of a rotor against its arm, as in the plant
 
 
 def _rotor(robot: Robot, i: int) -> float:
-    """Inertia of a motor's rotor: what of drive_inertia is not its slender arm's."""
+    """Return a motor's rotor inertia: drive_inertia without its slender arm's."""
     chain, arm = robot.spec.chain[i], robot.parameters[f"chain{i + 1}.arm"].value
     return max(chain.drive_inertia - chain.arm_mass * arm**2 / 3, 0.1 * chain.drive_inertia)
 
 
 def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
-    """Stiffness of a robot that constant torques hold against its weight, along the free twist."""
+    """Return the stiffness of a robot's weight under constant torques, along the free twist."""
     n, still = robot.n, np.zeros(robot.n)
     step = np.zeros((n, 6))
     if robot.spec.mobility != "rotational":

@@ -1,9 +1,9 @@
 """Gain, phase and delay margins of a sampled loop from its frequency response.
 
-A multiplier z in all channels brings the closed loop to the edge of stability where det(I + zL)
-vanishes: where -1/z is an eigenvalue of L(e^{jωT}). So the characteristic loci of L have the
-margins of n channels at once as a Nyquist plot has those of one; a single channel, the others
-closed, is a scalar loop l = 1/(I + L)⁻¹_ii - 1. They say nothing of a loop that is unstable.
+A multiplier z in all channels brings the closed loop to the edge of stability where det(I + zL) is
+zero: where -1/z is an eigenvalue of L(e^{jωT}). The characteristic loci of L thus give the margins
+of n channels at once as a Nyquist plot gives those of one; a single channel with the others closed
+is the scalar loop l = 1/(I + L)⁻¹_ii - 1. They are meaningless for an unstable loop.
 """
 
 from __future__ import annotations
@@ -16,31 +16,28 @@ from truepose.arguments import Array
 from truepose.control.linear import Gains, Plant
 
 _POINTS = 300
-_ANY = 1e6  # a multiplier beyond this is rounding's
+_ANY = 1e6  # multipliers beyond this are rounding errors
 
 
 class Margin(NamedTuple):
-    """How much a loop bears. Infinite where it bears any."""
+    """Stability margins of a loop; infinite where any value is stable."""
 
-    more: float  #: times its gain
-    less: float  #: so many times less
-    phase: float  #: rad, late or early
-    delay: float  #: cycles, beside those it has
+    more: float  #: factor on the gain
+    less: float  #: divisor of the gain
+    phase: float  #: rad, lag or lead
+    delay: float  #: cycles, additional
 
 
 def frequencies(period: float) -> Array:
-    """Points at which loops are looked at, rad/s: from 1 rad/s to half the sampling rate."""
+    """Return the evaluated frequencies, rad/s: from 1 rad/s to half the sampling rate."""
     highest = np.pi / period
     return np.geomspace(min(1.0, 1e-3 * highest), 0.9999 * highest, _POINTS)
 
 
 class Responses:
-    """Frequency responses of P plants whose controller is one transfer function c(z) times E.
+    """Frequency responses of P plants, at poses of one robot, law and period.
 
-    Parameters
-    ----------
-    plants : list of Plant
-        At poses; of one robot, law and period.
+    Their controller is one transfer function c(z) times E.
     """
 
     def __init__(self, plants: list[Plant]):
@@ -48,14 +45,14 @@ class Responses:
         self.frequency = frequencies(self.period)
         self.z = np.exp(1j * self.frequency * self.period)
         answers = [[part @ p.inertia for part in p.response(self.z)] for p in plants]
-        #: From accelerations asked for to readings, (P, F, n + r, n), and to the nacelle's twist.
+        #: From commanded accelerations to readings, (P, F, n + r, n), and to the platform's twist.
         self.readings, self.nacelle = (np.stack(part) for part in zip(*answers, strict=True))
         self.E = np.stack([p.E for p in plants])[:, None]
-        # The same spectrum as broken at the motors' torques.
+        # The same spectrum as of the loop opened at the motor torques.
         self.loci = _tracked(np.linalg.eigvals(self.E @ self.readings))
 
     def stable(self, gains: Gains) -> Array:
-        """Whether the closed loop is, at each pose."""
+        """Return whether the closed loop is stable, at each pose."""
         radii = [abs(np.linalg.eigvals(plant.closed(gains))).max() for plant in self.plants]
         return np.array(radii) < 1
 
@@ -64,19 +61,19 @@ class Responses:
         return [self._margin(loci) for loci in self.together(gains)]
 
     def torques(self, gains: Gains) -> list[list[Margin]]:
-        """Return those of each motor's torque alone, at each pose."""
+        """Return the margins of each motor's torque alone, at each pose."""
         return self._each(self._torques(gains))
 
     def alone(self, gains: Gains) -> list[list[Margin]]:
-        """Return those of each reading alone, at each pose: of a sensor, its own loop."""
+        """Return the margins of each reading alone, at each pose: of a sensor, its own loop."""
         return self._each(self._readings(gains))
 
     def least(self, gains: Gains) -> Margin:
-        """Return the least margins of all motors at once, of all poses."""
+        """Return the least margins of all motors at once, over all poses."""
         return self._margin(_side_by_side(self.together(gains)))
 
     def least_alone(self, gains: Gains) -> Margin:
-        """Return the least of each motor's and each reading's alone, of all poses."""
+        """Return the least margins of each motor and each reading alone, over all poses."""
         loops = [self._torques(gains), self._readings(gains)]
         return self._margin(np.hstack([_side_by_side(loop) for loop in loops]))
 
@@ -85,7 +82,7 @@ class Responses:
         return self.loci * gains.transfer(self.z, self.period)[:, None]
 
     def dither(self, gains: Gains, sigma: Array) -> Array:
-        """Return the torques' rms where readings have white noise of these σ: (P, n)."""
+        """Return the torques' rms under white noise of the readings with these σ: (P, n)."""
         c = gains.transfer(self.z, self.period)[:, None, None]
         inertia = np.stack([p.inertia for p in self.plants])[:, None]
         loop = np.eye(self.E.shape[-2]) + c * (self.E @ self.readings)
@@ -94,21 +91,21 @@ class Responses:
         return np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
 
     def limit_cycle(self, gains: Gains, counts: Array) -> Array:
-        """Return how far the nacelle swings as readings hunt by a count, peak to peak: (P, n).
+        """Return the platform's limit cycle by one count of the readings, peak to peak: (P, n).
 
-        Readings rest in the middle of a count or hunt about its edge, where a quantizer is a relay
-        whose describing function takes any value: each hunts, by itself, at the frequency at which
-        its loop turns by -180°, and its square wave's fundamental, 4/π counts from peak to peak, is
-        what the nacelle answers (A. Gelb and W. E. Vander Velde, Multiple-Input Describing
-        Functions, 1968, chapter 2). A sampled relay may be one cycle late. Phases are anybody's:
-        readings add by their squares.
+        A reading rests in the middle of a count or oscillates about its edge, where a quantizer is
+        a relay whose describing function takes any value. Each oscillates by itself at the
+        frequency at which its loop has a phase of -180°; the platform responds to its square wave's
+        fundamental, 4/π counts peak to peak (A. Gelb and W. E. Vander Velde, Multiple-Input
+        Describing Functions, 1968, chapter 2). A sampled relay may be one cycle late. Phases are
+        arbitrary: readings add by their squares.
         """
         c = gains.transfer(self.z, self.period)[:, None, None]
         error = c * self.E
         loop = np.einsum("pfij,pfji->pfi", self.readings, error) / self.z[:, None]
         swing = 4 / np.pi * counts * np.abs(self.nacelle @ error)
         turned = (loop[:, 1:].imag < 0) != (loop[:, :-1].imag < 0)
-        # Slower than the poles, a motor whose others are left alone only falls.
+        # Below the poles' frequency a motor without the others' control only falls.
         turned &= (loop[:, 1:].real < 0) & (self.frequency[1:, None] > gains.frequency)
         each = np.where(turned[:, :, None], swing[:, 1:], 0).max(axis=1)
         return np.sqrt((each**2).sum(axis=-1))
@@ -121,7 +118,7 @@ class Responses:
         return self._own(gains, self.readings @ self.E)
 
     def _own(self, gains: Gains, loop: Array) -> Array:
-        """Scalar loops of channels whose others are closed, (P, F, channels)."""
+        """Return scalar loops of channels with the others closed, (P, F, channels)."""
         c = gains.transfer(self.z, self.period)[:, None, None]
         open_ = np.linalg.inv(np.eye(loop.shape[-1]) + c * loop)
         return 1 / np.diagonal(open_, axis1=-2, axis2=-1) - 1
@@ -138,29 +135,29 @@ class Responses:
 
 
 def _side_by_side(loci: Array) -> Array:
-    """Loops of all poses as one, (F, P channels)."""
+    """Return the loops of all poses as one, (F, P channels)."""
     return loci.swapaxes(0, 1).reshape(loci.shape[1], -1)
 
 
 def worst(margins: list[Margin]) -> Margin:
-    """Return the least of each."""
+    """Return the least of each margin."""
     return Margin(*np.min(np.array(margins), axis=0).tolist())
 
 
 def _gains(loci: Array) -> tuple[float, float]:
-    """Multipliers that take a locus through -1: the least above 1, and 1 over the largest below."""
+    """Return the multipliers that take a locus through -1: least above 1, 1 / largest below."""
     a, b = loci[:-1], loci[1:]
     passes = (a.imag < 0) != (b.imag < 0)
     a, b = a[passes], b[passes]
     real = a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)
-    least = np.append(-real[real < 0], -loci[-1].real[loci[-1].real < 0])  # half the rate: real
+    least = np.append(-real[real < 0], -loci[-1].real[loci[-1].real < 0])  # at half the rate: real
     least = least[(least < _ANY) & (least > 1 / _ANY)]
     inner, outer = least[least < 1], least[least >= 1]
     return (1 / inner.max() if inner.size else np.inf), outer.min(initial=np.inf)
 
 
 def _phases(loci: Array, frequency: Array) -> tuple[Array, Array]:
-    """How far a locus is from -1 where its modulus is 1, rad, and at which frequencies."""
+    """Return a locus' phase from -1 where its modulus is 1, rad, and the frequencies."""
     size = np.log(np.abs(loci) + 1e-300)
     passes = (size[:-1] < 0) != (size[1:] < 0)
     share = (size[:-1] / (size[:-1] - size[1:] + ~passes))[passes]
@@ -171,7 +168,7 @@ def _phases(loci: Array, frequency: Array) -> tuple[Array, Array]:
 
 
 def _tracked(values: Array) -> Array:
-    """Order eigenvalues, (P, F, n), so that each goes on from frequency to frequency."""
+    """Order eigenvalues, (P, F, n), continuously from frequency to frequency."""
     poses, count, n = values.shape
     result, rows = values.copy(), np.arange(poses)
     for k in range(1, count):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +19,16 @@ from truepose.exceptions import InputError
 from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import coordinate_axes
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
 
-#: Name of the loop that a common multiplier of all motors' torques closes.
+#: Name of the loop with a common multiplier of all motor torques.
 ALL = "all motors"
 
 
-@dataclass(frozen=True)
-class StabilityMargins:
+@dataclass(frozen=True, repr=False)
+class StabilityMargins(Shown):
     """Stability margins of a controlled robot's loops at P poses; angles in rad."""
 
     robot: Robot
@@ -34,9 +39,9 @@ class StabilityMargins:
     loops: dict[str, list[Margin]]
     frequency: Array  #: (F,) rad/s
     loci: Array  #: (P, F, n) complex: eigenvalues of the loop of all motors
-    stable: Array  #: (P,) bool; margins of a loop that is not say nothing
-    dither: Array  #: (P, n) rms of the torques as counts and noise are white, of their limits
-    limit_cycle: Array  #: (P, n) peak to peak of the nacelle as readings toggle by a count: m, rad
+    stable: Array  #: (P,) bool; an unstable loop's margins are meaningless
+    dither: Array  #: (P, n) rms of the torques by white counts and noise, over their limits
+    limit_cycle: Array  #: (P, n) peak to peak of the platform as readings toggle a count: m, rad
 
     def worst(self, loop: str) -> Margin:
         """Return the least of a loop's margins, each at its own pose."""
@@ -49,8 +54,81 @@ class StabilityMargins:
 
     @property
     def kept(self) -> bool:
-        """Whether all is stable and keeps at least 6 dB, 30° and two cycles at every pose."""
+        """Whether all loops are stable and keep at least 6 dB, 30° and two cycles at every pose."""
         return bool(self.stable.all()) and all(gains.kept(self.worst(loop)) for loop in self.loops)
+
+    def table(self) -> Table:
+        """Return one row a loop: its least margins, and the pose where they are least."""
+        rows = []
+        for loop in self.loops:
+            margin, pose = self.worst(loop), self.poses[self.worst_pose(loop)]
+            decibels = [20 * float(np.log10(times)) for times in (margin.more, margin.less)]
+            values = [*decibels, float(np.degrees(margin.phase)), margin.delay]
+            shown = [_margin(value, bool(self.stable.all())) for value in values]
+            rows.append([loop, *shown, named(self.robot, pose)])
+        names = "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"
+        header = ["loop", *names]
+        law = self.controller.built_in
+        return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        draw(figure, [self])
+
+
+def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
+    """Draw the loop of all motors of every law at every pose, and the required margins.
+
+    A Nichols chart: phases go on from frequency to frequency, beyond -360° too.
+    """
+    columns = min(len(found), 2)
+    rows = -(-len(found) // columns)
+    figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    db, phase = 20 * np.log10(gains.LEAST.more), np.degrees(gains.LEAST.phase)
+    for axes, each in zip(panels, found, strict=False):
+        decibels = 20 * np.log10(np.abs(each.loci) + 1e-300)
+        turned = np.degrees(np.unwrap(np.angle(each.loci), axis=1))
+        # Between -360° and 0 where the gain is last above 1; elsewhere as it goes on from there.
+        last = decibels.shape[1] - 1 - (decibels[:, ::-1] > 0).argmax(axis=1)[:, None]
+        last[np.all(decibels <= 0, axis=1)[:, None]] = 0
+        there = np.take_along_axis(turned, last, axis=1)
+        degrees = turned - there + (there % 360 - 360)
+        degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 90] = np.nan  # another locus
+        worst = each.worst_pose(ALL)
+        for pose in [*(p for p in range(len(each.poses)) if p != worst), worst]:
+            red = {"color": "C3", "lw": 1.3, "label": "worst pose", "zorder": 3}
+            style = red if pose == worst else {"color": "0.7", "lw": 0.7, "label": "other poses"}
+            axes.plot(degrees[pose], decibels[pose], **style)
+        for edge in (-180, -540):
+            axes.plot([edge - phase, edge + phase], [0, 0], color="C0", lw=2, zorder=4)
+            axes.plot([edge, edge], [-db, db], color="C0", lw=2, zorder=4, label="required margin")
+        title = f"{each.controller.law}" + ("" if each.stable.all() else ": unstable")
+        axes.set(
+            xlim=(-600, 0), ylim=(-60, 40), title=title, xlabel="phase (°)", ylabel="gain (dB)"
+        )
+        axes.set_xticks(range(-540, 1, 180))
+        axes.grid(color="0.92")
+        axes.label_outer()
+    for axes in panels[len(found) :]:
+        axes.set_visible(False)
+    by_label = dict(zip(*panels[0].get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(by_label.values(), by_label, loc="outside lower center", ncols=3, fontsize=9)
+    name = f"{found[0].robot.name}: open loops of all motors at once"
+    figure.suptitle(name, fontsize=10, parse_math=False)
+
+
+def _margin(value: float, stable: bool) -> Cell:
+    if not stable:
+        return Cell("unstable", np.nan)
+    return number(value) if np.isfinite(value) else Cell("any", value)
+
+
+def named(robot: Robot, pose: Array) -> Cell:
+    """Name a pose for people, mm and degrees, and for programs."""
+    axes = coordinate_axes(robot)
+    values = {a.label: float(a.factor * v) for a, v in zip(axes, pose, strict=True)}
+    home = bool((pose == robot.home).all())
+    return Cell("home" if home else " ".join(f"{v:.4g}" for v in values.values()), values)
 
 
 def stability_margins(
@@ -61,21 +139,21 @@ def stability_margins(
     poses: ArrayLike | None = None,
     period: float | None = None,
 ) -> StabilityMargins:
-    """Compute gain, phase and delay margins of the linearised loops of a robot under a controller.
+    """Compute gain, phase and delay margins of a controlled robot's linearized loops.
 
-    In the loop are the delay, the velocity filter, compliant arms and rods and the robot's
-    weight. Each sensor has its own, non-collocated, loop: from the motors through arms and nacelle
-    to it, and back. Friction, play and ripple are not in it.
+    The loops include delay, velocity filter, compliant arms and rods, and the robot's weight. Each
+    sensor has its own, non-collocated, loop: from the motors through arms and platform to it, and
+    back. Friction, backlash and ripple are excluded.
 
     Parameters
     ----------
     robot : Robot
-        As drawn, and as the controller believes.
+        The nominal and the controller's robot.
     controller : Controller or law
-        Of a law alone, the gains that :meth:`Controller.for_robot` chooses; by default of the
-        TEJ law, or of the joint law where no sensor is in use.
+        For a law alone the gains of :meth:`Controller.for_robot`; by default of the TEJ law,
+        without a sensor in use of the joint law.
     effects : Effects, optional
-        By default all of them; of these, delay, compliance and counts matter.
+        All by default; of these, delay, compliance and quantization matter.
     poses : array_like, shape (P, n), optional
         By default home and the corners of the workspace.
     period : float, optional
@@ -84,7 +162,7 @@ def stability_margins(
     Raises
     ------
     InputError
-        No gains hold the robot at that period.
+        No gains stabilize the robot at that period.
     PoseError
         A given pose is out of reach or singular.
 

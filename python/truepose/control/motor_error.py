@@ -1,4 +1,4 @@
-"""Motor errors ê of a user's law: a function of robot, desired pose and readings."""
+"""Motor errors ê of an own law: a function of robot, desired pose and readings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def law_name(law: Any) -> str:
 
 
 def built_in(law: Any, robot: Robot) -> Any:
-    """Return the law by whose loop gains are chosen: an own law counts as the usual one."""
+    """Return the law by whose loop gains are chosen; for an own law the default one."""
     return usual(robot) if callable(law) else law
 
 

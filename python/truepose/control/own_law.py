@@ -1,4 +1,4 @@
-"""Torques and steady states under a control law of a user."""
+"""Torques and steady states under an own control law."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Torques:
         self._sum = np.zeros(robot.n)
 
     def inertia(self, x: Array) -> Array:
-        """Joint inertia that the gains act through, (n, n): JᵀMJ at x, or its diagonal at start."""
+        """Return the joint inertia of the gains, (n, n): JᵀMJ at x, or its diagonal at start."""
         at = x if self.controller.gains == "inertia" else self._start
         J = self.robot.jacobian(at)
         whole = J.T @ self.robot.mass_matrix(at) @ J
         return whole if self.controller.gains == "inertia" else np.diag(np.diag(whole))
 
     def feed_forward(self, x: Array, rate: Array, acceleration: Array) -> Array:
-        """Torques of the nominal robot, (n,), as far as the controller feeds them forward."""
+        """Return the controller's feed-forward torques of the nominal robot, (n,)."""
         if self.controller.feed_forward == "none":
             return np.zeros(self.robot.n)
         moving = float(self.controller.feed_forward == "full")
@@ -57,24 +57,11 @@ class Torques:
 def equilibrium(
     controller: Controller, robot: Robot, truth: Robot, x_d: Array, start: ArrayLike, gravity: bool
 ) -> tuple[Array, bool]:
-    """Find where the motor error of an own law vanishes, or holds the residual weight.
+    """Find where the motor error of an own law is zero, or its PD holds the residual weight.
 
-    Parameters
-    ----------
-    controller : Controller
-        Whose law is a function.
-    robot, truth : Robot
-        The controller's robot and the true one.
-    x_d : ndarray, shape (n,)
-    start : array_like, shape (n,)
-        Pose at which diagonal gains were placed.
-    gravity : bool
-        As of :func:`truepose.steady_state`.
-
-    Returns
-    -------
-    (ndarray, shape (n,), bool)
-        The pose, and whether the search converged.
+    `robot` is the controller's, `x_d` the desired pose, (n,), `start` the pose at which diagonal
+    gains were placed, `gravity` as for :func:`truepose.steady_state`. Returns the pose, (n,), and
+    whether the search converged.
     """
     from scipy.optimize import root
 
@@ -85,7 +72,7 @@ def equilibrium(
     def unbalanced(x: Array) -> Array:
         q_e = truth.extended_positions(x, errors="nan")
         if not np.isfinite(q_e).all():
-            return np.full(robot.n, 1e3)  # out of reach: a step back is taken
+            return np.full(robot.n, 1e3)  # out of reach: makes the solver step back
         error = motor_error(controller.law, robot, x_d, q_e)  # type: ignore[arg-type]
         weight = truth.inverse_dynamics(x, rest, rest) if gravity else rest
         return np.linalg.solve(stiffness, stiffness @ error + fed - weight)

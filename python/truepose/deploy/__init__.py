@@ -1,1 +1,1 @@
-"""Deployment of a robot by the C interface."""
+"""Deployment of a robot through the C interface."""

@@ -18,11 +18,11 @@ from truepose.faults.monitor import FaultMonitor
 from truepose.robot.knowledge import knowledge, uncertain
 from truepose.robot.robot import Robot
 
-#: Of file, as :func:`truepose.files.mark` has it.
+#: Kind of file, for :func:`truepose.files.mark`.
 KIND = "C tables"
-#: Numbers to a line.
+#: Numbers per line.
 _WIDE = 6
-#: s; of a cycle where no controller says it: to no whole number of it is a slow sensor prompt.
+#: Assumed control cycle without a controller, s, for :func:`require_prompt`.
 _PERIOD = 1e-3
 
 Listed = list[tuple[str, float | list[float]]]
@@ -42,7 +42,7 @@ def identifier(name: str) -> str:
     return word if plain else f"robot_{word}"
 
 
-#: Words of C and C++ that are none of Python's.
+#: Keywords of C and C++ that are not Python's.
 _RESERVED = """
     auto bool case catch char class const default delete do double enum explicit export
     extern float friend goto inline int long main mutable namespace new operator private
@@ -52,18 +52,15 @@ _RESERVED = """
 
 
 def named(robot: Robot, name: str | None) -> str:
-    """Return the prefix of a robot's tables: `name`, or by default its own name as an identifier.
+    """Return the prefix of a robot's tables: `name`, by default the robot's as an identifier.
 
-    Raises
-    ------
-    InputError
-        The name given is no C identifier in lower case, or a word of C.
+    An InputError refuses a `name` that is no C identifier in lower case, or a keyword of C.
     """
     made = identifier(robot.name if name is None else name)
     if name not in (None, made):
         raise InputError(
-            f"--name {name}: must be a C identifier in lower case, such as {made}: the tables are "
-            "called after it"
+            f"--name {name}: must be a C identifier in lower case, such as {made}: it is the "
+            "tables' prefix"
         )
     return made
 
@@ -76,15 +73,15 @@ def to_c(
     Parameters
     ----------
     robot : Robot
-        As the controller believes it to be: as drawn, or calibrated. Where it can be understood by
-        every rod and is not, a second description, ``…_finest``, is what laws that weigh and the
-        watch are to be given; :meth:`Robot.with_level` chooses one.
+        The controller's robot, nominal or calibrated. If it is below its highest level, the
+        weighted laws and the fault monitor need a second description at that level, ``…_finest``;
+        :meth:`Robot.with_level` chooses one level.
     controller : Controller, optional
-        Its gains are placed at home. Without one, as for a robot without masses, the tables of
-        control and watch are left out: kinematics, Jacobian, TEJ, motor errors, estimates and
-        calibration need neither.
+        Controller, with gains placed at home. Without one, as for a robot without masses, there
+        are no tables of control and fault monitor: kinematics, Jacobian, TEJ, motor errors,
+        estimates and calibration need neither.
     watch : FaultMonitor, optional
-        Needs the controller.
+        Fault monitor; needs the controller.
     name : str, optional
         Prefix of the tables, by default the robot's name: programs with two robots need two.
 
@@ -92,12 +89,12 @@ def to_c(
     -------
     str
         ``NAME`` and, with sensors, ``NAME_knowledge``; with a controller ``NAME_control`` and, with
-        sensors and a watch, ``NAME_fault_monitor``.
+        sensors and a fault monitor, ``NAME_fault_monitor``.
 
     Raises
     ------
     InputError
-        A sensor is slow or late, which the C interface has no entry for; or the name is not one.
+        A multirate or delayed sensor, which C does not support, or an invalid name.
 
     Examples
     --------
@@ -122,8 +119,8 @@ def to_c(
             parts.append(_watch(name, robot, controller, watch))
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
-    used = f"laws that weigh, and the watch, are to be given {weighs}" if robot.r else "no sensors"
-    without = " * Without masses: no tables of control and watch.\n" if controller is None else ""
+    used = f"weighted laws and the fault monitor need {weighs}" if robot.r else "no sensors"
+    without = " * Without masses: no control, no fault monitor.\n" if controller is None else ""
     head = (
         f"/* {robot.name}, for truepose/truepose.h; {used}.\n{without}"
         f" * By `truepose export c` of truepose {version('truepose')}; {files.mark(KIND)}.\n"
@@ -137,10 +134,10 @@ def to_c(
 
 
 def require_prompt(robot: Robot, period: float) -> None:
-    """Raise where a sensor is slow or late, which the C interface has no entry for."""
+    """Raise InputError for a multirate or delayed sensor, which the C interface lacks."""
     if delays.settings(robot, period) is not None:
         raise InputError(
-            f"{robot.name}: a sensor has `sample_period` or `latency`, which C does not have: "
+            f"{robot.name}: a sensor has `sample_period` or `latency`, which C does not support: "
             "choose other sensors (--sensors)"
         )
 
@@ -152,7 +149,7 @@ def _number(value: float) -> str:
 
 
 def _numbers(values: Iterable[float], indent: str = "    ") -> str:
-    """Return an initialiser, over several lines if need be; trailing zeros are left out."""
+    """Return an initializer, over several lines if needed; trailing zeros are left out."""
     texts = [_number(value) for value in values]
     while len(texts) > 1 and texts[-1] == "0.0":
         texts.pop()
@@ -161,7 +158,6 @@ def _numbers(values: Iterable[float], indent: str = "    ") -> str:
 
 
 def _rows(listed: Listed, indent: str) -> str:
-    """Return the members of a struct, each with its name."""
     texts = []
     for name, value in listed:
         shown = _numbers(value, indent) if isinstance(value, list) else _number(value)

@@ -2,8 +2,8 @@
 
 from truepose.design.candidates import CandidatePoses
 from truepose.design.placement import Placement, place_sensors
-from truepose.design.poses import PosePlan
-from truepose.design.sensors import SensorSelection, SensorSet
+from truepose.design.pose_plan import PosePlan
+from truepose.design.selection import SensorSelection, SensorSet
 
 __all__ = [
     "CandidatePoses",

@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, check_seed, require
-from truepose.calibration.bound import accuracy
+from truepose.calibration.bound import accuracy, state_of
 from truepose.design.sensors import asked_poses
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.robot import Robot
+from truepose.robot.units import summed
 from truepose.robotfile.to_core import drawn
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
 
 #: Places that are drawn at random, and of which the best begin a search each.
 DRAWN, STARTS = 64, 6
@@ -24,8 +27,8 @@ DRAWN, STARTS = 64, 6
 POINTS = ("origin", "target")
 
 
-@dataclass(frozen=True, eq=False)
-class Placement:
+@dataclass(frozen=True, eq=False, repr=False)
+class Placement(Shown):
     """Best places of sensors."""
 
     robot: Robot  #: with them there, and in use
@@ -35,6 +38,22 @@ class Placement:
     sigma: float  #: of the position there, root mean square over the poses, m
     before: float  #: and where the file has them
     over: Array  #: (T, c) poses
+    state: str = "as built"  #: in which σ holds
+
+    def table(self) -> Table:
+        """Return one row a coordinate."""
+        rows = []
+        for name, place in self.places.items():
+            values = (*self.within[name], self.file[name], place)
+            rows.append([name, *(number(1e3 * value) for value in values)])
+        title = f"Best places for the {summed(self.robot).name}, {self.state}"
+        header = ["coordinate", "from (mm)", "to (mm)", "in the file (mm)", "best (mm)"]
+        return Table("place", title, header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        from truepose.robot.drawing import draw
+
+        draw(figure, self.robot)
 
 
 def place_sensors(
@@ -149,6 +168,7 @@ def place_sensors(
         sigma=least,
         before=sigma(file),
         over=over,
+        state=state_of(calibrated_on, reference_pose),
     )
 
 

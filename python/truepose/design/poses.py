@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +13,9 @@ from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.registration import UNKNOWNS
-from truepose.design.candidates import COUNT, CandidatePoses, Rows, Step, drawn, rows_of
+from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, rows_of
 from truepose.design.exchange import chosen_of, posterior
-from truepose.design.tour import tour
+from truepose.design.pose_plan import PosePlan
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened
@@ -32,55 +30,6 @@ MOST = 200
 RANDOM = 20
 #: A plan that leaves more than this share of the random sets' error: the choice hardly matters.
 HARDLY = 0.95
-
-
-@dataclass(frozen=True, eq=False)
-class PosePlan:
-    """Poses to measure, by marginal gain, and the predicted accuracy after each. n steps."""
-
-    robot: Robot  #: as it is known before
-    steps: list[Step]  #: each the one that buys most after those before it
-    sigma: Array
-    #: (n + 1, c + 1) promised σ of each coordinate and of the position (of a pivot the turn: the
-    #: same of its angles, rad, here and below), root mean square over
-    #: `over`, after 0, 1, … n steps; m, rad
-    random: Array  #: (20,) promised σ of the position after n random ones of the candidates
-    everything: float  #: and after all candidates
-    candidates: int  #: among which it chose
-    left_out: int  #: where the machine cannot be
-    over: Array  #: (T, c) poses that the accuracy is asked for
-    target: float | None = None  #: that was asked for, m
-    seen: bool = False  #: whether σ is of the pose in the tracker's frame
-
-    @property
-    def needed(self) -> int | None:
-        """How many steps reach the target; None where none was given, or these do not."""
-        if self.target is None:
-            return None
-        reached = np.flatnonzero(self.sigma[:, -1] <= self.target)
-        return int(reached[0]) if len(reached) else None
-
-    @cached_property
-    def poses(self) -> Array:
-        """Where to stand, (m, c), on a near-shortest tour from home and back."""
-        return self._stops[0]
-
-    @cached_property
-    def order(self) -> list[int]:
-        """Which step each of :attr:`poses` is of."""
-        return self._stops[1]
-
-    @cached_property
-    def _stops(self) -> tuple[Array, list[int]]:
-        stops = [(x, k) for k, step in enumerate(self.steps) for x in step.poses]
-        way = tour(self.robot, np.array([x for x, _ in stops]).reshape(-1, self.robot.n))
-        x = np.array([stops[k][0] for k in way]).reshape(-1, self.robot.n)
-        return x, [stops[k][1] for k in way]
-
-    @property
-    def gain(self) -> float:
-        """Promised σ of the position over that of the median of random sets."""
-        return float(self.sigma[-1, -1] / np.median(self.random))
 
 
 def plan_poses(

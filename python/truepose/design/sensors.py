@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, require
-from truepose.calibration.bound import reference_sigmas
+from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import reachable
 from truepose.design.machining import Curve, Level, levels_of
 from truepose.design.relaxation import Relaxation
 from truepose.design.search import Search
+from truepose.design.selection import Alone, SensorSelection, SensorSet
 from truepose.design.worth import Worth
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
@@ -26,60 +25,6 @@ from truepose.show.units import printed
 
 #: Poses of the workspace over which sets are compared.
 POSES = 32
-
-
-@dataclass(frozen=True)
-class SensorSet:
-    """A set of sensors, and of tolerances to machine to."""
-
-    sensors: tuple[str, ...]
-    price: float
-    sigma: float  #: of the position, root mean square over the poses, m
-    machined: tuple[tuple[str, float], ...] = ()  #: parameters, names or globs, and their σ
-
-
-class Alone(NamedTuple):
-    """What one candidate does, beside what is there in any case; σ of the position, m."""
-
-    sensor: str  #: or the parameters that are machined
-    level: float | None  #: to this σ, with the levels that it needs; None of a sensor
-    price: float
-    sigma: float  #: with it alone
-    without: float  #: with all but it
-
-
-@dataclass(frozen=True, eq=False)
-class SensorSelection:
-    """Accuracy by cost: the Pareto front of sensors and finer tolerances."""
-
-    robot: Robot
-    prices: dict[str, float]  #: of each candidate
-    front: list[SensorSet]  #: no set is as cheap and as accurate as one of these; cheapest first
-    best: SensorSet | None  #: within the budget, or cheapest of those that reach the target
-    bound: float  #: that none within the budget is better than: σ, m; of a target the price
-    compared: int  #: sets
-    over: Array  #: (T, c) poses
-    by_price: bool = False  #: whether a target was asked for
-    levels: list[list[Level]] = field(default_factory=list)  #: that parameters can be machined to
-    alone: list[Alone] = field(default_factory=list)  #: each candidate by itself
-    exact: bool = True  #: whether the front is proven; else greedy: others may be better
-
-    @property
-    def proven(self) -> bool:
-        """Whether no other set can be better than the best."""
-        if self.best is None:
-            return False
-        return bool(self.bound >= self._reached * (1 - 1e-9))
-
-    @property
-    def gap(self) -> float:
-        """By what share a better one might be better; 0 where there is none."""
-        return 0.0 if self.proven or self.best is None else 1 - self.bound / self._reached
-
-    @property
-    def _reached(self) -> float:
-        assert self.best is not None
-        return self.best.price if self.by_price else self.best.sigma
 
 
 def select_sensors(
@@ -228,7 +173,9 @@ def select_sensors(
         bound=float(bound),
         compared=len(search.known),
         over=over,
-        by_price=target is not None,
+        budget=budget,
+        target=target,
+        state=state_of(calibrated_on, reference_pose, survives),
         levels=ladders,
         alone=each,
         exact=exact,

@@ -22,39 +22,38 @@ _UNITS = {"reading": "rad or m", "reading/s": "rad/s or m/s", "s": "s", "1": "a 
 
 @dataclass(frozen=True)
 class Fault:
-    """One reading that is faulty from a time on: its value where the healthy one is s.
+    """A fault of one reading from a time on: its value in terms of the healthy value s.
 
     ==========  ====================================================  ===================
     kind        reads                                                 size in
     ==========  ====================================================  ===================
     bias        s + size                                              rad or m
-    jump        s + size, for good: counts that an encoder has lost   rad or m
+    jump        s + size, permanently: lost encoder counts            rad or m
     spike       s + size, in one cycle                                rad or m
-    stuck       what s was at that time
-    dropout     nothing: NaN
+    stuck       s at that time
+    dropout     NaN
     drift       s + size · time since                                 rad/s or m/s
     sign        -s
     gain        size · s                                              1
-    delay       s as it was `size` before                             s
-    swap        the other's s, as the other does this one's
+    delay       s, `size` earlier                                     s
+    swap        the other reading's s, and vice versa
     ==========  ====================================================  ===================
 
-    s has its noise and its counts. A delay lasts until a reading is old enough: whole control
-    periods. Plants take several faults, each acting on what those before it left; what a watch can
-    promise is about single ones.
+    s includes noise and quantization. A delay is rounded up to whole control periods. Plants
+    take several faults, applied in order; the fault monitor is designed for single ones.
 
     Parameters
     ----------
     reading : str
-        Its name in logs: "q1", or a sensor's.
+        Name in logs: "q1", or a sensor's.
     kind : str
         One of the above.
     at : float
-        When it begins, s since the plant was started.
+        Begin, s since the plant's start.
     size : float, optional
         In the unit above; "rad or m" is that of the reading.
     until : float, optional
-        When the reading is whole again, s; never by default. A jump and a spike have no end.
+        End, s; by default none. A jump and a spike have no end.
     other : str, optional
         The reading that it is swapped with, of the same unit.
 
@@ -101,7 +100,7 @@ class Fault:
             raise InputError(f"{what}: other = {self.other!r}: {said}")
 
     def __str__(self) -> str:
-        """As the command line takes it."""
+        """Return the fault in the command line's form."""
         value = self.other if self.size is None else f"{self.size:.15g}"
         end = "" if self.until is None else f"..{self.until:.15g}"
         return f"{self.reading}:{self.kind}{f'={value}' if value else ''}@{self.at:.15g}{end}"
@@ -115,19 +114,9 @@ def _finite(value: object) -> bool:
 def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list[_core.Fault]:
     """Check the faults against a robot and return the core's.
 
-    Parameters
-    ----------
-    robot : Robot
-        Whose readings they are.
-    faults : sequence of Fault
-    period : float, optional
-        Of the readings, s; without one the robot only rests, and has no time.
-
-    Raises
-    ------
-    InputError
-        A reading that is not there, is late by too much, is swapped with itself or with one of
-        another unit; where the robot rests, a fault that needs time.
+    `period` is that of the readings, s; None for a static plant, which has no time. Raises
+    InputError for a reading that does not exist, is delayed too much, or is swapped with itself or
+    one of another unit; on a static plant for a fault that needs time.
     """
     if isinstance(faults, str) or not isinstance(faults, Sequence):
         raise InputError("faults: must be a list of Fault: [fault]")

@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,38 +18,42 @@ from truepose.faults.parity import parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT
 
-#: What a reading may be wrong by: the same everywhere, or in proportion to itself.
+#: Errors of a reading: constant, or proportional to itself.
 KINDS = ("bias", "gain")
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """That one reading alone is wrong, in one way, in all lines."""
+    """Single fault of one reading, of one kind, in all rows."""
 
     reading: str
     kind: str  #: of `KINDS`
-    size: float  #: most likely; m or rad of a bias, of a gain how much it is more than 1
-    sigma: float  #: its own; inf: no line says anything of it
-    chi2: float  #: what it leaves unexplained
+    size: float  #: most likely; m or rad of a bias, excess over 1 of a gain
+    sigma: float  #: of the size; inf: no row determines it
+    chi2: float  #: residual χ² under this hypothesis
 
     def __str__(self) -> str:
         return f"{self.reading} {self.kind}"
 
 
-@dataclass(frozen=True)
-class Isolation:
+@dataclass(frozen=True, repr=False)
+class Isolation(Shown):
     """Likelihood of each single-fault hypothesis given rows of readings."""
 
     robot: Robot
     level: Level
-    false_alarm: float  #: probability with which a healthy robot counts as faulty
-    lines: int  #: that were used
-    left_out: int  #: that have no pose
-    chi2: float  #: of the contradictions, were all readings whole
+    false_alarm: float  #: probability that a healthy robot counts as faulty
+    lines: int  #: rows used
+    left_out: int  #: rows without a pose
+    chi2: float  #: of the parities if all readings are healthy
     freedom: int  #: its degrees of freedom
-    limit: float  #: beyond which there is a fault
-    #: All of them, the likeliest first
+    limit: float  #: threshold of a fault
+    #: Most likely first
     hypotheses: tuple[Hypothesis, ...]
 
     @property
@@ -58,15 +63,15 @@ class Isolation:
 
     @property
     def may_be(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses that explain what there is, and that no test tells from the likeliest.
+        """Hypotheses that explain the rows and that no test distinguishes from the most likely.
 
-        None: all is well, or no single fault explains it.
+        Empty: no fault, or no single fault explains the rows.
         """
         from scipy.special import chdtri
 
         if not self.faulty:
             return ()
-        rest = 1e-9 * self.chi2  # one equation: what explains it leaves no more than rounding
+        rest = 1e-9 * self.chi2  # one equation: an explanation leaves only rounding errors
         if self.freedom > 1:
             rest = float(chdtri(self.freedom - 1, self.false_alarm))
         near = self.hypotheses[0].chi2 + float(chdtri(1, self.false_alarm))
@@ -74,8 +79,36 @@ class Isolation:
 
     @property
     def readings(self) -> tuple[str, ...]:
-        """Readings of which one may be the faulty one; a single one is isolated."""
+        """Readings of which one may be faulty; a single one is isolated."""
         return tuple(dict.fromkeys(h.reading for h in self.may_be))
+
+    def table(self) -> Table:
+        """Return one row a hypothesis, the likeliest first."""
+        units, may_be = (
+            dict(zip(self.robot.readings, reading_units(self.robot), strict=True)),
+            self.may_be,
+        )
+        rows = []
+        for h in self.hypotheses:
+            factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
+            size = factor * h.size
+            shown = Cell(f"{number(size)} {unit}", {"size": size, "unit": unit})
+            sure = "yes" if h in may_be else "no"
+            rows.append([h.reading, h.kind, shown, number(factor * h.sigma), number(h.chi2), sure])
+        header = ["reading", "kind", "size", "σ", "χ² left", "may be it"]
+        title = f"One reading alone is wrong, in all of {self.lines} lines"
+        return Table("hypotheses", title, header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        may_be = self.may_be
+        series: dict[str, dict[str, list[float]]] = {"may be it": {}, "is not": {}}
+        for h in self.hypotheses:
+            series["may be it" if h in may_be else "is not"][str(h)] = [0, h.chi2, h.chi2]
+        (axes,) = ranges(figure, {"χ² left unexplained (–)": series}, "hypothesis")
+        axes.axvline(self.chi2, color="k", lw=0.9)
+        axes.axvline(self.limit, color="k", lw=0.9, ls=":")
+        words = "line: χ² without a fault; dotted: limit of a healthy robot"
+        figure.suptitle(f"{self.robot.name}: {words}", fontsize=9, parse_math=False)
 
 
 def isolate(
@@ -88,25 +121,25 @@ def isolate(
 ) -> Isolation:
     """Find the faulty reading from rows at many poses, by a bank of hypotheses.
 
-    With one redundant sensor one pose shows that something is wrong, not what: one equation. A
-    wrong reading contradicts the others by b times its signature, which changes with the pose in
-    its own way. Each hypothesis has its own b; the geometry, the same at all poses, is common
-    to them (Willsky and Jones, A generalized likelihood ratio approach to the detection and
-    estimation of jumps in linear systems, 1976).
+    With one redundant sensor a single pose detects a fault but does not isolate it: one equation. A
+    faulty reading contradicts the others by b times its signature, which changes with the pose in
+    its own way. Each hypothesis has its own b; the geometry, constant over the poses, is common to
+    all (Willsky and Jones, A generalized likelihood ratio approach to the detection and estimation
+    of jumps in linear systems, 1976).
 
     Parameters
     ----------
     robot : Robot
-        As it is believed: with its tolerances, or calibrated before the fault.
+        The assumed robot: with its tolerances, or calibrated before the fault.
     readings : array_like, shape (N, n + r)
-        m and rad, of the motors, then of the sensors in use; lines with NaN are left out.
+        m and rad, of the motors, then of the sensors in use; rows with NaN are excluded.
     level : {"ideal", "full"}, optional
-        By which they are understood; by default :attr:`Robot.highest_level`.
+        Model level; by default :attr:`Robot.highest_level`.
     model_error : bool
-        Whether to count, at the ideal level, what it leaves out of a real robot.
+        Whether the ideal level's model error counts.
     false_alarm : float, optional
-        Probability with which a healthy robot counts as faulty, and with which one hypothesis is
-        taken for another; by default that of one false alarm in 1000 hours at 1 kHz.
+        Probability that a healthy robot counts as faulty, and that one hypothesis is taken for
+        another; by default that of one false alarm in 1000 hours at 1 kHz.
 
     Returns
     -------
@@ -115,7 +148,7 @@ def isolate(
     Raises
     ------
     InputError
-        No redundant sensor is in use, or no line has a pose.
+        No redundant sensor is in use, or no row has a pose.
 
     Examples
     --------
@@ -137,14 +170,14 @@ def isolate(
     alpha = false_alarm_rate() if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     if not robot.r:
-        raise InputError(f"{robot.name}: no redundant sensor in use: readings cannot contradict")
+        raise InputError(f"{robot.name}: no redundant sensor in use: isolation needs one")
     level = robot.highest_level if level is None else level
     model = robot.expected().with_level(level)
     rows, _ = flattened(model, readings, robot.n + robot.r, "readings", "nan")
     evidence = partial(_evidence, model, level, model_error)
     used, y, columns = evidence(rows)
     if not used.any():
-        raise InputError(f"readings: none of {len(rows)} lines has a pose")
+        raise InputError(f"readings: none of {len(rows)} rows has a pose")
     rows, total = rows[used], float(y @ y)
     limit = float(chdtri(robot.r * len(rows), alpha))
     bank = [
@@ -153,7 +186,7 @@ def isolate(
     ]
     bank.sort(key=lambda h: h.chi2)
     for k in range(_LIKELY if total > limit else 0):
-        for _ in range(_AGAIN):  # about what the fault would leave: a large one bends the model
+        for _ in range(_AGAIN):  # linearize without the fault: a large one is nonlinear
             h = bank[k]
             c = robot.readings.index(h.reading)
             there, left, others = evidence(_without(rows, h.kind, c, h.size))
@@ -174,12 +207,12 @@ def isolate(
     )
 
 
-#: Hypotheses that are linearised anew, and how often.
+#: Number of hypotheses that are linearized again, and how often.
 _LIKELY, _AGAIN = 4, 2
 
 
 def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
-    """Take the step that leaves least of y, one of variance 1."""
+    """Take the step that minimizes the residual of y, of variance 1."""
     information = float(column @ column)
     if not information:
         return h
@@ -189,7 +222,7 @@ def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
 
 
 def _without(rows: Array, kind: str, c: int, size: float) -> Array:
-    """Readings less a fault of one of them."""
+    """Return the readings without a fault of one of them."""
     whole = rows.copy()
     whole[:, c] = whole[:, c] - size if kind == "bias" else whole[:, c] / (1 + size)
     return whole
@@ -198,7 +231,7 @@ def _without(rows: Array, kind: str, c: int, size: float) -> Array:
 def _evidence(
     model: Robot, level: Level, model_error: bool, rows: Array
 ) -> tuple[Array, Array, Array]:
-    """Which lines have a pose; their parities and each hypothesis' column, of variance 1."""
+    """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
     used = np.asarray(np.isfinite(rows).all(axis=1))
     poses = model.fkm(rows[used, : model.n], errors="nan")
     used[used] = np.isfinite(poses).all(axis=1)
@@ -219,7 +252,7 @@ def _evidence(
 
 
 def _within_turns(robot: Robot, error: Array) -> Array:
-    """Less the whole turns of sensors that are angles, as they read them."""
+    """Remove the whole turns of sensors that are angles, in their readings' units."""
     turn = np.zeros(robot.n + robot.r)
     for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
         if k >= robot.n and unit == "rad":

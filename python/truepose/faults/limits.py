@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,15 +19,21 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_axes
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
 
-#: Hours in which a healthy robot may give one false alarm, and a controller's usual period, s.
+#: Hours per false alarm of a healthy robot, and a controller's usual period, s.
 HOURS, PERIOD = 1000.0, 1e-3
-#: A law whose pose moves less by an error of a reading, per m or rad, does not use it.
+#: Factor on the limits of the faults whose confusion with others the table shows.
+TIMES = 1.5
+#: Sensitivity of the pose to a reading, per m or rad, below which a law does not use it.
 UNUSED = 1e-9
 
 
 def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
-    """Probability of a false alarm in each test, one test a cycle, for one in so many hours.
+    """Return the false-alarm probability of a test per cycle, for one false alarm in `hours`.
 
     Examples
     --------
@@ -36,42 +43,43 @@ def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
     return period / (3600 * hours)
 
 
-@dataclass(frozen=True)
-class Detectability:
+@dataclass(frozen=True, repr=False)
+class Detectability(Shown):
     """Smallest faults of each reading that tests of the readings alone find; inf where none does.
 
-    m or rad of the reading, which is wrong by a constant: a bias, a jump, or what a drift has
-    grown to. Leading shape (...) is that of the poses, m = n + r readings.
+    In m or rad of the reading, for a constant error: a bias, a jump, or a drift at that time.
+    Leading shape (...) is that of the poses, m = n + r readings.
     """
 
     robot: Robot
     level: Level
     false_alarm: float  #: of each test
-    power: float  #: probability with which the limit itself is found, in one cycle
+    power: float  #: probability of detecting the limit itself, in one cycle
     parity: Parity
-    #: (..., m) found at this pose: χ² of its r parities is beyond its gate
+    #: (..., m) detected at this pose: χ² of its r parities is beyond its gate
     detected: Array
-    #: (..., m, m) also told from a fault of the second reading, which leaves r - 1 parities
+    #: (..., m, m) also distinguished from a fault of the second reading, by r - 1 parities
     apart: Array
-    #: (..., m) of a sudden change at this pose: what the geometry adds has not changed
+    #: (..., m) of a sudden change at this pose: the geometry's part is constant
     jump: Array
-    moving: int  #: poses that are read once each while the fault stays
-    #: (m,) found from all of these together, by the reading's own hypothesis
+    moving: int  #: number of poses read once each under the fault
+    #: (m,) detected from all of these together, by the reading's own hypothesis
     moving_detected: Array
-    #: (m,) also told from any other reading's fault
+    #: (m,) also distinguished from any other reading's fault
     moving_isolated: Array
-    #: law -> (..., m, 2): by how much the pose is off, m and rad, for 1 m or rad of the reading
+    #: law -> (..., m, 2): pose error, m and rad, per 1 m or rad of the reading
     cross_sensitivity: dict[Law, Array]
+    state: str = ""  #: as built or self-calibrated, the level
 
     @cached_property
     def isolated(self) -> Array:
-        """Smallest fault told from every other reading's at this pose, shape (..., m)."""
+        """Smallest fault distinguished from every other reading's at this pose, shape (..., m)."""
         return self.apart.max(axis=-1)
 
-    def confused_with(self, times: float = 1.5) -> dict[str, tuple[str, ...]]:
-        """Which readings a fault of so many times `detected` is not told from, at most poses.
+    def confused_with(self, times: float = TIMES) -> dict[str, tuple[str, ...]]:
+        """Return the readings that a fault of `times` its `detected` is not distinguished from.
 
-        At most of those where it is detected at all.
+        At most of the poses at which it is detected at all.
 
         Examples
         --------
@@ -92,41 +100,89 @@ class Detectability:
 
     @cached_property
     def alike_at_rest(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of readings whose faults no test tells apart at any one pose."""
+        """Groups of readings whose faults no test distinguishes at any one pose."""
         return self._groups(math.prod(self.detected.shape[:-1]))
 
     @cached_property
     def alike(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of readings whose faults no test tells apart, over all poses together.
+        """Groups of readings whose faults no test distinguishes, over all poses together.
 
-        Their signatures are parallel: one is the other times a number that no pose changes.
+        Their signatures are parallel: proportional, by a factor that no pose changes.
         """
         return self._groups(1)
 
     @cached_property
     def unseen(self) -> tuple[str, ...]:
-        """Readings whose faults no test sees, at no pose."""
+        """Readings whose faults no test detects, at no pose."""
         some = self.parity.signature.any(axis=tuple(range(self.parity.signature.ndim - 1)))
         seen = zip(self.robot.readings, np.atleast_1d(some), strict=True)
         return tuple(name for name, one in seen if not one)
 
     def pose_error(self, law: Law) -> Array:
-        """How far the nacelle is off at rest by a fault just below `detected`.
+        """Return the steady-state pose error by a fault just below `detected`, (..., m, 2).
 
-        Returns
-        -------
-        ndarray, shape (..., m, 2)
-            m and rad; inf where a law uses a reading that no test sees there.
+        m and rad; inf where a law uses a reading whose faults no test detects there.
         """
         return _harm(self.cross_sensitivity[law], self.detected)
 
     def moving_pose_error(self, law: Law) -> Array:
-        """How far, where it is worst, by a fault just below `moving_detected`: shape (m, 2)."""
+        """Return the worst pose error by a fault just below `moving_detected`, shape (m, 2)."""
         worst = self.cross_sensitivity[law].reshape(-1, len(self.robot.readings), 2).max(axis=0)
         return _harm(worst, self.moving_detected)
 
+    def table(self) -> Table:
+        """Return one row a reading: median and largest over the poses, mm and degrees."""
+        m = len(self.robot.readings)
+        detected, isolated, jump = (
+            values.reshape(-1, m) for values in (self.detected, self.isolated, self.jump)
+        )
+        confused = self.confused_with(TIMES)
+        rows = []
+        for c, (name, factor, unit) in enumerate(reading_axes(self.robot)):
+            named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
+            values = [
+                np.median(detected[:, c]),
+                detected[:, c].max(),
+                np.median(isolated[:, c]),
+                np.median(jump[:, c]),
+                self.moving_detected[c],
+                self.moving_isolated[c],
+            ]
+            cells = [limit_cell(factor * float(value)) for value in values]
+            rivals = "all others" if len(confused[name]) == m - 1 else " ".join(confused[name])
+            rows.append([named, *cells[:3], rivals, *cells[3:]])
+        over = f"over {self.moving} poses: "
+        header = [
+            "reading",
+            "detected",
+            "at the worst pose",
+            "isolated",
+            f"confused with (at {TIMES:g} ×)",
+            "jump",
+        ]
+        header += [over + "detected", over + "isolated"]
+        return Table("faults", f"Smallest faults, {self.state}", header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for c, axis in enumerate(reading_axes(self.robot)):
+            series = panels.setdefault(f"smallest fault ({axis.unit})", {})
+            for name, values in (
+                ("at a pose: detected", self.detected),
+                ("at a pose: isolated", self.isolated),
+                (f"over {self.moving} poses: detected", self.moving_detected),
+                (f"over {self.moving} poses: isolated", self.moving_isolated),
+            ):
+                own = values.reshape(-1, len(self.robot.readings))[:, c]
+                own = own[np.isfinite(own)] if np.isfinite(own).any() else np.array([np.nan])
+                spread = axis.factor * np.quantile(own, (0.05, 0.5, 0.95))
+                series.setdefault(name, {})[axis.name] = spread
+        for axes in ranges(figure, panels, "reading"):
+            axes.set_xscale("log")
+        figure.suptitle(f"{self.robot.name}: {self.state}", fontsize=10, parse_math=False)
+
     def _groups(self, batches: int) -> tuple[tuple[str, ...], ...]:
-        """Readings whose columns are parallel in every batch of poses in which both are seen."""
+        """Return readings with parallel columns in every batch of poses in which both are seen."""
         rows = math.prod(self.parity.signature.shape[:-1]) // batches
         G = self.parity.signature.reshape(batches, rows, len(self.robot.readings))
         blind = np.asarray(~G.any(axis=1))
@@ -159,18 +215,19 @@ def detectability(
     robot : Robot
         With the sensors in use.
     poses : array_like, shape (..., n)
+        m and rad.
     calibrated_on : array_like, shape (N, n), optional
-        Poses at which the robot has calibrated itself before, by its own readings alone.
+        Poses of an earlier calibration by the robot's own readings alone.
     level : {"ideal", "full"}, optional
-        By which readings are understood; by default :attr:`Robot.highest_level`.
+        Model level; by default :attr:`Robot.highest_level`.
     model_error : bool
-        Whether to count, at the ideal level, what it leaves out of a real robot.
+        Whether the ideal level's model error counts.
     false_alarm : float, optional
         Probability of a false alarm in each test; by default one in 1000 hours at 1 kHz.
     power : float
-        Probability with which the limit is found.
+        Probability of detecting the limit.
     moving : int
-        How many of the poses, spread evenly, are read while a fault stays.
+        Number of the poses, spread evenly, that are read under the fault.
 
     Returns
     -------
@@ -179,7 +236,7 @@ def detectability(
     Raises
     ------
     PoseError
-        A pose that cannot be reached or is singular.
+        A pose cannot be reached or is singular.
 
     Examples
     --------
@@ -215,7 +272,7 @@ def detectability(
     left = unexplained(gram)  # inf from itself
     apart = np.maximum(detected[..., None], _smallest(detectable(alpha, r - 1, power), left))
     apart = np.where(np.eye(m, dtype=bool), detected[..., None], apart)
-    # Two readings' difference holds the noise of both, and no geometry.
+    # The difference of two readings has the noise of both, and no geometry.
     changed = np.square(found.signature).sum(axis=-2) / 2
     jump = np.minimum(detected, _smallest(detectable(alpha, r, power), changed))
 
@@ -235,6 +292,7 @@ def detectability(
         _smallest(one, np.diagonal(information)),
         _smallest(one, unexplained(information).min(axis=-1)),
         _leakage(model, rows, lead, level, root, model_error),
+        f"{bound.state_of(calibrated_on, None)}, {level} level",
     )
 
 
@@ -242,13 +300,13 @@ def _learnt(robot: Robot, poses: ArrayLike, level: Level, model_error: bool) -> 
     knowledge.require_uncertain(robot)
     visited, _ = flattened(robot, poses, robot.n, "calibrated_on", "raise")
     root, status = bound.after_visiting(robot, visited, level, model_error)
-    if status:  # says which pose
+    if status:  # raises with the pose
         bound.accuracy(robot, robot.home, visited, None, level, model_error)
     return root
 
 
 def _smallest(length: float, square: Array) -> Array:
-    """Smallest b with b² g² = length², inf where there is none."""
+    """Return the smallest b with b² g² = length², inf where there is none."""
     if np.isinf(length):
         return np.full(square.shape, np.inf)
     with np.errstate(divide="ignore"):
@@ -263,7 +321,7 @@ def _leakage(
     root: Array | None,
     model_error: bool,
 ) -> dict[Law, Array]:
-    """How far the nacelle is off, m and rad, per unit of each reading's error, under each law."""
+    """Return each law's pose error, m and rad, per unit of each reading's error."""
     linear = np.array([unit == "m" for _, unit in model.coordinates])
     known = knowledge.knowledge(model, root, level=level, error=model_error).core
     result: dict[Law, Array] = {}
@@ -290,3 +348,8 @@ def require_inside(name: str, value: float, low: float, high: float) -> None:
     """Raise InputError unless the value is a number between the two."""
     if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
         raise InputError(f"{name} = {value!r}: must be greater than {low:g}, less than {high:g}")
+
+
+def limit_cell(value: float) -> Cell:
+    """Write a limit; inf: never."""
+    return number(value) if np.isfinite(value) else Cell("never", value)

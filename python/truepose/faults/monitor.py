@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,64 +19,62 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table
 
-#: How a reading is, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
+#: Health of a reading, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")
 #: Why it is not valid.
 SYMPTOMS = tuple(_core.symptoms)
 
-#: Poses of the workspace at which the motors' accelerations are asked for, and by how much less
-#: than what they say counts as possible: between the poses, in motion.
+#: Poses at which the largest accelerations are computed; factor for poses between and for motion.
 _POSES, _MARGIN = 256, 1.5
-#: Counts, and σ of a reading's own error, by which the model must have moved beside a reading that
-#: stands still; and the share of its torque limit at which a motor may stick (assumed).
+#: A reading is stuck if the model moves by so many counts and σ of its own error; share of its
+#: torque limit at which a motor may stick (assumed).
 _COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
-#: Counts by which a motor that rests may be off.
+#: Largest error of a resting motor, counts.
 _BEAR = 2
-#: Torque's rms over its limit by which a motor may be shaken that is driven by what others say: at
-#: 5 σ it saturates.
+#: Largest torque rms over the limit of a motor on its virtual reading: it saturates at 5 σ.
 _SHAKES = 0.2
-#: Torque in motion, rms, over its limit (assumed): it bends arms.
+#: Torque rms in motion over its limit (assumed), for the arms' deflection.
 _TORQUE = 0.25
-#: How far beyond its stops a motor may be read, rad or m.
+#: Tolerance of a motor's reading beyond its stops, rad or m.
 _BEYOND = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class FaultMonitor:
-    """A monitor of all readings, and a stop where one of them is faulty.
+    """A monitor of all readings that stops the robot where one of them is faulty.
 
-    Every cycle asks each reading alone (a number? within the motor's stops, the sensor's range? no
-    faster than the motors can make it? not standing still while the robot moves?) and all of them
-    together: what they disagree about, once the pose is eliminated, against what noise, counts and
-    the geometry's tolerances (or calibration) allow, by its level and by its change. A reading that
-    is found to lie is replaced by what the others say; one that cannot be replaced, or a
-    disagreement of which nobody knows whose it is, stops the robot along its path.
+    Every cycle tests each reading alone (a number, within the motor's stops or the sensor's range,
+    no faster than the motors can drive it, not constant while the robot moves) and all of them
+    together: their disagreement, with the pose eliminated, in level and change, against noise,
+    quantization and the geometry's tolerances (or calibration). A faulty reading is substituted by
+    the virtual reading of the others. If that is impossible, or the faulty reading cannot be
+    isolated, the robot stops along its path.
 
     Parameters
     ----------
     false_alarms : float
-        Allowed per hour: the one number that all thresholds follow from. By default one in
-        1000 hours.
+        Allowed false alarms per hour, which set all thresholds. By default one in 1000 hours.
     coast : int
-        Cycles for which a missing or impossible reading is bridged by its own prediction, before
-        it has failed.
+        Cycles for which a missing or impossible reading is extrapolated before it has failed.
     spikes, within : int
-        So many bridged faults in so many cycles are a failure.
+        Number of extrapolated faults in so many cycles that are a failure.
     decide : int
-        Cycles of disagreement of which nobody can be named, after which the robot stops.
+        Cycles of disagreement without isolation after which the robot stops.
     stop : float
-        In which it then comes to rest along its path, s.
+        Duration of the stop along its path, s.
     stop_lost : float
-        The same where a motor is lost, s: about twice the time in which a brake closes (20 ms,
-        assumed). The brake stops that motor; the other motors leave the path by as far as they
-        go on.
+        The same where a motor is lost, s: about twice a brake's closing time (20 ms, assumed). The
+        brake stops that motor; the others leave the path as far as they move on.
     replaceable : float
-        σ up to which a motor's reading is replaced by what the sensors say, rad or m.
+        Largest σ of a motor's virtual reading from the sensors, rad or m.
     effects : Effects, optional
-        That a healthy robot has, and that are no disagreement: play and eccentric encoders
-        (:meth:`Effects.allowed_for`; a robot that is calibrated was so allowing for them), and
-        the arms' deflection under the motors' torques.
+        Effects of a healthy robot to be tolerated: backlash and eccentric encoders
+        (:meth:`Effects.allowed_for`; a calibrated robot already allows for them), and the arms'
+        deflection under the motor torques.
 
     Examples
     --------
@@ -112,11 +110,11 @@ class FaultMonitor:
     def guarding(
         self, robot: Robot, controller: Controller, still_sensors: bool = True
     ) -> _core.FaultTolerantSetup:
-        """Return what the core's guard needs: the robot, what is known of it, and thresholds.
+        """Return the setup of the core's fault-tolerant controller: robot, covariances, thresholds.
 
-        Without `still_sensors` a sensor that stands still beside moving motors is not called stuck:
-        a law that holds it within a count while the geometry is off does the same to a healthy one.
-        Its disagreement with the others is judged in any case.
+        Without `still_sensors` a constant sensor beside moving motors is not called stuck: a law
+        that holds it within a count despite wrong geometry does the same to a healthy one. Its
+        disagreement with the others is tested in any case.
         """
         settings = _core.FaultTolerantSettings()
         watch = _core.FaultMonitorSettings()
@@ -152,19 +150,18 @@ class FaultMonitor:
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
     ) -> Review:
-        """Watch readings that were recorded, one line a control period.
+        """Monitor recorded readings, one row per control period.
 
         Parameters
         ----------
         robot : Robot
-            What is believed: with its tolerances, or calibrated.
+            The assumed robot: with its tolerances, or calibrated.
         q_e : array_like, shape (N, n + r)
-            Lines of readings, rad and m; NaN where there is none.
+            Rows of readings, rad and m; NaN where there is none.
         desired : array_like, shape (N, n), optional
-            Motor positions that the controller asked for; by default what was read. A motor that
-            stands still is found by them alone.
+            Desired motor positions; by default those read. A stuck motor is only found with them.
         period : float
-            Between two lines, s.
+            Time between two rows, s.
 
         Examples
         --------
@@ -190,44 +187,68 @@ class FaultMonitor:
         return Review(robot, *result)
 
 
-class Review(NamedTuple):
-    """What a watch said of N lines of readings."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Review(Shown):
+    """The fault monitor's results for N rows of readings."""
 
     robot: Robot
-    believed: Array  #: (N, n + r) the readings, or what stood for them
+    believed: Array  #: (N, n + r) the readings, or their substitutes
     health: Array  #: (N, n + r) int, see `HEALTH`
     symptom: Array  #: (N, n + r) int, the latest of each reading, see `SYMPTOMS`
     chi2: Array  #: (N,) level of the readings' disagreement
     freedom: Array  #: (N,) its degrees of freedom
-    doubted: Array  #: (N,) int, readings of which one is wrong, as bits
-    undecided: Array  #: (N,) bool: nobody will find out which
+    doubted: Array  #: (N,) int, candidates for the faulty reading, as bits
+    undecided: Array  #: (N,) bool: it cannot be isolated
     status: Array  #: (N,) int
 
     @property
     def failed(self) -> list[str]:
-        """Names of the readings that have failed by the end."""
+        """Names of the readings that have failed at the end."""
         return failed(self.robot, self.health)
 
     @property
     def first(self) -> int | None:
-        """The first line in which some reading is not valid; None: all are."""
+        """The first row with a reading that is not valid; None: all are."""
         return first(self.health)
+
+    def table(self) -> Table:
+        """Return one row a reading: its health at the end, and its first fault."""
+        rows = []
+        for c, name in enumerate(self.robot.readings):
+            k = first(self.health[:, [c]])
+            last = HEALTH[self.health[-1, c]] if len(self.health) else ""
+            reason = "" if k is None else SYMPTOMS[self.symptom[:, c].max()]
+            rows.append([name, last, Cell("" if k is None else str(k), k), reason])
+        title = f"{self.robot.name}: readings monitored over {len(self.health)} rows"
+        return Table(
+            "review", title, ["reading", "health at the end", "not valid from", "why"], rows
+        )
+
+    def _draw(self, figure: Any) -> None:
+        health = dict(zip(self.robot.readings, self.health.T, strict=True))
+        panels = {
+            "χ² a degree of freedom (–)": {"all readings": self.chi2 / np.maximum(self.freedom, 1)},
+            "health (–)": health,
+        }
+        _, lower = lines(figure, np.arange(len(self.health)), panels, "row (–)")
+        lower.set_yticks(range(len(HEALTH)), HEALTH)
+        figure.suptitle(self.robot.name, fontsize=10, parse_math=False)
 
 
 def failed(robot: Robot, health: Array) -> list[str]:
-    """Names of the readings that have failed in the last of the lines."""
+    """Return the names of the readings that have failed in the last row."""
     last = health[-1] if len(health) else []
     return [name for name, h in zip(robot.readings, last, strict=False) if HEALTH[h] == "failed"]
 
 
 def first(health: Array) -> int | None:
-    """Return the first line in which some reading is not valid."""
+    """Return the first row with a reading that is not valid; None: all are."""
     lines = np.flatnonzero((health > 0).any(axis=1))
     return int(lines[0]) if lines.size else None
 
 
 def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Array) -> str:
-    """Say which readings failed, when and why, and whether the robot had to stop; "": nothing."""
+    """Return which readings failed, when and why, and whether the robot stops; "" if none."""
     said = []
     for c, name in enumerate(robot.readings):
         lines = np.flatnonzero(health[:, c] == HEALTH.index("failed"))
@@ -235,13 +256,13 @@ def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Arr
             k = lines[0]
             said.append(f"{name} failed at {time[k]:.3f} s ({SYMPTOMS[symptom[k, c]]})")
     if stops.any():
-        why = "" if said else "readings disagree, which is undecided: "
+        why = "" if said else "readings disagree, none isolated: "
         said.append(f"{why}stops from {time[stops.argmax()]:.3f} s on")
     return ", ".join(said)
 
 
 def _fastest(robot: Robot) -> Array:
-    """Second derivative that each reading may have, by the motors' torque limits; 0: not known."""
+    """Return each reading's largest second derivative by the motor torque limits; 0: unknown."""
     box = robot.spec.workspace
     if box is None:
         poses = np.array([robot.home])
@@ -253,7 +274,7 @@ def _fastest(robot: Robot) -> Array:
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
-    """Return the robot with its arms' deflection counted as noise of the motors' readings."""
+    """Return the robot with its arms' deflection as noise of the motors' readings."""
     if robot.spec.calibration is None:
         robot = effects.allowed_for(robot)
     if not effects.arm_stiffness:
@@ -272,9 +293,9 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
 
 
 def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
-    """Motion of the model beside which no healthy reading stands still; error that motors bear."""
+    """Return the model motion that shows a constant reading is stuck, and motor errors at rest."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
-    # The error at which the PD overcomes friction; without a limit nothing is known of it.
+    # The error at which the PD overcomes friction; unknown without a torque limit.
     limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
     away = _STICKS * limits / (controller.frequency**2 * _inertia(robot, controller))
     moved[: robot.n] += away
@@ -282,7 +303,7 @@ def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
 
 
 def _shaken(robot: Robot, controller: Controller) -> Array:
-    """White noise of each motor's reading that its torque follows by a share of its limit; rms."""
+    """Return the σ of white reading noise that drives each motor's torque to `_SHAKES`, rms."""
     gains = Gains(controller.frequency, controller.velocity_bandwidth, controller.damping)
     turn = np.exp(1j * np.linspace(0, np.pi, 1000))
     answer = np.sqrt(np.mean(np.abs(gains.transfer(turn, controller.period)) ** 2))
@@ -291,14 +312,14 @@ def _shaken(robot: Robot, controller: Controller) -> Array:
 
 
 def _inertia(robot: Robot, controller: Controller) -> Array:
-    """Torque by which each motor's acceleration at home is had, over it."""
+    """Return each motor's inertia at home: torque over acceleration."""
     gains = replace(controller, gains="diagonal")
     kp = np.array(gains.settings(robot, robot.home).kp[: robot.n])
     return kp / controller.frequency**2
 
 
 def _range(robot: Robot) -> tuple[list[float], list[float]]:
-    """What each reading may be, of motors with stops and sensors with a range; else the same."""
+    """Return the range of each reading by motor stops and sensor ranges; equal ends: none."""
     low, high = np.zeros(robot.n + robot.r), np.zeros(robot.n + robot.r)
     for k, chain in enumerate(robot.spec.chain):
         if chain.limits is None:

@@ -12,31 +12,31 @@ from truepose.arguments import Array, Level
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Kinematics
 
-#: What rounding leaves of a zero: of a signature in units of its reading's σ, and of the sin² of
-#: the angle between two of them.
+#: Rounding errors of zero: of a signature in σ of its reading, of sin² of the angle between two.
 UNSEEN, PARALLEL = 1e-9, 1e-12
 
 
 class Parity(NamedTuple):
-    """r combinations of the n + r readings that hold no pose: y = G (q_e - h), y ~ N(B u, I).
+    """r combinations of the n + r readings without the pose: y = G (q_e - h), y ~ N(B u, I).
 
-    Whatever the pose is, to first order; u ~ N(0, I) is the geometry in units of the knowledge of
-    it, the same at every pose. A fault b of reading c adds b times column c of G, its signature.
+    Independent of the pose to first order; u ~ N(0, I) is the geometry normalized by its
+    covariance, the same at every pose. A fault b of reading c adds b times column c of G, its
+    signature.
     """
 
     signature: Array  #: G, (..., r, n + r), 1/rad or 1/m
     geometry: Array  #: B, (..., r, p)
 
     def at_rest(self) -> Array:
-        """G with u taken for noise: y of a healthy robot is N(0, I) at each pose by itself."""
+        """Return G with u as noise: y of a healthy robot is N(0, I) at each pose by itself."""
         B = self.geometry
         C = np.eye(B.shape[-2]) + B @ B.swapaxes(-1, -2)
         return np.linalg.solve(np.linalg.cholesky(C), self.signature)
 
     def information(self) -> Array:
-        """Fisher information of constant faults, from all poses together, shape (n + r, n + r).
+        """Return the Fisher information of constant faults from all poses, shape (n + r, n + r).
 
-        Gᵀ(I + B Bᵀ)⁻¹G of the poses' rows one below the other: u is common to them.
+        Gᵀ(I + B Bᵀ)⁻¹G with the poses' rows stacked: u is common to them.
         """
         rows = math.prod(self.signature.shape[:-1])
         B, G = (part.reshape(rows, part.shape[-1]) for part in (self.geometry, self.signature))
@@ -45,20 +45,13 @@ class Parity(NamedTuple):
 
 
 def whitened(columns: Array, B: Array) -> Array:
-    """Columns of which what a geometry B u with u ~ N(0, I) explains is taken: by I + B Bᵀ.
+    """Return columns, (N, k), whitened by I + B Bᵀ: a geometry B u with u ~ N(0, I) removed.
 
-    Parameters
-    ----------
-    columns : ndarray, shape (N, k)
-    B : ndarray, shape (N, p)
-
-    Returns
-    -------
-    ndarray, shape (N + p, k)
-        Its scalar products are those of the columns with (I + B Bᵀ)⁻¹ between.
+    For B, (N, p), the result is (N + p, k); its scalar products are those of the columns with (I +
+    B Bᵀ)⁻¹ between.
     """
     whole = np.vstack([columns, np.zeros((B.shape[1], columns.shape[1]))])
-    Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of cancelling terms
+    Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # avoids squares of cancelling terms
     return whole - Q @ (Q.T @ whole)
 
 
@@ -69,20 +62,11 @@ def parity(
     posterior: Array | None = None,
     model_error: bool = True,
 ) -> Parity:
-    """Eliminate the pose from the readings: what a χ² test of the rest goes by.
+    """Eliminate the pose from the readings, for χ² tests of the rest.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use, about its expected geometry.
-    poses : array_like, shape (..., n)
-    level : {"ideal", "full"}, optional
-        By which readings are understood; by default :attr:`Robot.highest_level`.
-    posterior : ndarray, shape (p, p), optional
-        Root of Σ_ξ to take in place of the robot's own.
-    model_error : bool
-        Whether to count, at the ideal level, what it leaves out of a real robot, as an error of
-        each reading that stays the same.
+    About the robot's expected geometry, at poses (..., n) and a model level, by default
+    :attr:`Robot.highest_level`. `posterior`, (p, p), is a root of Σ_ξ in place of the robot's own.
+    `model_error` adds the ideal level's model error as a constant error of each reading.
 
     Examples
     --------
@@ -116,17 +100,11 @@ def parity(
 
 
 def unexplained(gram: Array) -> Array:
-    """How much of each fault another one cannot explain: |g_c|² sin²∠(g_c, g_d).
+    """Return the part of each fault that another cannot explain: |g_c|² sin²∠(g_c, g_d).
 
-    Parameters
-    ----------
-    gram : ndarray, shape (..., m, m)
-        Scalar products of the signatures, or their Fisher information.
-
-    Returns
-    -------
-    ndarray, shape (..., m, m)
-        0 where c is seen and parallel to d; |g_c|² where d is not seen at all; inf on the diagonal.
+    `gram`, (..., m, m), holds the signatures' scalar products or Fisher information. The result,
+    (..., m, m), is 0 where c is seen and parallel to d; |g_c|² where d is not seen; inf on the
+    diagonal.
     """
     own = np.diagonal(gram, axis1=-2, axis2=-1)
     other = np.where(own > 0, own, np.inf)
@@ -136,16 +114,16 @@ def unexplained(gram: Array) -> Array:
 
 
 def gate(false_alarm: float, freedoms: int) -> float:
-    """χ² that a healthy parity exceeds with this probability."""
+    """Return the χ² that a healthy parity exceeds with this probability."""
     from scipy.special import chdtri
 
     return float(chdtri(freedoms, false_alarm))
 
 
 def detectable(false_alarm: float, freedoms: int, power: float) -> float:
-    """Length |b g| of the smallest fault that exceeds the gate with probability `power`.
+    """Return |b g| of the smallest fault that exceeds the gate with probability `power`.
 
-    χ² of a faulty parity is noncentral, by |b g|². Infinite without a freedom.
+    χ² of a faulty parity is noncentral, by |b g|². Infinite without a degree of freedom.
 
     Examples
     --------

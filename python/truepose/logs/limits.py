@@ -8,9 +8,9 @@ from typing import Any
 from truepose.exceptions import InputError
 from truepose.files import contents
 
-#: Bytes of a file, rows, and cells, of which each takes some hundred bytes until it is a number.
+#: Most bytes of a file, rows, and cells (each takes some hundred bytes until parsed).
 BYTES, ROWS, CELLS = 1 << 28, 1_000_000, 10_000_000
-#: Bytes that a compressed file may unpack to.
+#: Most bytes unpacked from a compressed file.
 UNPACKED = 1 << 30
 _HINT = "leave out columns that are not used, thin the log, or split it"
 
@@ -24,7 +24,7 @@ def read(path: Path) -> bytes:
 
 
 def require(path: Path, rows: int, cells: int, unpacked: int = 0) -> None:
-    """Raise InputError where a log is too large; one line names the size and the limit."""
+    """Raise InputError where a log is too large, with the size and the limit."""
     for size, most, what in (
         (rows, ROWS, "rows"),
         (cells, CELLS, "cells"),
@@ -41,7 +41,7 @@ def require_text(path: Path, data: bytes) -> None:
 
 
 def parquet(path: Path, source: Any) -> Any:
-    """Read a Parquet file as a table, by what its metadata say, texts as a dictionary of them."""
+    """Read a Parquet file as a table, within the limits by its metadata; texts as dictionaries."""
     from pyarrow import compute
     from pyarrow import parquet as reader
 

@@ -1,7 +1,7 @@
 """Values of one count, step or turn, for logs in raw units.
 
-Column `q1_counts`, `q1_steps` or `q1_turns` stands for `q1`. One of it is what the log's header
-says, `# one q1_turns = 75.69 mm`; else what the robot file does: counts and steps by
+Column `q1_counts`, `q1_steps` or `q1_turns` replaces `q1`. Its unit's value is from the log's
+header, `# one q1_turns = 75.69 mm`, else from the robot file: counts and steps by
 `encoder_counts`, `counts` or `resolution`, turns by `lead`.
 """
 
@@ -25,17 +25,17 @@ _VALUE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\w+)")
 
 
 def said(lines: Iterable[str]) -> dict[str, str]:
-    """What a log's comments say that one of its columns is worth, by column."""
+    """Return the values of raw units in a log's comments, by column."""
     return {found[1]: found[2] for line in lines if (found := _ONE.fullmatch(line.strip()))}
 
 
 def column_of(name: str, columns: Iterable[str]) -> str | None:
-    """Find the raw column that stands for a reading, if there is one."""
+    """Return the raw column of a reading, if there is one."""
     return next((c for unit in UNITS if (c := f"{name}_{unit}") in columns), None)
 
 
 def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: str) -> float:
-    """Value of one count, step or turn of a raw column, m or rad; `where` is for messages."""
+    """Return one count, step or turn of a raw column, m or rad; `where` is for messages."""
     at = robot.readings.index(name)
     units = _LENGTHS if reading_units(robot)[at] == "m" else _ANGLES
     if (text := header.get(column)) is not None:
@@ -57,10 +57,10 @@ def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: 
         file, key = robot.spec.used[at - robot.n].step, "counts or resolution"
     if not file:
         part = f"chain {at + 1}" if at < robot.n else f"sensor {name}"
-        turns = at >= robot.n and column.endswith("_turns")  # no key of a sensor says them
+        turns = at >= robot.n and column.endswith("_turns")  # no key of a sensor has them
         or_else = "" if turns else f", or give {part} its {key} in the robot file"
         raise InputError(
-            f"{where}: column {column}: what is one worth? Say it in the log, "
+            f"{where}: column {column}: its unit has no value: give it in the log, "
             f"'# one {column} = 0.001 {next(iter(units))}'{or_else}"
         )
     return float(file)

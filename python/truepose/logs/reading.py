@@ -20,40 +20,40 @@ from truepose.plugins import plugins
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 
-#: What an empty cell may say, in lower case.
+#: Texts of an empty cell, in lower case.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none", "<na>")
-#: No reading is larger: its square, a few times over, is still a number.
+#: Largest reading: a few times its square is still finite.
 _MOST = 1e60
-#: Columns of names of planes that the tool touched, by the axis that each is across.
+#: Columns with names of touched planes, and the axis normal to each.
 PLANES = {"plane": "z", "plane_x": "x", "plane_y": "y"}
-#: Column of names of points where the tool was.
+#: Column with names of the tool's points.
 POINT = "point"
 
 
 @dataclass(frozen=True)
 class Log:
-    """Readings of one robot with its sensors in use. N lines; NaN where nothing was read."""
+    """Readings of one robot with its sensors in use. N rows; NaN where nothing was read."""
 
     names: tuple[str, ...]  #: of the n + r columns: q1 … qn, then the sensors
     readings: Array  #: (N, n + r), m or rad
     measured: Array | None  #: (N, n) coordinates from outside, or None
-    lines: Array  #: (N,) where each line stands in its file
-    word: str  #: what a line is called: line of a CSV file, else row
-    unused: tuple[str, ...] = ()  #: columns that say nothing of this robot
-    measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not said; or None
+    lines: Array  #: (N,) number of each row in its file
+    word: str  #: word for a row: line of a CSV file, else row
+    unused: tuple[str, ...] = ()  #: columns without a meaning for this robot
+    measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not given; or None
     labels: dict[str, Array] = field(default_factory=dict)  #: (N,) names of plane, point; or ""
     above: dict[str, Array] = field(default_factory=dict)  #: (N,) of each plane's column, m
-    loads: Payloads | None = None  #: under which it was read, where it says so
+    loads: Payloads | None = None  #: during the readings, where given
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
-        """Name some lines: "lines 7, 9, 12"."""
+        """Format row numbers: "lines 7, 9, 12"."""
         numbers = [int(self.lines[k]) for k in rows]
         shown = ", ".join(map(str, numbers[:most]))
         more = f", … {len(numbers) - most} more" if len(numbers) > most else ""
         return f"{self.word}{'s' if len(numbers) > 1 else ''} {shown}{more}"
 
     def only(self, keep: Array) -> Log:
-        """Return the log of some of its lines; `keep` as numpy indexes."""
+        """Return the log of some rows; `keep` as numpy indexes."""
         kept: dict[str, Any] = {
             name: None if (values := getattr(self, name)) is None else values[keep]
             for name in ("readings", "measured", "measured_sigma", "lines")
@@ -65,10 +65,9 @@ class Log:
 
 
 def repeated(readings: Array, measured: Array | None, n: int) -> Array:
-    """Lines that say, digit for digit, what an earlier one says beyond its n motors, (N,) bool.
+    """Return rows identical to an earlier one, with a reading beyond the n motors, (N,) bool.
 
-    A reading that was written twice is one reading; one that was taken twice, in the same counts,
-    errs by the same fraction of a count.
+    A copied row adds nothing, nor do repeated counts: their rounding error is the same.
     """
     cells = readings if measured is None else np.hstack([readings, measured])
     result = np.zeros(len(cells), dtype=bool)
@@ -79,17 +78,17 @@ def repeated(readings: Array, measured: Array | None, n: int) -> Array:
 
 
 def is_table(value: object) -> bool:
-    """Whether this has named columns: a Log, or as of :func:`truepose.arguments.columns_of`."""
+    """Return whether this has columns: a Log, or by :func:`truepose.arguments.columns_of`."""
     return isinstance(value, Log) or columns_of(value) is not None
 
 
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
-    """Take the columns of a robot and its sensors in use out of a table, SI units.
+    """Extract the readings of a robot and its sensors in use from a table in SI units.
 
-    Columns q1 … qn, each sensor by its name; measured_x …, measured_x_sigma … where something
-    outside measured a coordinate; plane and point, names of touched features; of a robot whose
-    file has compliances load_x … and q1_tension …, N, empty where there was none or it was not
-    measured. An InputError names the column that is missing, or the cell that is no number.
+    Columns q1 … qn and each sensor's name; measured_x …, measured_x_sigma … of external
+    measurements; plane and point, names of touched features; for files with compliances load_x …
+    and q1_tension …, N, empty if absent or not measured. An InputError names the column that is
+    missing, or the cell that is no number.
 
     Examples
     --------
@@ -109,17 +108,12 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
 
 
 def read(robot: Robot, path: str | Path) -> Log:
-    """Read a log file: Parquet or MCAP if it begins as one, else CSV.
+    """Read a log file: Parquet or MCAP by its first bytes, else CSV.
 
-    MCAP: all channels of JSON messages; a line for each message with the motors' readings, and of
-    every other channel the message nearest in time, up to 0.01 s and half the motors' usual
-    interval away. CSV: a line of names, then
-    one line for each pose; comma, semicolon or tab; lines that begin with # are comments.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read; one line names the file, the line, the column and the cell.
+    MCAP: all channels of JSON messages; a row for each message with the motors' readings, and of
+    every other channel the message nearest in time, at most 0.01 s and half the motors' usual
+    interval away. CSV: a line of names, then a line for each pose; comma, semicolon or tab; lines
+    that begin with # are comments. An InputError names the file, the line, the column and the cell.
     """
     path = Path(path)
     data = _bytes(path)
@@ -140,7 +134,7 @@ def read(robot: Robot, path: str | Path) -> Log:
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
-    """Read columns of a CSV file of any machine: numbers (N, k), no cell empty, and their lines."""
+    """Read columns of any CSV file: numbers (N, k), no cell empty, and their lines."""
     cells, lines = texts(path, names)
     where = str(path)
     columns = [_numbers(cells[n], n, lines, "line", where, empty=False) for n in names]
@@ -148,7 +142,7 @@ def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
 
 
 def texts(path: str | Path, names: Sequence[str]) -> tuple[dict[str, list[str]], Array]:
-    """Cells of a CSV file that has these columns, among others, and their lines."""
+    """Read the cells, by column, of a CSV file with the columns `names`, and their lines."""
     path = Path(path)
     header, rows, lines = _csv(path, _bytes(path))
     for name in names:
@@ -184,7 +178,7 @@ def _parquet(path: Path, data: bytes) -> dict[str, Any]:
         names = table.column_names
     except InputError:
         raise
-    except Exception as error:  # a spoilt file may break its reader anywhere
+    except Exception as error:  # a corrupt file may break its reader anywhere
         raise spoilt(path, "Parquet", error) from None
     if not names:
         raise InputError(f"{path}: no columns")
@@ -193,7 +187,7 @@ def _parquet(path: Path, data: bytes) -> dict[str, Any]:
 
 
 def spoilt(path: Path, kind: str, error: Exception) -> InputError:
-    """Return the error of a file that its reader cannot read."""
+    """Return the error for a corrupt file."""
     reason = str(error).splitlines()[0] if str(error).strip() else "it ends too early"
     return InputError(f"{path}: cannot be read as {kind}: {one_line(reason, 200)}")
 
@@ -205,7 +199,6 @@ def _no_twins(path: Path | str, names: list[str]) -> None:
 
 
 def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
-    """Header, cells and line numbers."""
     limits.require_text(path, data)
     header: list[str] = []
     rows, lines = [], []
@@ -275,7 +268,7 @@ def _pick(
         return np.column_stack(numbers) if np.isfinite(numbers).any() else None
 
     sigmas = [f"{name}_sigma" for name in outside]
-    # A load on stiff rods says nothing.
+    # Loads have no effect on stiff rods.
     forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
     tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
     free = [name for name in columns if name not in one]
@@ -301,7 +294,6 @@ def _pick(
 
 
 def _labels(column: Any, name: str, lines: Array, word: str, where: str) -> Array:
-    """Return a column of names; "" where a cell is empty."""
     cells = [str(cell).strip() if cell is not None else "" for cell in column]
     cells = ["" if cell.lower() in _EMPTY else cell for cell in cells]
     for number, cell in zip(lines, cells, strict=False):
@@ -360,9 +352,9 @@ def _number(cell: Any, what: str, must: str) -> float:
         raise InputError(f"{what} = '{shown}': must be a {must}{hint}") from None
 
 
-#: Column of names of postures: a pivot's nacelle, a foot, was flat.
+#: Column with names of postures: a rotational platform (a foot) was flat.
 POSTURE = "posture"
-#: σ of a posture, rad, assumed: a flat sole on a flat floor, 0.05°.
+#: Assumed σ of a posture, rad: a flat sole on a flat floor, 0.05°.
 FLAT = math.radians(0.05)
 _NONE = ("", "0", "no", "false")
 
@@ -370,10 +362,10 @@ _NONE = ("", "0", "no", "false")
 def flat(
     robot: Robot, names: Array, measured: Array | None, sigma: Array | None
 ) -> tuple[Array, Array]:
-    """Fill in what postures measure: 0 of every axis that is not upright at zero, and its σ.
+    """Fill in the measurements of postures: 0 for every axis that tilts, and its σ.
 
-    Only NaN of `measured` and `sigma`, (N, n) or None, are filled in. The lines of one posture are
-    of one pose, which counts once: in the first of them.
+    Only NaN of `measured` and `sigma`, (N, n) or None, are replaced. The rows of one posture are of
+    one pose, which counts once: in the first of them.
     """
     first = np.zeros(len(names), dtype=bool)
     first[np.unique(names.astype(str), return_index=True)[1]] = True
@@ -385,12 +377,12 @@ def flat(
 
 
 def stood(names: Array) -> Array:
-    """Lines that are of a posture, (N,) bool."""
+    """Return the rows that belong to a posture, (N,) bool."""
     return np.array([name.lower() not in _NONE for name in names], dtype=bool)
 
 
 def tilts(robot: Robot) -> Array:
-    """Axes of a pivot that tilt what is flat, (n,) bool: not those that are parallel to gravity."""
+    """Return the axes of a rotational platform that are not parallel to gravity, (n,) bool."""
     down = np.array(robot.spec.gravity)
     size = float(np.linalg.norm(down)) or 1.0
     axes = np.array([axis.direction for axis in robot.spec.passive_axis])

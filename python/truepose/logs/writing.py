@@ -1,8 +1,4 @@
-"""Writers of logs: CSV, Parquet, and formats of integrations.
-
-Readings have the names that :func:`truepose.calibrate` and `truepose calibrate` look for, measured
-coordinates are ``measured_x`` …: what is written here can be calibrated on.
-"""
+"""Writers of logs with the columns that calibrations read: CSV, Parquet, plugins' formats."""
 
 from __future__ import annotations
 
@@ -27,7 +23,7 @@ from truepose.robot.units import reading_units
 class Column(NamedTuple):
     """One quantity of a run, in SI units."""
 
-    topic: str  #: what it belongs to: a channel of an MCAP file
+    topic: str  #: group of columns: a channel of an MCAP file
     name: str
     unit: str
     what: str
@@ -35,15 +31,15 @@ class Column(NamedTuple):
 
 
 class Recorded(Protocol):
-    """A run that a log can be written of."""
+    """A run that can be written as a log."""
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Everything in the run; `robot`: of one that does not hold its own."""
+        """Return all columns; `robot` is for a run that does not hold its own."""
         ...
 
 
 def readings(robot: Robot, q_e: Array) -> list[Column]:
-    """Columns of the readings, by the names that a calibration looks for."""
+    """Return the columns of the readings, named as for a calibration."""
     kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
     result = []
     for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
@@ -53,21 +49,21 @@ def readings(robot: Robot, q_e: Array) -> list[Column]:
 
 
 def pose(robot: Robot, kind: str, what: str, x: Array) -> list[Column]:
-    """Columns of a pose of some kind: desired, true, measured."""
+    """Return the columns of a desired, true or measured pose."""
     return [
-        Column(kind, f"{kind}_{name}", unit, f"{kind} {name} of the nacelle, {what}", x[:, k])
+        Column(kind, f"{kind}_{name}", unit, f"{kind} {name} of the platform, {what}", x[:, k])
         for k, (name, unit) in enumerate(robot.coordinates)
     ]
 
 
 def numbered(rows: Array) -> list[Column]:
-    """Column of the poses' numbers, where a run has no time."""
+    """Return the column of pose numbers, for a run without time."""
     number = np.arange(len(rows), dtype=float)
     return [Column("pose", "pose", "1", "number of the pose, from 0", number)]
 
 
 def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
-    """Name, unit, description and values of everything in a run; `robot`: of a Visit alone.
+    """Return all columns of a run: name, unit, description, values; `robot`: for a Visit only.
 
     Examples
     --------
@@ -88,21 +84,21 @@ def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
 def write(
     run: Recorded, path: str | Path, robot: Robot | None = None, *, force: bool = False
 ) -> None:
-    """Write a run as its file's name ends: .parquet, .mcap or .csv.
+    """Write a run in the format of the path's ending: .parquet, .mcap or .csv.
 
     Parameters
     ----------
     run, robot
         As of :func:`columns`.
     path : str or Path
-        An interrupted write leaves a file that is there as it was.
+        File; an existing one survives an interrupted write.
     force : bool
-        Replace a file that is there; never what is read-only, or is no regular file.
+        Whether to replace an existing file; never a read-only or special one.
 
     Raises
     ------
     InputError
-        An unknown ending, a package that is missing, a file that cannot or may not be written.
+        Unknown ending, missing package, or a file that cannot or may not be written.
 
     Examples
     --------
@@ -122,10 +118,7 @@ def write(
 
 
 def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = False) -> Output:
-    """Check that a log may be written, best before any work is done for it.
-
-    An InputError says that the ending is unknown, or why the file may not be written.
-    """
+    """Raise InputError, before any work, for an unknown ending or a file not to be written."""
     output = Output(Path(path), "log")
     checked([output], inputs, force)
     if output.path.suffix not in (writers := _writers()):
@@ -134,7 +127,7 @@ def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = Fal
 
 
 def encoded(path: Path, listed: list[Column]) -> bytes:
-    """Return the contents of a log file, as its name ends; the first column is time or number."""
+    """Return a log file's contents by the path's ending; the first column is time or number."""
     return _writers()[path.suffix](path, listed)
 
 
@@ -171,6 +164,5 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
 
 
 def _writers() -> dict[str, Callable[[Path, list[Column]], bytes]]:
-    """Return what writes each ending: two of our own, and those of integrations."""
     formats = plugins("log_formats").items()
     return {".csv": _csv, ".parquet": _parquet} | {e: each.load().write for e, each in formats}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from truepose.arguments import Array
 from truepose.paper import experiment, twin
 from truepose.paper import faulty as lying
 from truepose.paper import following as paths
@@ -14,6 +15,8 @@ from truepose.paper.experiment import Control, Experiment
 from truepose.paper.virtual_experiment import Run
 from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
+from truepose.show.results import figure_of
 from truepose.simulation.simulate import Simulation
 
 #: Label and colour of each control.
@@ -56,17 +59,20 @@ def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
 
 def poses(result: Experiment) -> Figure:
     """Plot errors of the first robot at all poses under each control, in the order of Table 2."""
-    figure = Figure(figsize=(8.4, 5.2), layout="constrained")
-    top, bottom = figure.subplots(2, 1, sharex=True)
-    for control, (name, colour) in CONTROLS.items():
-        error = result.errors[control][0]
-        top.plot(error[:, 3], ".", ms=2.5, color=colour, label=name, rasterized=True)
-        norm = np.linalg.norm(error[:, :3], axis=1)
-        bottom.plot(norm, ".", ms=2.5, color=colour, rasterized=True)
-    top.set(ylabel="error of θ (°)")
-    bottom.set(xlabel="pose (number in Table 2)", ylabel="position error (mm)", ylim=(0, None))
-    figure.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
-    return figure
+    return _poses({control: errors[0] for control, errors in result.errors.items()}, "error of ")
+
+
+def _poses(errors: Mapping[Control, Array], what: str) -> Figure:
+    named = {CONTROLS[control][0]: error for control, error in errors.items()}
+    panels = {
+        f"{what}θ (°)": {name: error[:, 3] for name, error in named.items()},
+        f"{what}position (mm)": {
+            name: np.linalg.norm(error[:, :3], axis=1) for name, error in named.items()
+        },
+    }
+    count, colours = len(next(iter(named.values()))), dict(CONTROLS.values())
+    where = "pose (number in Table 2)"
+    return figure_of(lambda figure: lines(figure, range(count), panels, where, ".", colours))
 
 
 def ratios(result: Experiment) -> Figure:
@@ -206,7 +212,7 @@ def faults(lines: list[lying.Line]) -> Figure:
             )
             panel.hlines(at, alone, watched, color=colour, lw=0.6)
             style = {"ms": 4, "mec": colour, "clip_on": False}
-            panel.plot(alone, at, "o", mfc="white", mew=0.9, **style)
+            panel.plot(alone, at, "o", mfc="white", mew=0.9, label=f"_{law}, alone", **style)
             panel.plot(watched, at, "o", mfc=colour, label=law, **style)
         panel.set(xscale="log", xlabel=label, ylim=(len(lines) - 0.5, -0.5))
         panel.minorticks_off()
@@ -222,18 +228,9 @@ def faults(lines: list[lying.Line]) -> Figure:
 
 def twin_poses(runs: dict[Control, Run]) -> Figure:
     """Plot errors at all poses as the paper would have measured them: desired minus measured."""
-    drawn = Figure(figsize=(8.4, 5.2), layout="constrained")
-    top, bottom = drawn.subplots(2, 1, sharex=True)
-    for control, ran in runs.items():
-        name, colour = CONTROLS[control]
-        error = ran.errors("desired")
-        style = {"ms": 2.5, "color": colour, "rasterized": True}
-        top.plot(error[:, 3], ".", label=name, **style)
-        bottom.plot(np.linalg.norm(error[:, :3], axis=1), ".", **style)
-    top.set(ylabel="θ, desired − measured (°)")
-    bottom.set(xlabel="pose (number in Table 2)", ylabel="position (mm)", ylim=(0, None))
-    drawn.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
-    return drawn
+    return _poses(
+        {control: ran.errors("desired") for control, ran in runs.items()}, "desired − measured, "
+    )
 
 
 def loops(section: twin.Section) -> Figure:

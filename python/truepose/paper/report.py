@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import importlib.util
-import io
 import os
 import uuid
 from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +18,9 @@ from truepose.exceptions import InputError
 from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
-from truepose.show import drawing, page
+from truepose.show import page
+from truepose.show.plotted import plotted
+from truepose.show.table import as_csv
 from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 11  #: figures of every report; one more with the warm-up
@@ -88,7 +88,8 @@ def write(
         *(tables.twin_tables(result.section) if result.section else ()),
     ]
     for table in numbers:
-        _csv(out / f"{table.name}.csv", table.header, table.rows)
+        data = table.columns(0, 3, 4) if table.name == "verdicts" else table  # words alone
+        _csv(out / f"{table.name}.csv", data.records())
     _raw_numbers(result, out)
     if result.section:
         _logs(result.section, out)
@@ -124,20 +125,21 @@ def write(
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         section=result.section,
         setup=describe(result.section) if result.section else None,
+        csv=sorted(file.name for file in out.glob("*.csv")),
         versions=page.versions(),
     )
     (out / PAGE).write_text(text, encoding="utf-8")
 
 
 def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
-    yield "robot", drawing.draw(result.robot)
+    yield "robot", result.robot.plot()
     for name, run in result.moves.items():
         yield name, figures.move(run, result.moves.values())
     yield "poses", figures.poses(result.experiment)
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)
     if result.warm_up:
-        yield "warm_up", figures.warm_up(result.warm_up)
+        yield "warm_up_curves", figures.warm_up(result.warm_up)
     yield "following", figures.following(result.following)
     yield "faults", figures.faults(result.faults)
     for plant, runs in result.section.runs.items() if result.section else ():
@@ -160,19 +162,17 @@ def describe(section: twin.Section) -> dict[str, float]:
 
 
 def _save(figure: Figure, path: Path) -> str:
-    """Save as SVG and PNG; return the SVG as a data URI."""
+    """Save as SVG, PNG and CSV; return the SVG as a data URI."""
     drawn = files.picture(figure, ".svg")
     path.with_suffix(".svg").write_bytes(drawn)
     path.with_suffix(".png").write_bytes(files.picture(figure, ".png"))
+    if points := plotted(figure):
+        _csv(path.with_suffix(".csv"), points)
     return page.as_uri(drawn)
 
 
-def _csv(path: Path, header: list[str], rows: Iterable[Iterable]) -> None:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    path.write_text(buffer.getvalue(), encoding="utf-8")
+def _csv(path: Path, records: Iterable[dict[str, object]]) -> None:
+    path.write_text(as_csv(records), encoding="utf-8")
 
 
 def _logs(section: twin.Section, out: Path) -> None:
@@ -189,9 +189,9 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
     """Write statistics of every robot, poses of the first robot and samples of the moves."""
     _csv(
         out / "statistics.csv",
-        ["robot", "control", "quantity", "statistic", "unit", "value"],
         (
-            [robot, control, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
+            {"robot": robot, "control": control, "quantity": quantity, "statistic": statistic}
+            | {"unit": tables.unit(quantity, statistic), "value": float(v)}
             for control in CONTROLS
             for robot, table in enumerate(result.experiment.tables[control])
             for quantity, row in zip(article.QUANTITIES, table, strict=True)
@@ -206,7 +206,8 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
     for control in CONTROLS:
         header += [f"error_{control}_{n}_{u}" for n, u in zip(names, units, strict=True)]
         columns.append(result.experiment.errors[control][0])
-    _csv(out / "poses.csv", header, np.hstack(columns).tolist())
+    rows = np.hstack(columns).tolist()
+    _csv(out / "poses.csv", [dict(zip(header, row, strict=True)) for row in rows])
     for name, run in result.moves.items():
         header = ["time_s"]
         header += [f"{n}_desired_{u}" for n, u in zip(names, units, strict=True)]
@@ -214,4 +215,4 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
         header += [f"torque{i + 1}_Nm" for i in range(run.robot.n)]
         x_d, x = experiment.in_print_units(run.x_d), experiment.in_print_units(run.x)
         rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
-        _csv(out / f"{name}.csv", header, rows)
+        _csv(out / f"{name}.csv", [dict(zip(header, row, strict=True)) for row in rows])

@@ -243,7 +243,8 @@ def warm_up(lines: list[WarmUp]) -> Table:
     rows = []
     for line in lines:
         over = line.over_bound()
-        ends = f"{over.min():.2f} to {over.max():.2f}"
+        ends = {f"estimate over its bound, {k}": getattr(over, k)() for k in ("min", "max")}
+        scatter = Cell(" to ".join(f"{end:.2f}" for end in ends.values()), ends)
         warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # constant from here
         for method, values in line.rms.items():
             rms = np.sqrt((values**2).mean(axis=0))
@@ -251,7 +252,7 @@ def warm_up(lines: list[WarmUp]) -> Table:
             data = {"sensors": line.sensors, "method": NAMES[method], "unit": "mm"}
             named = Cell(f"{line.sensors}: {NAMES[method]}", data)
             cells = [*map(number, (half, rms[warmest], rms[-1]))]
-            rows.append([named, *cells, ends if method == "online" else ""])
+            rows.append([named, *cells, scatter if method == "online" else Cell("", {})])
     header = ["position rms (mm)", "half warm", "warm", "an hour later", "estimate over its bound"]
     title = f"Perfectly calibrated when cold: {len(lines[0].bound)} robots per set"
     return Table("warm_up", title, header, rows)
@@ -314,7 +315,7 @@ def faults(lines: list[lying.Line]) -> Table:
     for line in lines:
         row: list[str] = [line.fault]
         for law in LAWS:
-            ways = {"": line.alone[law], "monitored ": line.watched[law]}
+            ways = {"": line.alone[law], "watched ": line.watched[law]}
             data = {
                 f"{law}, {way}{name} ({what})": max(getattr(run, name) for run in runs)
                 for way, runs in ways.items()
@@ -323,7 +324,7 @@ def faults(lines: list[lying.Line]) -> Table:
             row.append(Cell(" → ".join(_worst(runs) for runs in ways.values()), data))
         row.append(number(line.median, 2))
         runs = f"{line.found} of {line.runs}"
-        rows.append([*row, Cell(runs, {"detected": line.found, "runs": line.runs})])
+        rows.append([*row, Cell(runs, {"found": line.found, "runs": line.runs})])
     count = len(lines[0].alone[LAWS[0]])
     header = ["fault", *(f"{law} (mm, °)" for law in LAWS), "monitored, median (mm)", "detected"]
     where = f"{count} moves" if count > 1 else "one move"
@@ -422,7 +423,7 @@ def effects(lines: list[forgotten.Line]) -> Table:
         calibrated = Cell(f"{calibrated} [{low:.2f}, {high:.2f}]", ends)
         row = [line.case, usual, calibrated, fixed(line.gain, 1), seen_usual, seen]
         rows.append([*row, fixed(line.excluded, 0)])
-    header = ["effects", "usual, true", "calibrated, true", "gain", "usual, measured"]
+    header = ["effects (rms in mm)", "usual, true", "calibrated, true", "gain", "usual, measured"]
     header += ["calibrated, measured", "excluded"]
     title = (
         "Self-calibration with effects that the model omits: position rms (mm)"

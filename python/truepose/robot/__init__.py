@@ -1,1 +1,1 @@
-"""Robots: kinematics, readings, and what is known of their parameters."""
+"""Robots: kinematics, readings, and prior knowledge of their parameters."""

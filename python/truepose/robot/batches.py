@@ -1,4 +1,4 @@
-"""Batches of poses: into the core, and errors of the rows without an answer."""
+"""Batches of poses: conversion for the core, and errors of rows without a result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import explain
 from truepose.robot.description import Description
 
-_MUCH = 10.0  # m or rad: more than robots span and turn
+_MUCH = 10.0  # m or rad: beyond any robot's workspace
 
 
 def flattened(
@@ -23,7 +23,7 @@ def flattened(
 ) -> tuple[Array, tuple[int, ...]]:
     """Check the shape and flatten the leading axes: (N, width) in C order.
 
-    Columns of a table are taken by their names: the pose's coordinates, or the readings.
+    Columns of a table are selected by name: the pose's coordinates, or the readings.
     """
     if errors not in ("raise", "nan"):
         raise InputError(choose("errors", errors, ("raise", "nan")))
@@ -74,8 +74,8 @@ def require_answers(
     name: str = "x",
     level: Level | None = None,
 ) -> None:
-    """Raise PoseError for the first row that has no answer, unless NaN was asked for."""
-    if errors == "nan" or not (status > 0).any():  # below 0: an answer, with a warning
+    """Raise PoseError for the first row without a result, unless `errors` is "nan"."""
+    if errors == "nan" or not (status > 0).any():  # below 0: a result, with a warning
         return
     k = int(np.flatnonzero(status > 0)[0])
     index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
@@ -93,8 +93,8 @@ def require_answers(
 
 
 def _in_other_units(row: Array) -> str:
-    """Ask whether a row that no robot reaches is in mm or degrees."""
-    return "; m and rad? (not mm, °)" if np.abs(row).max() > _MUCH else ""
+    """Return a hint at wrong units for a row that no robot reaches, else nothing."""
+    return "; is it in mm or degrees instead of m and rad?" if np.abs(row).max() > _MUCH else ""
 
 
 def at_poses(
@@ -106,7 +106,7 @@ def at_poses(
     core: _core.Robot | None = None,
     level: Level | None = None,
 ) -> list[Array]:
-    """Results of a function of the core at poses x, (..., n), each with x's leading shape."""
+    """Evaluate a core function at poses x, (..., n); each result has x's leading shape."""
     rows, lead = flattened(robot, x, robot.n, "x", errors)
     *results, status, chain = function(core or robot.core, rows, *arguments)
     require_answers(robot, "pose", rows, lead, status, chain, errors, level=level)

@@ -1,8 +1,8 @@
 """Rod forces and the deflection of compliant rods, legs and belts.
 
-A chain's rods of length L are L (1 + c T) long under its tension T: c is its own compliance and
-that of all (`compliance.all_chains`), T holds the nacelle's weight and the file's load.
-Kinematics and estimates here count with it; what runs on a controller does not.
+Under its tension T a chain's rods of length L are L (1 + c T) long: c is the chain's own
+compliance plus the common `compliance.all_chains`, T carries the platform's weight and the file's
+load. Kinematics and estimates in Python include it; code for controllers does not.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from truepose.robot.description import Description
 from truepose.robotfile.schema import COMMON, Compliance, is_compliance
 from truepose.robotfile.to_core import padded
 
-#: Steps of a fixed point, each smaller by about the strain and how fast the tension changes.
+#: Maximum fixed-point steps; each shrinks by about the strain and the tension's rate of change.
 STEPS = 50
-#: A step that no longer counts, and one that has to be reached; m, rad.
+#: Step that ends the iteration, and step that counts as converged; m, rad.
 CLOSED, CLOSE = 1e-13, 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Payloads:
-    """Loads under which the rows of a log were read, where they differ from the file's.
+    """External loads on the rows of a log, where they differ from the file's load.
 
     Examples
     --------
@@ -44,12 +44,12 @@ class Payloads:
     """
 
     force: ArrayLike | None = None
-    #: (N, 3) or (3,) N on the nacelle's reference point, base frame, beside the file's load
+    #: (N, 3) or (3,), N, on the platform's reference point, base frame, added to the file's load
     tension: ArrayLike | None = None
-    #: (N, n) N of a chain where it was measured, all its rods together; NaN: what they have to hold
+    #: (N, n) measured tension of a chain, all its rods together, N; NaN: computed from the loads
 
     def only(self, keep: Array) -> Payloads:
-        """Those of some lines."""
+        """Return the loads of the rows that `keep` selects."""
         force, tension = (None if v is None else np.asarray(v) for v in (self.force, self.tension))
         return Payloads(
             force=force if force is None or force.ndim == 1 else force[keep],
@@ -57,13 +57,13 @@ class Payloads:
         )
 
     def padded(self, robot: Description, lines: int, more: int) -> Payloads:
-        """Those of a log, and of lines behind it that were read under the file's load alone."""
+        """Return the loads of a log and of `more` further rows under the file's load alone."""
         own = self.arrays(robot, lines)
         tension = np.pad(own["tension"], ((0, more), (0, 0)), constant_values=np.nan)
         return Payloads(force=np.pad(own["force"], ((0, more), (0, 0))), tension=tension)
 
     def arrays(self, robot: Description, lines: int) -> dict[str, Array]:
-        """Check them, and write them out for every line; no force where there is NaN."""
+        """Check the loads and expand them to every row; NaN is no force."""
         result = {}
         for name, width, empty in (("force", 3, 0.0), ("tension", robot.n, np.nan)):
             given = getattr(self, name)
@@ -81,24 +81,21 @@ class Payloads:
 
 
 class UnderLoad(NamedTuple):
-    """Robots under load at N poses, k chains."""
+    """Readings and tensions under load at N poses of k chains."""
 
     readings: Array  #: (N, n + r)
-    by_compliance: Array  #: (N, n + r, k) how they change with each chain's, m·N or rad·N
+    by_compliance: Array  #: (N, n + r, k) their derivatives by each chain's compliance, m·N, rad·N
     tension: Array  #: (N, k) of all rods of a chain together, N
     status: Array  #: (N,)
     chain: Array  #: (N,)
 
 
 class Loaded(Description):
-    """What the rods of a :class:`truepose.Robot` carry."""
+    """Rod forces and compliance of a :class:`truepose.Robot`."""
 
     @functools.cached_property
     def compliance(self) -> Array:
-        """Strain of each chain's rods per newton of its tension, 1/N, shape (n,).
-
-        Its own and that which all have in common, as this robot's parameters have them.
-        """
+        """Strain of each chain's rods per newton of tension, own and common, 1/N, shape (n,)."""
         common = self._values.get(COMMON, 0.0)
         own = [self._values.get(f"chain{i + 1}.compliance", 0.0) for i in range(self.n)]
         return common + np.array(own)
@@ -110,11 +107,11 @@ class Loaded(Description):
 
     @functools.cached_property
     def stiff(self) -> Self:
-        """The robot with stiff rods: as controllers have it."""
+        """The robot with stiff rods, as controllers model it."""
         return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
     def with_payload(self, force: ArrayLike) -> Self:
-        """Return a copy that carries another load, N, on its reference point, base frame.
+        """Return a copy with another load, N, on the platform's reference point, base frame.
 
         Examples
         --------
@@ -136,21 +133,10 @@ class Loaded(Description):
     def rod_forces(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Static tension of every chain at x, all its rods together, N.
+        """Compute the static tension of every chain at x, all its rods together, N, shape (..., n).
 
-        What holds the nacelle's weight, half of every rod's, and the file's load.
-
-        Parameters
-        ----------
-        x : array_like, shape (..., n)
-            Poses, m and rad.
-        errors, level
-            As for :meth:`Robot.ikm`.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
-            Below 0 where the rods are pushed together.
+        It carries the platform's weight, half of every rod's, and the file's load; negative is
+        compression. Parameters as for :meth:`Robot.ikm`.
 
         Examples
         --------
@@ -174,10 +160,10 @@ def under_load(
     force: Array | None = None,
     tension: Array | None = None,
 ) -> UnderLoad:
-    """Readings under load, their derivatives and the tensions, at poses x, (N, n).
+    """Compute readings under load, their derivatives and the tensions at poses x, (N, n).
 
     `compliance`, (n,), is by default the robot's; `force`, (N, 3), N, is added to the file's load;
-    `tension`, (N, n), N, is what was measured, NaN where it was not.
+    `tension`, (N, n), N, holds measured values, NaN where there is none.
     """
     given = robot.compliance if compliance is None else compliance
     load = robot.spec.compliance.load if robot.spec.compliance else (0.0, 0.0, 0.0)
@@ -196,34 +182,34 @@ def under_load(
 
 
 def given_way(robot: Loaded, x: Array, full: bool, **loads: Array) -> UnderLoad:
-    """Readings under load less those without, exactly; the rest as of :func:`under_load`."""
+    """Return the readings' change due to compliance, exactly; the rest as :func:`under_load`."""
     at = under_load(robot, x, full, **loads)
     stiff = under_load(robot, x, full, compliance=np.zeros(robot.n), **loads)
     return at._replace(readings=at.readings - stiff.readings)
 
 
 def taken_as_stiff(robot: Loaded, what: str) -> str | None:
-    """Say that something knows nothing of a robot's compliance, if it has any."""
+    """Return the warning that `what` ignores a robot's compliance; None where it has none."""
     if not robot.is_compliant:
         return None
-    left_out = "compliance and load count for nothing there"
-    return f"{robot.name}: {what} takes its rods as stiff: {left_out}"
+    left_out = "compliance and load are ignored"
+    return f"{robot.name}: {what} assumes stiff rods: {left_out}"
 
 
 def warn_if_stiff(robot: Loaded, what: str) -> None:
-    """Warn of it, at whoever called the caller."""
+    """Issue the warning of :func:`taken_as_stiff` at the caller's caller."""
     if said := taken_as_stiff(robot, what):
         warnings.warn(said, stacklevel=3)
 
 
 def unknown(robot: Loaded) -> list[str]:
-    """Names of the compliances that are not known exactly (σ > 0)."""
+    """Return the names of the uncertain compliances (σ > 0)."""
     known = robot.parameters
     return [n for n, p in known.items() if is_compliance(n) and p.sigma > 0]
 
 
 def columns(robot: Loaded, names: Sequence[str], by_compliance: Array) -> Array:
-    """Derivatives by these compliances, (N, n + r, len(names)), of those by every chain's."""
+    """Select derivatives by these compliances, (N, n + r, len(names)), from all chains'."""
     of_chain = {f"chain{i + 1}.compliance": by_compliance[..., i] for i in range(robot.n)}
     of_chain[COMMON] = by_compliance.sum(axis=-1)
     empty = np.zeros((*by_compliance.shape[:2], 0))
@@ -231,7 +217,7 @@ def columns(robot: Loaded, names: Sequence[str], by_compliance: Array) -> Array:
 
 
 def acting(robot: Loaded, x: Array, full: bool) -> Array | None:
-    """Columns of the compliances that are not known exactly, as the core's bounds take them."""
+    """Return the columns of the uncertain compliances, as the core's bounds take them."""
     names = unknown(robot)
     if not names:
         return None
@@ -249,10 +235,10 @@ def at_rest(
     answer: Callable[[Array, Array | None], Answer],
     **loads: Array,
 ) -> Answer:
-    """Find the poses that readings under load are of: a fixed point, for tension changes slowly.
+    """Find the poses of readings under load by a fixed point; tension varies slowly with the pose.
 
-    `answer` gives poses, status and chain for readings, (N, n) or (N, n + r), of rods that do not
-    stretch, from a guess or, to begin with, None. `loads` are those of :func:`under_load`.
+    `answer` returns poses, status and chain for readings, (N, n) or (N, n + r), of stiff rods, from
+    a guess or, at first, None. `loads` are those of :func:`under_load`.
     """
     if not robot.is_compliant:
         return answer(readings, None)
@@ -271,7 +257,7 @@ def at_rest(
         status[open_[lost]], chain[open_[lost]] = by.status[lost], by.chain[lost]
         step = np.abs(next_ - x[open_]).max(axis=1)
         x[open_] = next_
-        # At rounding steps no longer shrink.
+        # Within rounding, steps no longer shrink.
         done = (step < CLOSED) | ((step < 10 * CLOSED) & (step >= last[open_]))
         last[open_] = step
         open_ = open_[~done & (status[open_] <= 0)]

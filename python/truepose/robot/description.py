@@ -19,7 +19,7 @@ from truepose.robot import explain
 from truepose.robotfile.schema import CalibrationSection, RobotFile
 from truepose.robotfile.to_core import build, columns, drawn, encoder_step, parameterised
 
-#: Names and units of the coordinates of each mobility; of a pivot its file names them.
+#: Names and units of each mobility's coordinates; a rotational platform's are in its file.
 COORDINATES = {
     "planar_translation": (("x", "m"), ("y", "m")),
     "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
@@ -30,19 +30,19 @@ COORDINATES = {
 
 
 class Parameter(NamedTuple):
-    """A geometric parameter ξ: its value in this robot, and what is known of it beforehand."""
+    """A geometric parameter ξ: its value in this robot, and its prior."""
 
     value: float  #: in this robot, m or rad
-    mean: float  #: expected beforehand
-    sigma: float  #: standard deviation beforehand
+    mean: float  #: prior mean
+    sigma: float  #: prior standard deviation
 
 
 @dataclass(frozen=True)
 class FullLevel:
-    """Whether a robot's rods can be solved for one by one; true if they can."""
+    """Whether a model of every rod, the full level, exists; true if it does."""
 
     exists: bool
-    reason: str  #: rods and freedoms, or what is wrong with them
+    reason: str  #: rods and degrees of freedom, or why the level does not exist
 
     def __bool__(self) -> bool:
         return self.exists
@@ -54,7 +54,7 @@ class Description:
     Attributes
     ----------
     core, core_drawn : _core.Robot
-        What the C++ core knows of it, with its parameters and as drawn: for this package's modules.
+        The C++ core's robot with the parameters, and the nominal one; for this package's modules.
     """
 
     core: _core.Robot
@@ -106,12 +106,12 @@ class Description:
 
     @property
     def n(self) -> int:
-        """Motors, chains, degrees of freedom."""
+        """Number of motors, chains and degrees of freedom."""
         return self._spec.n
 
     @property
     def r(self) -> int:
-        """Redundant sensors in use."""
+        """Number of redundant sensors in use."""
         return len(self.sensors)
 
     @property
@@ -131,7 +131,7 @@ class Description:
 
     @property
     def full(self) -> FullLevel:
-        """Whether ``level="full"`` exists, every rod by itself, and why not.
+        """Whether ``level="full"``, a model of every rod, exists; its `reason` says why.
 
         Examples
         --------
@@ -145,9 +145,9 @@ class Description:
         reasons = {
             kinds.same: f"{count}: the ideal level itself",
             kinds.exists: count,
-            kinds.elastic: f"{count}: overconstrained by 1, closed by what the rods stretch",
+            kinds.elastic: f"{count}: overconstrained by 1, closed by the rods' stretch",
             kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
-            kinds.loose: f"loose by {full.excess}: {count}; "
+            kinds.loose: f"underconstrained by {full.excess}: {count}; "
             + (explain.not_held(self.core) if self.loose else ""),
             kinds.undescribed: "its rods are not described one by one",
         }
@@ -156,18 +156,15 @@ class Description:
 
     @property
     def level(self) -> Level:
-        """Default level of the kinematics: ideal unless the file says otherwise.
-
-        A robot's file says so, :meth:`with_level`, or the calibration that it comes from.
-        """
+        """Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`."""
         return self._spec.level or "ideal"
 
     @property
     def highest_level(self) -> Level:
         """Default level of estimates, calibrations, predictions and weighting laws.
 
-        That of the robot where it has one of its own; else full where its rods can be solved for
-        one by one, since a real robot has them one by one.
+        The robot's own level where one is set; otherwise full where that exists, since it models
+        every rod.
 
         Examples
         --------
@@ -199,7 +196,7 @@ class Description:
         return self.with_level(self.highest_level)
 
     def is_full(self, level: Level | None) -> bool:
-        """Whether a level, None: the robot's own, is the full one; which must exist then."""
+        """Return whether a level is the full one, which must exist then; None: the robot's own."""
         if level is None:
             return self.level == "full"
         if level not in ("ideal", "full"):
@@ -213,7 +210,7 @@ class Description:
 
     @property
     def loose(self) -> bool:
-        """Whether the rods by themselves leave a body of the nacelle free; `full` says which."""
+        """Whether the rods leave a body of the platform unconstrained; `full` names it."""
         return self.core.full.kind == _core.FullKind.loose
 
     @property
@@ -232,7 +229,7 @@ class Description:
 
     @property
     def reading_sigma(self) -> Array:
-        """σ of every reading, shape (n + r,): its noise, and its count as a uniform error.
+        """σ of every reading, shape (n + r,): its noise and its quantization as a uniform error.
 
         Examples
         --------
@@ -276,7 +273,7 @@ class Description:
     def replace(self, values: dict[str, float]) -> Self:
         """Return a copy with other parameter values.
 
-        Geometry alone: an arm's `drive_inertia` stays as its file says.
+        Changes the geometry only: an arm's `drive_inertia` stays as in the file.
 
         Examples
         --------
@@ -297,8 +294,8 @@ class Description:
     def expected(self) -> Self:
         """Return the robot with every parameter at its prior mean.
 
-        A drawn robot whose tolerances are not centred is not that robot: the H4's rods are to be
-        3.5 mm longer than drawn, on average. A calibrated robot already is.
+        It differs from the nominal robot where tolerances are not centered: the H4's rods are on
+        average 3.5 mm longer than nominal. A calibrated robot is already at its mean.
 
         Examples
         --------
@@ -311,10 +308,7 @@ class Description:
     def with_mounting(self, places: Mapping[str, float]) -> Self:
         """Return a copy with other nominal mountings of sensors.
 
-        Parameters
-        ----------
-        places : mapping
-            Of coordinates of sensors' points, m; tolerances are about these then.
+        `places` maps the names of sensor points' coordinates to m; tolerances are then about these.
 
         Examples
         --------
@@ -350,10 +344,7 @@ class Description:
     def with_sensors(self, *names: str) -> Self:
         """Return a copy that uses these sensors of its file, in this order.
 
-        Parameters
-        ----------
-        *names : str
-            Names or globs, "all", or "none"; or one list of them.
+        `names` are names or globs, "all", or "none"; or one list of them.
 
         Examples
         --------
@@ -371,7 +362,7 @@ class Description:
     def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
         """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off.
 
-        Inclinometers read against it, and against z where it is off.
+        Inclinometers measure relative to gravity, or relative to z where it is off.
         """
         numbers_of(gravity, "gravity")
         if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
@@ -379,22 +370,16 @@ class Description:
         return self._with(gravity=tuple(gravity))
 
     def without_quantization(self) -> Self:
-        """Return a copy whose encoders and sensors have no counts."""
+        """Return a copy with unquantized encoders and sensors."""
         return self._with(quantized=False)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.
 
-        Order and comments of the file it came from are kept. Parameters that differ from the
-        drawn ones go into the table [parameters]: tolerances stay about the drawn values.
-        An interrupted save leaves the old file as it was.
-
-        Parameters
-        ----------
-        path : str or Path
-            Where to write.
-        force : bool
-            Replace a file that is there; never what is read-only, or is no regular file.
+        Keeps the order and comments of the original. Parameters that differ from nominal go into
+        the table [parameters]; tolerances stay about the nominal values. An interrupted save leaves
+        the old file unchanged. `force` replaces an existing file, but never one that is read-only
+        or no regular file.
 
         Raises
         ------

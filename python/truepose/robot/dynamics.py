@@ -2,9 +2,9 @@
 
     M(x) ẍ + c(x, ẋ) = J⁻ᵀ (τ - friction(q̇))
 
-in the free twist ẋ of the nacelle's reference point: spatial robots turn by their angular velocity
-in the base frame, not by derivatives of a rotation vector. Every loop closes exactly; rotors and
-arms turn, rods are slender, nacelle bodies rigid. The geometry is that of the ideal level.
+ẋ is the free twist of the platform's reference point: a spatial robot rotates by its angular
+velocity in the base frame, not by derivatives of a rotation vector. Loops close exactly at the
+ideal level; rotors and arms rotate, rods are slender, platform bodies rigid.
 """
 
 from __future__ import annotations
@@ -20,34 +20,20 @@ from truepose.robot.description import Description
 
 
 class Dynamics(Description):
-    """The reduced dynamic model of a :class:`truepose.Robot`; masses are those of its file."""
+    """The reduced dynamic model of a :class:`truepose.Robot`, with the masses of its file."""
 
     @property
     def has_inertia(self) -> bool:
-        """Whether every motion at home has an inertia by the file's masses: torques need it."""
+        """Whether the file's masses give every motion at home an inertia, as torques require."""
         return bool(np.linalg.eigvalsh(self.mass_matrix(self.home)).min() > 0)
 
     def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Mass matrix M(x) of the free twist; kinetic energy ẋᵀM ẋ/2.
+        """Compute the mass matrix M(x) of the free twist, (..., n, n); kg, kg·m and kg·m².
 
-        The motors' joint inertia is JᵀM J, see :meth:`jacobian`.
-
-        Parameters
-        ----------
-        x : array_like, shape (..., n)
-            Poses, m and rad.
-        errors : {"raise", "nan"}
-            What to do with a pose that cannot be reached, or a singular one.
-
-        Returns
-        -------
-        ndarray, shape (..., n, n)
-            Symmetric; kg, kg·m and kg·m².
-
-        Raises
-        ------
-        PoseError
-            Names the pose, the chain and the reason.
+        It is symmetric; the kinetic energy is ẋᵀM ẋ/2 and the motors' joint inertia JᵀM J, see
+        :meth:`jacobian`. x, (..., n), are poses, m and rad; `errors` ("raise" or "nan") is the
+        action at an unreachable or singular pose. PoseError names the pose, the chain and the
+        reason.
 
         Examples
         --------
@@ -62,19 +48,16 @@ class Dynamics(Description):
     def inverse_dynamics(
         self, x: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, errors: Errors = "raise"
     ) -> Array:
-        """Torques (forces) of the motors that accelerate the robot so, its friction included.
+        """Compute the motor torques, N·m (slides: N), of a motion, friction included; (..., n).
+
+        Torque limits are not checked.
 
         Parameters
         ----------
         x, rate, acceleration : array_like, shape (..., n)
             Poses, free twists and their derivatives; leading shapes broadcast.
         errors : {"raise", "nan"}
-            As of :meth:`mass_matrix`.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
-            N·m, or N of a slide. Torque limits are not asked for.
+            As for :meth:`mass_matrix`.
 
         Examples
         --------
@@ -88,19 +71,16 @@ class Dynamics(Description):
     def acceleration(
         self, x: ArrayLike, rate: ArrayLike, torque: ArrayLike, errors: Errors = "raise"
     ) -> Array:
-        """Acceleration under motor torques (forces): the inverse of :meth:`inverse_dynamics`.
+        """Compute the acceleration under motor torques, m/s² and rad/s², shape (..., n).
+
+        The inverse of :meth:`inverse_dynamics`: the derivative of the free twist.
 
         Parameters
         ----------
         x, rate, torque : array_like, shape (..., n)
             Poses, free twists and torques, N·m (N); leading shapes broadcast.
         errors : {"raise", "nan"}
-            As of :meth:`mass_matrix`.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
-            Derivative of the free twist, m/s² and rad/s².
+            As for :meth:`mass_matrix`.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Explanations why given chains make no robot."""
+"""Explanations of why given chains form no robot."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import padded
 
-#: Place of each coordinate in a twist [velocity; angular velocity].
+#: Index of each coordinate in a twist [velocity; angular velocity].
 _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
-_HELD = 1e-6  # of the largest singular value; the core's own bound for a rank
+_HELD = 1e-6  # of the largest singular value; the core's bound for a rank
 
 
 def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
-    """Say why the inverse model or the Jacobian at home fails (status, chain), in one line."""
+    """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
     status, chain = failure
     home = padded(spec.home)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
@@ -30,7 +30,7 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
         words += f"{'' if chain < 0 else ':'} {beyond(robot, spec, np.array(spec.home), chain)}"
     elif status == _core.singular and chain >= 0:
         revolute = spec.chain[chain].actuator == "revolute"
-        how = "arm and rod stand in one line" if revolute else "rod stands square to its rail"
+        how = "arm and rod are in line" if revolute else "rod is perpendicular to its rail"
         words += f": its {how}"
     elif status == _core.singular and spec.passive_axis:
         words += f": {_not_turned(robot, spec, home)}"
@@ -38,15 +38,12 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
         rows, _ = _core.rod_rows(robot, home)
         twists = np.zeros((spec.n, 6))
         twists[:, [_TWIST[name] for name in coordinates]] = _not_held(rows, coordinates)
-        words += f": the chains do not hold the nacelle against {_motions(twists)}"
+        words += f": the chains do not constrain the platform against {_motions(twists)}"
     return words
 
 
 def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool = False) -> str:
-    """Say where the chain's motor would stand at x, and between which stops it may.
-
-    Of no chain, -1: which passive axis is beyond its stops.
-    """
+    """Return the chain's motor position at x and its limits; for chain -1 the passive axis'."""
     if chain < 0:
         for axis, angle in zip(spec.passive_axis, x, strict=True):
             low, high = axis.limits or (-np.inf, np.inf)
@@ -59,7 +56,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
 
 
 def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
-    """Say which axes of a pivot coincide at home, or which of them no motor turns."""
+    """Say which passive axes coincide at home, or which of them no motor turns."""
     lines = zip(spec.passive_axis, passive_axes(robot, spec.home), strict=True)
     for (axis, (p, a)), (other, (o, b)) in itertools.combinations(lines, 2):
         if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
@@ -73,21 +70,18 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
             return f"no motor turns axis {axis.name}: every rod's line runs through it, or along it"
     motion = np.linalg.svd(rows)[2][-1]
     turned = [f"{v:.3g} {axis.name}" for v, axis in zip(motion, spec.passive_axis, strict=True)]
-    return f"the motors do not hold the nacelle against turning its axes by {' : '.join(turned)}"
+    return f"the motors do not constrain the platform against turning by {' : '.join(turned)}"
 
 
 def not_held(robot: _core.Robot) -> str:
-    """Say what every rod by itself leaves free at home, where the full level is loose."""
+    """Say which motions at home the rods leave free, where the full level is underconstrained."""
     rows = np.asarray(_core.full_rod_rows(robot))
     names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
-    return f"the rods do not hold the nacelle against {_motions(_not_held(rows, names))}"
+    return f"the rods do not constrain the platform against {_motions(_not_held(rows, names))}"
 
 
 def _not_held(rows: Array, names: list[str]) -> Array:
-    """Motions that leave all rods their lengths, one a row, as few coordinates in each as can be.
-
-    Padded with zero rows to as many as there are coordinates.
-    """
+    """Return motions that change no rod's length, one a row, in few coordinates; then zeros."""
     turns = np.array([name not in ("x", "y", "z") for name in names])
     sizes = np.linalg.norm(rows, axis=0)
     length = np.median(sizes[turns]) / np.median(sizes[~turns]) if turns.any() else 1.0
@@ -112,7 +106,7 @@ def _motions(twists: Array) -> str:
 
 
 def _motion(twist: Array) -> str:
-    """Write a motion [velocity; angular velocity; bars' turns] of the nacelle in words."""
+    """Describe a motion [velocity; angular velocity; bar rotations] of the platform."""
     v, omega, bars = twist[:3], twist[3:6], twist[6:]
     parts = []
     if (turn := float(np.linalg.norm(omega))) > 0:
@@ -125,7 +119,7 @@ def _motion(twist: Array) -> str:
             parts[0] += f", advancing {1e3 * pitch:.3g} mm/rad"
     elif v.any():
         parts = [f"moving along {_direction(v / np.linalg.norm(v))}"]
-    parts += [f"bar {k + 1} turning on its pivot" for k in np.flatnonzero(bars)]
+    parts += [f"bar {k + 1} turning on its hinge" for k in np.flatnonzero(bars)]
     return " with ".join(parts)
 
 

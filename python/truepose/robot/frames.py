@@ -1,4 +1,4 @@
-"""Coordinates as homogeneous frames and back, in batches."""
+"""Conversion of coordinates to homogeneous frames and back, in batches."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from truepose.robot.description import Description
 
 
 def rotation(vector: ArrayLike) -> Array:
-    """exp([v]×), shape (..., 3, 3), of rotation vectors v, shape (..., 3)."""
+    """Compute exp([v]×), shape (..., 3, 3), of rotation vectors v, shape (..., 3)."""
     vector = np.asarray(vector, dtype=float)
     return np.asarray(_core.rotations(_rows(vector, 3))).reshape(*vector.shape, 3)
 
 
 def rotation_vector(R: ArrayLike) -> Array:
-    """Inverse of :func:`rotation`, the turn at most π: shape (..., 3).
+    """Invert :func:`rotation`, with an angle of at most π: shape (..., 3).
 
     Examples
     --------
@@ -30,18 +30,11 @@ def rotation_vector(R: ArrayLike) -> Array:
 
 
 def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
-    """Homogeneous matrices (..., 4, 4) of the nacelle at poses x, base frame.
+    """Compute homogeneous matrices (..., 4, 4) of the platform at poses x, base frame.
 
-    Parameters
-    ----------
-    robot : Robot
-        Its mobility says what the coordinates are.
-    x : array_like, shape (..., n)
-        Poses, m and rad.
-    tilt : array_like, shape (..., 2 or 3), optional
-        What x leaves out of the turn, as :meth:`truepose.Robot.residual_motion` begins: of a
-        schoenflies robot about x and y (θ stays atan2(R_10, R_00)), of a translation
-        robot about x, y and z.
+    `tilt`, (..., 2 or 3), is the rotation that x, (..., n), m and rad, omits: the first entries of
+    :meth:`truepose.Robot.residual_motion`, about x and y for a schoenflies robot (θ stays
+    atan2(R_10, R_00)), about x, y and z for a translation robot.
 
     Examples
     --------
@@ -59,7 +52,7 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
 
 
 def coordinates(robot: Description, frame: ArrayLike) -> Array:
-    """Coordinates (..., n) of nacelle frames (..., 4, 4); what x leaves out is dropped.
+    """Compute coordinates (..., n) of platform frames (..., 4, 4), without what x omits.
 
     θ is atan2(R_10, R_00), from -π to π. NaN stays NaN.
 

@@ -18,7 +18,7 @@ from truepose.robotfile.to_core import columns, padded
 
 
 class Conditioning(NamedTuple):
-    """How far from singular a pose is: 0 singular, 1 as good as it gets."""
+    """Distance of a pose from singularities: 0 singular, 1 best."""
 
     parallel: Array  #: (...) inverse condition number of the rods' lines; 0: type 2, J infinite
     serial: Array  #: (..., n) share of B's motion along the rod; 0: type 1, arm and rod in line
@@ -27,9 +27,9 @@ class Conditioning(NamedTuple):
 class Kinematics(Loaded):
     """The kinematic models of a :class:`truepose.Robot`.
 
-    All methods take any leading shape and run in C++. Where a robot's rods deflect under what they
-    carry (:attr:`compliance`), poses and readings are those under load; Jacobians along the pose
-    leave out that tension changes with it: a share of the strain.
+    All methods take any leading shape and run in C++. For compliant rods (:attr:`compliance`) poses
+    and readings are those under load. Jacobians along the pose neglect the tension's change with
+    it: a fraction of the strain.
     """
 
     def ikm(
@@ -39,27 +39,27 @@ class Kinematics(Loaded):
         level: Level | None = None,
         own_mode: bool = False,
     ) -> Array:
-        """Inverse kinematic model: motor positions q that hold the pose x.
+        """Inverse kinematic model: compute the motor positions q of the pose x, shape (..., n).
 
-        Each chain closes in its own working mode; the pose may be of any assembly mode, unless
-        `own_mode` asks. Ask before a machine is sent there: from another mode's side the motors do
-        not hold the nacelle on the way. (Controllers always ask.)
+        Each chain closes in its own working mode; the pose may be in any assembly mode unless
+        `own_mode` is set. Set it before commanding a machine: the motors do not hold the platform
+        on the way to a pose of another sign of det J_x. (Controllers always check.)
 
         Parameters
         ----------
         x : array_like, shape (..., n)
             Poses, m and rad.
         errors : {"raise", "nan"}
-            What to do with a pose that cannot be reached.
+            Action at a pose that cannot be reached.
         level : {"ideal", "full"}, optional
-            One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
+            One rod per chain, or every rod (see :attr:`full`); by default :attr:`level`.
         own_mode : bool
             Refuse a pose where det J_x has another sign than at home: branch lost.
 
         Returns
         -------
         ndarray, shape (..., n)
-            q as the motor encoders read them, rad or m.
+            Readings q of the motor encoders, rad or m.
 
         Raises
         ------
@@ -91,21 +91,17 @@ class Kinematics(Loaded):
         return q + self._given_way(x, errors, full)[..., : self.n] if self.is_compliant else q
 
     def _given_way(self, x: ArrayLike, errors: Errors, full: bool) -> Array:
-        """Differences of the readings under load, (..., n + r)."""
+        """Return the change of the readings under load, (..., n + r)."""
         rows, lead = flattened(self, x, self.n, "x", errors)
         by = compliance.given_way(self, rows, full)
         require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
         return by.readings.reshape(*lead, self.n + self.r)
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
-        """Redundant kinematic model: readings of the sensors in use at the pose x.
+        """Redundant kinematic model: compute the readings of the sensors in use, (..., r), at x.
 
-        At the full level a sensor at a bar's pivot reads the bar's own turn too, one of a rod its
-        own rod of the pair.
-
-        Returns
-        -------
-        ndarray, shape (..., r)
+        At the full level a sensor at a bar's hinge also reads the bar's rotation, and a rod's
+        sensor its own rod of the pair.
         """
         full = self.is_full(level)
         (r,) = at_poses(self, x, errors, _core.rkm, full)
@@ -114,9 +110,9 @@ class Kinematics(Loaded):
     def extended_positions(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Extended positions q_e = [q; r] at the pose x, shape (..., n + r).
+        """Compute the extended positions q_e = [q; r] at the pose x, shape (..., n + r).
 
-        Where the robot stands, be it beyond its joint limits: it may have been pushed there.
+        Joint limits are not checked: the robot may have been pushed beyond them.
         """
         q = self._motors(self.core.without_limits(), x, errors, level)
         return np.concatenate([q, self.rkm(x, errors, level)], axis=-1)
@@ -124,21 +120,14 @@ class Kinematics(Loaded):
     def read(
         self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Simulate readings of this robot's encoders and sensors: with noise, in counts.
+        """Simulate readings [q; r], (..., n + r), with noise and quantization.
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            Poses where it stands, m and rad.
+        x, errors, level
+            True poses, errors and level as for :meth:`ikm`.
         seed : int
-            Of the noise; the same seed gives the same readings.
-        errors, level
-            As for :meth:`ikm`.
-
-        Returns
-        -------
-        ndarray, shape (..., n + r)
-            [q; r], in the order of :attr:`reading_sigma`.
+            Seed of the noise; the same seed gives the same readings.
 
         Examples
         --------
@@ -153,13 +142,10 @@ class Kinematics(Loaded):
         return spoilt.reshape(exact.shape)
 
     def residual_motion(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Residual motion: turns of the nacelle and its bars that the ideal level excludes, rad.
+        """Compute the rotations of platform and bars that the ideal level excludes, rad.
 
-        Returns
-        -------
-        ndarray, shape (..., 6 - n + bars)
-            The nacelle's tilt about x and y (of a translation robot, its turn about x, y, z), then
-            each bar's turn about its pivot, against the base.
+        Shape (..., 6 - n + bars): the platform's tilt about x and y (translation robots: about x,
+        y, z), then each bar's rotation about its hinge, relative to the base.
 
         Examples
         --------
@@ -178,34 +164,30 @@ class Kinematics(Loaded):
         errors: Errors = "raise",
         level: Level | None = None,
     ) -> Array:
-        """Forward kinematic model: the pose, from the motor encoders alone.
+        """Forward kinematic model: compute the poses, (..., n), from the motor encoders alone.
 
-        Newton's method in the tangent space of the pose, with bounded iterations. Where it finds no
-        pose of the robot's own from the guess, it goes again from home, the motors in four stages
-        (at the ideal level).
+        Newton's method in the tangent space of the pose, with bounded iterations. If it finds no
+        pose of the robot's own mode from the guess, it restarts from home and moves the motors in
+        four stages (ideal level).
 
         Parameters
         ----------
         q : array_like, shape (..., n)
             Motor positions, rad or m.
         guess : array_like, shape (n,) or (..., n), optional
-            Where to start; the file's home pose by default.
+            Start of the iteration; the file's home pose by default.
         errors : {"raise", "nan"}
-            What to do where no pose is found.
+            Action where no pose is found.
         level : {"ideal", "full"}, optional
-            One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
+            As for :meth:`ikm`.
 
         Raises
         ------
         PoseError
-            unreachable: no pose closes the loops, which is known (two rods cannot be joined, the
-            spheres of a translation robot do not meet, a leg has no length); not converged: none
-            was found, and whether there is one is open; singular: the motors do not determine it;
-            branch lost: it closes in another working or assembly mode than the robot's.
+            unreachable: certainly no pose closes the loops (two rods cannot be joined, the spheres
+            of a translation robot do not meet, a leg has no length); not converged: none found, but
+            one may exist; singular: the motors do not determine the pose; branch lost: it closes in
+            another working or assembly mode than the robot's.
 
         Examples
         --------
@@ -228,26 +210,15 @@ class Kinematics(Loaded):
         return x.reshape(*lead, self.n)
 
     def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
-        """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
+        """Compute J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
         return at_poses(self, x, errors, _core.jacobian, self.is_full(level))[0]
 
     def gyro(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Map W of a gyroscope on the nacelle: ω = W ẋ, in the nacelle's frame.
+        """Compute W, (..., 3, n), of a gyroscope on the platform: ω = W ẋ, in its frame.
 
-        Of a pivot ẋ are the axes' rates, so that those follow from ω: ẋ = W⁺ω, and the motors'
-        from them, q̇ = J⁻¹ẋ. Of others ẋ is the free twist. A base that turns itself, as a shank
-        does, adds its own angular velocity, seen from the nacelle: subtract it first.
-
-        Parameters
-        ----------
-        x : array_like, shape (..., n)
-            Poses, m and rad.
-        errors
-            As for :meth:`ikm`.
-
-        Returns
-        -------
-        ndarray, shape (..., 3, n)
+        For a rotational platform ẋ are the axis rates: ẋ = W⁺ω, and the motor rates are q̇ = J⁻¹ẋ.
+        For others ẋ is the free twist. If the base rotates too, as a shank does, first subtract its
+        angular velocity, expressed in the platform's frame. Parameters as for :meth:`ikm`.
 
         Examples
         --------
@@ -264,23 +235,17 @@ class Kinematics(Loaded):
     def joint_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Joint torques of a pivot under motor torques: Γ = J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
+        """Compute a rotational platform's joint torques, (..., n): Γ = J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
 
-        Of another mobility the force and moment that they exert on the nacelle, along its free
+        For other mobilities: the force and moment of the motors on the platform, along its free
         twist.
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            Poses, m and rad.
-        torque : array_like, shape (..., n)
-            Of the motors, N·m or N; leading shapes broadcast.
-        errors, level
+        x, errors, level
             As for :meth:`ikm`.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
+        torque : array_like, shape (..., n)
+            Motor torques, N·m or N; leading shapes broadcast.
 
         Examples
         --------
@@ -295,7 +260,7 @@ class Kinematics(Loaded):
     def motor_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Motor torques for joint torques of a pivot: τ = Jᵀ Γ.
+        """Compute motor torques from joint torques of a rotational platform: τ = Jᵀ Γ.
 
         The inverse of :meth:`joint_torque`.
 
@@ -312,7 +277,7 @@ class Kinematics(Loaded):
     def _mapping(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors, level: Level | None
     ) -> tuple[Array, Array]:
-        """J and the torques that it is to map, (..., n, 1), of one leading shape."""
+        """Return J and the torques to be mapped, (..., n, 1), with a common leading shape."""
         J = self.jacobian(x, errors, level)
         values, other = flattened(self, torque, self.n, "torque", errors)
         try:
@@ -324,7 +289,7 @@ class Kinematics(Loaded):
         return np.broadcast_to(J, (*lead, self.n, self.n)), values[..., None]
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
-        """Distance from singularities at x, independent of size and units, 0 to 1.
+        """Compute the distance from singularities at x, independent of size and units, 0 to 1.
 
         Examples
         --------
@@ -337,10 +302,10 @@ class Kinematics(Loaded):
         return Conditioning(values[..., 0], values[..., 1:])
 
     def skeleton(self, x: ArrayLike) -> Array:
-        """Points of every chain at one pose, shape (n, 4, 3), m, base frame.
+        """Compute points of every chain at one pose, shape (n, 4, 3), m, base frame.
 
-        P on the motor's axis, B at the arm's end, A at the rod's other end, C the pivot on the
-        nacelle that carries A (A itself where there is no bar).
+        P on the motor's axis, B at the arm's end, A at the rod's other end, C the platform anchor
+        that carries A (A itself where there is no bar).
         """
         rows, lead = flattened(self, x, self.n, "x", "raise")
         if lead:
@@ -361,17 +326,18 @@ class Kinematics(Loaded):
     def linearize(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> tuple[Array, Array]:
-        """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
+        """Compute the Jacobians of all readings q_e = [q; r] at the pose x.
 
-        At the full level what x leaves out follows too: the nacelle's tilt, its bars' turns.
+        The motors hold the pose; at the full level the platform's tilt and its bars' rotations
+        follow.
 
         Returns
         -------
         H_x : ndarray, shape (..., n + r, n)
             ∂q_e/∂x along the free twist; its first n rows are J⁻¹, the others J_r.
         H_xi : ndarray, shape (..., n + r, p)
-            ∂q_e/∂ξ at fixed x, one column for each of the p names of :attr:`parameters`, in
-            their order; columns of sensors not in use are zero.
+            ∂q_e/∂ξ at fixed x, one column per name of :attr:`parameters`, in their order; columns
+            of sensors not in use are zero.
 
         Examples
         --------

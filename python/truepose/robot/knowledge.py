@@ -16,23 +16,23 @@ from truepose.robotfile.to_core import columns
 AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 
 
-#: σ that an unquantized, noiseless reading counts with, rad or m; others count with their own.
+#: σ assumed for an unquantized, noiseless reading, rad or m.
 EXACT = 1e-6
 
 
 def uncertain(robot: Kinematics) -> list[str]:
-    """Names of the parameters that readings depend on and that are not known exactly (σ > 0)."""
+    """Return the names of the uncertain parameters (σ > 0) that readings depend on."""
     known = {name for name, _ in columns(robot.spec)}
     return [name for name, p in robot.parameters.items() if p.sigma > 0 and name in known]
 
 
 def learnable(robot: Kinematics) -> list[str]:
-    """Names of all that a calibration learns: as of :func:`uncertain`, then compliances."""
+    """Return the names that a calibration identifies: of :func:`uncertain`, then compliances."""
     return [*uncertain(robot), *compliance.unknown(robot)]
 
 
 def root(robot: Kinematics, names: list[str]) -> Array:
-    """Lower triangular S of these parameters' covariance S Sᵀ, shape (p, p)."""
+    """Return the lower triangular S of these parameters' covariance S Sᵀ, shape (p, p)."""
     sigma = np.array([robot.parameters[name].sigma for name in names])
     learnt = robot.spec.calibration
     if learnt is None:
@@ -42,7 +42,7 @@ def root(robot: Kinematics, names: list[str]) -> Array:
         full[k, : k + 1] = row
     if list(learnt.parameters) == names:
         return full
-    # Other sensors are in use than in the calibration: rows of S Sᵀ and of the tolerances.
+    # The calibration used other sensors: combine rows of its S with the tolerances.
     at = {name: k for k, name in enumerate(learnt.parameters)}
     half = np.zeros((len(names), len(full) + len(names)))
     for k, name in enumerate(names):
@@ -54,25 +54,25 @@ def root(robot: Kinematics, names: list[str]) -> Array:
 
 
 def triangular(half: Array) -> Array:
-    """Lower triangular S with S Sᵀ = H Hᵀ and no negative diagonal, of any H with p rows."""
+    """Return the lower triangular S, S Sᵀ = H Hᵀ, with no negative diagonal, for H with p rows."""
     lower = np.asarray(np.linalg.qr(half.T, mode="r")).T
     return lower * np.sign(np.diag(lower))
 
 
 def reading_sigma(robot: Kinematics) -> Array:
-    """σ of every reading's own error, shape (n + r,): its noise and one count; EXACT for none."""
+    """Return each reading's own σ, shape (n + r,): noise and quantization; EXACT where it is 0."""
     sigma = robot.reading_sigma
     return np.where(sigma > 0, sigma, EXACT)
 
 
-#: Parameters whose errors only the full level follows to the end, by the ends of their names.
+#: Name endings of the parameters whose errors only the full level models completely.
 LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
 
 
 def left_out(robot: Kinematics) -> dict[str, float]:
-    """Return what the ideal level leaves out of this robot: axis errors of its file and their σ.
+    """Return σ of the file's axis errors that the ideal level neglects, by parameter.
 
-    Empty where the full level is the ideal one, or does not exist.
+    Empty where the full level equals the ideal one, or does not exist.
     """
     kinds = _core.FullKind
     if robot.core.full.kind not in (kinds.exists, kinds.elastic):
@@ -84,9 +84,9 @@ def left_out(robot: Kinematics) -> dict[str, float]:
 
 
 def stated_error(robot: Kinematics) -> Array:
-    """σ of the ideal level's model error in each reading, shape (n + r,): learnt, or allowed for.
+    """Return σ of the ideal level's model error in each reading, (n + r,), by calibration or prior.
 
-    A calibration that found the ideal level to be enough, by request, has none.
+    Zero after a calibration without model error (``model_error="off"``).
     """
     learnt = robot.spec.calibration
     if learnt is None:
@@ -98,7 +98,7 @@ def stated_error(robot: Kinematics) -> Array:
 
 
 def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
-    """σ that readings count with, shape (n + r,): their own, and what a level leaves out."""
+    """Return σ of the readings, shape (n + r,): their own and a level's model error."""
     sigma = reading_sigma(robot)
     if (level or robot.highest_level) == "full":
         return sigma
@@ -106,7 +106,7 @@ def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
 
 
 def model_error(robot: Kinematics) -> Array:
-    """σ by which readings differ from the ideal level's, shape (n + r,), root of the mean square.
+    """Return the rms difference of readings between full and ideal level, shape (n + r,).
 
     Over the workspace, to first order in the axis errors that the file's tolerances allow.
     """
@@ -133,25 +133,25 @@ def knowledge(
     stretches: bool = False,
     sigma_scale: int = 1,
 ) -> Known:
-    """Build the core's struct.
+    """Build the core's struct of parameter and reading covariances.
 
     Parameters
     ----------
     posterior : ndarray, shape (p, p), optional
-        A root to take in place of the robot's own; compliances are behind all else.
+        Covariance root in place of the robot's own, compliances last.
     guarded : bool
-        Also what the ideal level leaves out, as parameters of their own behind the others.
+        Add the ideal level's neglected errors as nuisance parameters, behind all others.
     level : {"ideal", "full"}, optional
-        Of the model of the readings; by default the robot's highest.
+        Model level of the readings; by default the robot's highest.
     error : bool
-        Whether readings of the ideal level count with the model error that the calibration states
-        or the tolerances allow. Not together with `guarded`.
+        Add the model error of the ideal level, as the calibration states or the tolerances allow
+        it, to the readings. Has no effect with `guarded`.
     beside : ndarray, shape (k,), optional
-        σ of unknowns beside the parameters, on which no reading depends: frames, differences.
+        σ of auxiliary unknowns on which no reading depends: frames, differences.
     stretches : bool
-        Also the compliances, behind those, as influences: the core asks for their columns.
+        Add the compliances, behind those; the core evaluates their columns.
     sigma_scale : int
-        Times the readings' own σ.
+        Factor on the readings' σ.
     """
     names = uncertain(robot)
     more = compliance.unknown(robot) if stretches else []
@@ -176,15 +176,15 @@ def knowledge(
 
 
 class Known(NamedTuple):
-    """What is known, as the core takes it."""
+    """Parameter and reading covariances for the core."""
 
     core: _core.Knowledge
     parameters: int  #: p
-    nuisances: int  #: last
-    compliances: int = 0  #: before those
+    nuisances: int  #: count, at the end
+    compliances: int = 0  #: count, before the nuisances
 
     def own(self, root: Array) -> Array:
-        """Root of the parameters' part of a root that has auxiliary unknowns."""
+        """Extract the root of the parameters' part from a root with auxiliary unknowns."""
         p, k = self.parameters, self.compliances
         if not k:
             return root[:p, :p]
@@ -195,10 +195,10 @@ class Known(NamedTuple):
 def for_law(
     robot: AnyRobot, law: str, sigma_scale: int = 1
 ) -> tuple[AnyRobot, _core.Knowledge | None]:
-    """Return the robot at the level at which a law understands it, and what it weighs by.
+    """Return the robot at the model level of a law, and the covariances it weights by.
 
-    Laws that weigh nothing, the paper's, keep the robot's level. The readings' own σ count
-    `sigma_scale` times; a controller's settings have their own.
+    The paper's laws, without weights, keep the robot's level. `sigma_scale` is a factor on the
+    readings' σ; a controller's settings have their own.
     """
     if not _core.laws[law].weighs:
         return robot, None
@@ -206,10 +206,10 @@ def for_law(
 
 
 def require_uncertain(robot: Kinematics) -> list[str]:
-    """Names as of :func:`uncertain`; an error where there are none, and no compliance either."""
+    """Return the names of :func:`uncertain`; raise if neither these nor compliances exist."""
     names = uncertain(robot)
     if not names and not compliance.unknown(robot):
         raise InputError(
-            f"{robot.name}: [tolerances]: no parameter has a sigma or an interval: nothing to learn"
+            f"{robot.name}: [tolerances]: no parameter has a sigma or an interval to identify"
         )
     return names

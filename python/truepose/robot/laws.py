@@ -1,4 +1,4 @@
-"""Control laws: the paper's three, and those that weigh the readings."""
+"""Control laws: the paper's three, and the two that weight the readings."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ LAWS: tuple[Law, ...] = tuple(_core.laws)
 
 
 def usual(robot: Description) -> Law:
-    """Return the law of a robot for which none is named: of redundant sensors where it has any."""
+    """Return a robot's default law: tej with redundant sensors, joint without."""
     return "tej" if robot.r else "joint"
 
 
 def require_sensors(robot: Description, law: str) -> None:
-    """Raise InputError unless the sensors in use are what a law acts on.
+    """Raise InputError unless the robot uses the sensors that a law needs.
 
-    Without a redundant sensor every law but ``joint`` would be the joint law under another name.
+    Without a redundant sensor every law reduces to the joint law.
     """
     if not robot.r and _core.laws[law].sensed:
         raise no_sensor(robot, f"law {law!r}")
 
 
 def no_sensor(robot: Description, what: str) -> InputError:
-    """Return the error for a law that needs a redundant sensor, of a robot that uses none."""
+    """Return the error for a law that needs a redundant sensor where none is in use."""
     has = ", ".join(sensor.name for sensor in robot.spec.sensor)
     where = f"its file has {has} (with_sensors, --sensors)" if has else "its file has none"
     return InputError(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,17 +13,19 @@ from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import at_poses, flattened, require_answers
+from truepose.robot.description import Description
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
+from truepose.robot.units import coordinate_axes
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Shown):
+    """The pose estimated from all readings, and its covariance.
 
-class Estimate(NamedTuple):
-    """The best pose that all readings allow, and how well it is known.
-
-    Printed, it says where, ± one σ, m and rad.
+    Printed: the pose ± one σ, m and rad.
 
     Examples
     --------
@@ -34,10 +37,11 @@ class Estimate(NamedTuple):
     3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.0024
     """
 
+    robot: Description
     x: Array  #: (..., n)
     covariance: Array  #: (..., n, n) of the free twist (spatial: rotation vector in the base frame)
     chi2: Array  #: (...) of the residuals; about r where the tolerances are right
-    status: Array  #: (...) "ok", or why not
+    status: Array  #: (...) "ok", or the reason of failure
 
     def __repr__(self) -> str:
         variance = np.diagonal(self.covariance, axis1=-2, axis2=-1)
@@ -52,36 +56,37 @@ class Estimate(NamedTuple):
             said += f"; σ, rms: {', '.join(f'{s:.2g}' for s in sigma)}"
         return said
 
-    def plot(self) -> Figure:
-        """Draw the first two coordinates of every pose, with an ellipse of one σ about each."""
-        n = self.x.shape[-1]
-        x, P = self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2]
-        return _ellipses(x, P, angles=isinstance(self, Angles))
+    def table(self) -> Table:
+        """Return one row a pose: coordinates and their σ."""
+        axes, n = coordinate_axes(self.robot), self.robot.n
+        sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1)).reshape(-1, n)
+        factor = [axis.factor for axis in axes]
+        rows = [
+            [Cell(str(k), k), *map(number, (*(x * factor), *(s * factor))), str(status)]
+            for k, (x, s, status) in enumerate(
+                zip(self.x.reshape(-1, n), sigma, np.ravel(self.status), strict=True), 1
+            )
+        ]
+        header = [axis.label for axis in axes]
+        header = ["pose", *header, *(f"σ of {name}" for name in header), "status"]
+        return Table("estimate", f"{self.robot.name}: estimated poses", header, rows)
 
-
-class Angles(Estimate):
-    """An :class:`Estimate` of a pivot: x are its axes' angles."""
+    def _draw(self, figure: Any) -> None:
+        n = self.robot.n
+        P = self.covariance.reshape(-1, n, n)[:, :2, :2]
+        _ellipses(figure, self.robot, self.x.reshape(-1, n)[:, :2], P)
 
 
 class Redundancy(Kinematics):
-    """What a :class:`truepose.Robot` makes of all its readings together."""
+    """Estimation and control with all readings of a :class:`truepose.Robot`."""
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
-        """Redundant FKM: the pose from motors and sensors.
+        """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).
 
-        The paper's closed form where it takes every reading (θ's sensor is the only one of a robot
-        that turns about z, a robot that cannot turn has none): θ from its sensor, the position from
-        all n spheres. Elsewhere the least squares of all readings, which count as in the paper's
-        TEJ: motors by 1, sensors by the ``weight`` in the file.
-
-        Parameters
-        ----------
-        q_e : array_like, shape (..., n + r)
-            Extended positions: motors, then the sensors in use.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
+        Uses the paper's closed form where it covers every reading: θ from its sensor, the position
+        from all n spheres. It needs θ's sensor alone on a robot that rotates about z, and no sensor
+        on one that cannot rotate. Otherwise a least-squares fit weights the readings as the paper's
+        TEJ: motors by 1, sensors by the file's ``weight``.
         """
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         if not self.r and self._spec.mobility != "translation":
@@ -97,28 +102,23 @@ class Redundancy(Kinematics):
         errors: Errors = "raise",
         level: Level | None = None,
     ) -> Estimate:
-        """Estimate the pose from all readings, weighted by their covariance.
+        """Estimate the pose from all readings, weighted by their covariance: an :class:`Estimate`.
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
         (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
-        the covariance holds for true ones spread about it, see :meth:`expected`.
+        the covariance holds for true geometries spread about it, see :meth:`expected`.
 
         Parameters
         ----------
         q_e : array_like, shape (..., n + r)
             Extended positions: motors, then the sensors in use.
         guess : array_like, shape (n,) or (..., n), optional
-            Where to start; the file's home pose by default.
+            Start of the iteration; the file's home pose by default.
         errors : {"raise", "nan"}
-            What to do where no pose is found.
+            Action where no pose is found.
         level : {"ideal", "full"}, optional
-            One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`. At
-            the ideal level the readings count with what it leaves out of a real robot.
-
-        Returns
-        -------
-        Estimate
-            x (..., n), covariance (..., n, n), chi2 (...) and status (...).
+            One rod per chain, or every rod; by default :attr:`Robot.highest_level`. The ideal level
+            adds its model error to the readings.
 
         Examples
         --------
@@ -132,7 +132,7 @@ class Redundancy(Kinematics):
         start = self._guesses(guess, lead, errors)
         level = self.highest_level if level is None else level
         known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
-        found: list[Array] = []  #: covariance and χ² of the last answer
+        found: list[Array] = []  #: covariance and χ² of the last call
 
         def answer(q_e: Array, near: Array | None) -> compliance.Answer:
             begin = start if near is None else np.ascontiguousarray(near)
@@ -150,8 +150,8 @@ class Redundancy(Kinematics):
             covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
-        kind = Angles if self._spec.mobility == "rotational" else Estimate
-        return kind(
+        return Estimate(
+            self,
             x.reshape(*lead, self.n),
             covariance.reshape(*lead, self.n, self.n),
             chi2.reshape(lead)[()],
@@ -159,7 +159,7 @@ class Redundancy(Kinematics):
         )
 
     def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
-        """Covariance of estimates whose weights leave out that compliances are not known."""
+        """Return the covariance of estimates whose weights neglect uncertain compliances."""
         names, every = knowledge.learnable(self), list(self.parameters)
         known, at = knowledge.knowledge(self, level=level).core, np.ascontiguousarray(x)
         gain, *_ = _core.gain(self.core, known, at, self.is_full(level))
@@ -171,17 +171,17 @@ class Redundancy(Kinematics):
     def tej(
         self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
     ) -> tuple[Array, Array]:
-        """Extended-to-joint matrix of the paper, at x.
+        """Compute the paper's extended-to-joint matrix at x.
 
         Parameters
         ----------
         x : array_like, shape (..., n)
             Poses, m and rad.
         errors : {"raise", "nan"}
-            What to do with a pose that cannot be reached, or is singular.
+            Action at an unreachable or singular pose.
         damped_below : float
-            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): finite and
-            bounded on a singularity too, and the paper's to the last bit elsewhere.
+            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): bounded even
+            at a singularity, and equal to the paper's to the last bit elsewhere.
 
         Returns
         -------
@@ -202,14 +202,10 @@ class Redundancy(Kinematics):
         return M, M_plus
 
     def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Extended-to-joint matrix weighted by the readings' covariance, at x.
+        """Compute the TEJ, (..., n, n + r), weighted by the readings' covariance, at x.
 
-        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
-        calibration) and counts leave to be trusted in each reading. At :attr:`Robot.highest_level`.
-
-        Returns
-        -------
-        ndarray, shape (..., n, n + r)
+        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as in :meth:`estimate`: tolerances (or a
+        calibration) and quantization. At :attr:`Robot.highest_level`.
 
         Examples
         --------
@@ -229,22 +225,18 @@ class Redundancy(Kinematics):
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
     ) -> Array:
-        """Sensitivity of the steady-state pose to an error of each reading.
+        """Compute the sensitivity of the steady-state pose to an error of each reading.
 
-        Where a law holds this robot at rest, its motor error ê_q vanishes; an error δq_e of the
-        readings then moves the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the
-        joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose.
+        In steady state the law's motor error ê_q is zero. An error δq_e of the readings then moves
+        the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the joint law, -J M⁺
+        under a TEJ, -∂x̂/∂q_e under a law of the pose.
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            Desired poses, m and rad.
-        law : {"joint", "tej", "cartesian", "weighted", "estimated"}
-            As of :class:`truepose.Controller`.
-        errors : {"raise", "nan"}
-            What to do with a pose that cannot be reached or is singular.
-        sigma_scale : int
-            As of :class:`truepose.Controller`.
+        x, errors
+            Desired poses, (..., n), m and rad; action at an unreachable or singular pose.
+        law, sigma_scale
+            As for :class:`truepose.Controller`; built-in laws only.
 
         Returns
         -------
@@ -272,24 +264,23 @@ class Redundancy(Kinematics):
         return at_poses(self, x, errors, leakage, core=believed.core)[0]
 
 
-_SHARE = 0.04  #: of the picture, that the largest ellipse takes at least: else they are magnified
+_SHARE = 0.04  #: minimum size of the largest ellipse in the picture; smaller ones are magnified
 
 
-def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
-    """Draw N poses, (N, 2) in m or rad, and their covariances, (N, 2, 2); NaN is left out.
+def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
+    """Draw the first two coordinates of N poses, (N, 2), and covariances, (N, 2, 2).
 
-    The ellipses are magnified, by a power of ten that the title says, where they would not be seen.
-    A single coordinate, (N, 1), is drawn over the poses' numbers.
+    Poses with NaN are excluded. Ellipses too small to see are magnified by a power of ten given
+    in the title. A single coordinate is drawn over the pose number.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
     from matplotlib.ticker import MaxNLocator
 
+    names = coordinate_axes(robot)[:2]
+    scale = np.array([axis.factor for axis in names])
     good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
-    scale, unit = (np.degrees(1), "°") if angles else (1e3, "mm")
-    names = ["first axis", "second axis"] if angles else ["x", "y"]
-    x, P = scale * x[good], scale**2 * P[good]
-    figure = Figure(figsize=(5.6, 5.0), layout="constrained")
+    x, P = scale * x[good], np.outer(scale, scale) * P[good]
+    figure.set_size_inches(5.6, 5.0)
     axes = figure.subplots()
     axes.grid(alpha=0.3)
     if x.shape[1] == 1:
@@ -298,8 +289,8 @@ def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
             which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b"
         )
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set(xlabel="pose", ylabel=f"{names[0]} ({unit})", title="± 1 σ")
-        return figure
+        axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
+        return
     axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
     if len(x):
         variance, directions = np.linalg.eigh(P)
@@ -314,5 +305,5 @@ def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
             axes.add_patch(Ellipse(tuple(at), *size, angle=turn, fc="none", ec="#b2182b", lw=0.8))
         axes.autoscale_view()
         axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
-    axes.set(xlabel=f"{names[0]} ({unit})", ylabel=f"{names[1]} ({unit})", aspect="equal")
-    return figure
+    same = names[0].unit == names[1].unit
+    axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect="equal" if same else "auto")

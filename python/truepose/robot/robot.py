@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from truepose import _core, robotfile
+from truepose import _core, files, robotfile
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot.batches import flattened
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.redundancy import Redundancy
+from truepose.robot.units import parameter_table
 from truepose.robotfile.to_core import padded
+from truepose.show.page import as_uri
+from truepose.show.results import Shown, figure_of
+from truepose.show.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +32,7 @@ class AssemblyModes:
     """Poses that close every loop at the same motor positions; `len()` of them."""
 
     x: Array  #: (m, n), nearest to home first; angles within ±π
-    seen: NDArray[np.intc]  #: (m,) how many of the searches came to each
+    seen: NDArray[np.intc]  #: (m,) number of searches that ended in each
 
     def __len__(self) -> int:
         return len(self.x)
@@ -34,15 +42,15 @@ class AssemblyModes:
 
     @property
     def unseen(self) -> float:
-        """Probability that one more search that closes the loops comes to a mode not found yet.
+        """Probability that one more closing search ends in a mode not found yet.
 
-        Good and Turing's estimate: the share of the searches whose mode no other came to.
+        Good and Turing's estimate: the share of searches whose mode no other search reached.
         """
         return float((self.seen == 1).sum() / max(self.seen.sum(), 1))
 
     @property
     def expected(self) -> float:
-        """How many modes there are, by those seen once and twice (Chao 1984, a lower bound).
+        """Estimated number of modes from those seen once and twice (Chao 1984, a lower bound).
 
         Examples
         --------
@@ -54,12 +62,12 @@ class AssemblyModes:
         return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
-class Robot(Redundancy, Dynamics):
+class Robot(Redundancy, Dynamics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
-    Coordinates x are those of the file's mobility (m, rad), motor positions q are what the motor
-    encoders read (rad or m), redundant positions r what the sensors in use read. All methods
-    take any leading shape and run in C++. Frame: base, z up.
+    Coordinates x follow the file's mobility (m, rad), motor positions q are readings of the motor
+    encoders (rad or m), redundant positions r those of the sensors in use. All methods take any
+    leading shape and run in C++. Frame: base, z up.
 
     Parameters
     ----------
@@ -67,15 +75,35 @@ class Robot(Redundancy, Dynamics):
         A validated robot file.
     """
 
+    def table(self) -> Table:
+        """Return every geometric parameter: name, value, unit, sigma.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> next(row for row in tp.load("h4").table() if row["name"] == "pivot1.offset")
+        {'name': 'pivot1.offset', 'value': 0.0, 'unit': 'rad', 'sigma': 0.00034907}
+        """
+        return parameter_table(self, self.parameters)
+
+    def plot(self, x: ArrayLike | None = None) -> Figure:
+        """Draw the robot with its sensors in use at a pose; home by default."""
+        from truepose.robot.drawing import draw
+
+        return figure_of(lambda figure: draw(figure, self, x))
+
+    def _repr_html_(self) -> str:
+        image = as_uri(files.picture(self.plot(), ".svg"))
+        listed = f"<details><summary>Parameters</summary>{super()._repr_html_()}</details>"
+        return (
+            f'<div><p>{escape(repr(self))}</p><img src="{image}" alt="{self.name}"/>{listed}</div>'
+        )
+
     def sample(self, seed: int | np.random.SeedSequence) -> Self:
-        """Return a robot whose every parameter is sampled from its tolerance in the robot file.
+        """Return a robot with every parameter sampled from its tolerance in the robot file.
 
-        Normal where the file gives a sigma, uniform where it gives an interval, independently.
-
-        Parameters
-        ----------
-        seed : int or SeedSequence
-            The same seed gives the same robot.
+        Independently; normal where the file gives a sigma, uniform where it gives an interval. The
+        same `seed` (int or SeedSequence) gives the same robot.
 
         Examples
         --------
@@ -100,33 +128,22 @@ class Robot(Redundancy, Dynamics):
         return robot.replace(sampled)
 
     def assembly_modes(self, q: ArrayLike, starts: int = 50_000, seed: int = 0) -> AssemblyModes:
-        """Find all poses that given motor positions allow, by Newton iteration from many starts.
+        """Find all poses of given motor positions by Newton iteration from many starts.
 
-        The robot's own pose is one of them. The others have another sign of det J_x, or of an entry
-        of J_q, or the same signs. Every path between two modes of different signs of det J_x passes
-        a singular pose; between modes of one sign a cuspidal robot passes none.
-
-        More starts may find more modes, never fewer. `seen` counts the searches that ended in each
-        mode, `expected` estimates how many modes there are.
+        The robot's own pose is one of them; the others differ in the sign of det J_x or of an entry
+        of J_q, or in neither. Every path between modes of different signs of det J_x passes a
+        singular pose; between modes of one sign a cuspidal robot passes none. More starts may find
+        more modes, never fewer. Raises InputError for a wrong shape or values that are not finite.
 
         Parameters
         ----------
         q : array_like, shape (n,)
             Motor positions, rad or m.
         starts : int
-            Random guesses, of all orientations, and of positions that the rods could reach from
-            where q holds their ends; the workspace box is not used.
+            Number of random guesses, of all orientations, at positions that the rods could reach
+            from their ends at q; the workspace box is not used.
         seed : int
-            The same seed gives the same guesses.
-
-        Returns
-        -------
-        AssemblyModes
-
-        Raises
-        ------
-        InputError
-            Wrong shape, or values that are not finite.
+            Seed of the guesses; the same seed gives the same guesses.
 
         Examples
         --------
@@ -146,7 +163,7 @@ class Robot(Redundancy, Dynamics):
 
 
 def list_robots() -> list[str]:
-    """Names of the shipped robots.
+    """Return the names of the shipped robots.
 
     Examples
     --------
@@ -163,7 +180,7 @@ def load(robot: str | Path) -> Robot:
     Parameters
     ----------
     robot : str or Path
-        A name of :func:`robots`, or the path of a robot file.
+        A name of :func:`list_robots`, or the path of a robot file.
 
     Raises
     ------

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import fnmatch
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.robot.description import Description
+from truepose.robot.description import Description, Parameter
 from truepose.robotfile.schema import is_compliance
 from truepose.robotfile.to_core import file_key
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT, SI, printed
 
 
 def reading_units(robot: Description) -> list[str]:
-    """Unit of each extended position q_e, motors and the sensors in use: m or rad."""
+    """Return the unit of each extended position q_e, motors and sensors in use: m or rad."""
     motors = [_motor(chain.actuator) for chain in robot.spec.chain]
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
 def unit_of(robot: Description, name: str) -> str:
-    """Unit of a sensor, a coordinate that something outside measured, or a parameter; "": none."""
+    """Return the unit of a sensor, an externally measured coordinate or a parameter; "": none."""
     part, _, key = name.partition(".")
     coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
     if name in coordinates:
@@ -42,16 +46,50 @@ def unit_of(robot: Description, name: str) -> str:
 
 
 def angles(robot: Description) -> Array:
-    """Coordinates of a pose that are angles, (n,) bool."""
+    """Return which coordinates of a pose are angles, (n,) bool."""
     return np.array([unit == "rad" for _, unit in robot.coordinates])
 
 
 class Summed(NamedTuple):
-    """What the errors of a pose add up to: one number."""
+    """The error of a pose as one number."""
 
-    name: str  #: position; of a robot whose coordinates are all angles, a pivot, turn
+    name: str  #: position, or turn where all coordinates are angles (rotational platforms)
     unit: str  #: m or rad
-    columns: list[int]  #: of the coordinates that it is the root of the sum of squares of
+    columns: list[int]  #: of the coordinates whose root sum of squares it is
+
+    @property
+    def factor(self) -> float:
+        """Factor into the unit that people read."""
+        return PRINT[self.unit][0]
+
+    @property
+    def label(self) -> str:
+        """Its name and the unit that people read."""
+        return f"{self.name} ({PRINT[self.unit][1]})"
+
+
+class Axis(NamedTuple):
+    """A coordinate or a reading as people read it."""
+
+    name: str
+    factor: float  #: from m or rad
+    unit: str  #: mm or °
+
+    @property
+    def label(self) -> str:
+        """Its name and unit."""
+        return f"{self.name} ({self.unit})"
+
+
+def coordinate_axes(robot: Description) -> list[Axis]:
+    """Return the coordinates as people read them."""
+    return [Axis(name, *PRINT[unit]) for name, unit in robot.coordinates]
+
+
+def reading_axes(robot: Description) -> list[Axis]:
+    """Return the readings as people read them."""
+    units = reading_units(robot)
+    return [Axis(name, *PRINT[unit]) for name, unit in zip(robot.readings, units, strict=True)]
 
 
 def summed(robot: Description) -> Summed:
@@ -61,5 +99,81 @@ def summed(robot: Description) -> Summed:
     return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])
 
 
+def by_unit(axes: Sequence[Axis], values: Array, what: str) -> dict[str, dict[str, Array]]:
+    """Columns as people read them, by the label of their axis and their name."""
+    panels: dict[str, dict[str, Array]] = {}
+    for axis, column in zip(axes, values.T, strict=True):
+        panels.setdefault(f"{what} ({axis.unit})", {})[axis.name] = axis.factor * column
+    return panels
+
+
 def _motor(actuator: str) -> str:
     return "rad" if actuator == "revolute" else "m"
+
+
+def tolerance(robot: Description, group: str, sigma: float) -> str:
+    """Write to what parameters, a name or a glob, are machined.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> tolerance(tp.load("h4"), "chain*.rod", 1e-4)
+    'rod 0.1 mm'
+    """
+    unit = unit_of(robot, fnmatch.filter(robot.parameters, group)[0])
+    return f"{group.removeprefix('chain*.')} {printed(sigma, unit, '.3g')}"
+
+
+def in_print(robot: Description, name: str) -> tuple[float, str]:
+    """Factor and unit in which people read a column's or a parameter's value.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
+    ['mm', '°', '°', '']
+    """
+    return PRINT[unit_of(robot, name)]
+
+
+def label(robot: Description, names: Sequence[str]) -> str:
+    """Name a sensor set for people: all of one kind as a glob, where that says which."""
+    every = [sensor.name for sensor in robot.spec.sensor]
+    if not names:
+        return "motors alone"
+    if len(every) > 2 and sorted(names) == sorted(every):
+        return f"all {len(every)}"
+    short = list(names)
+    for kind in {sensor.kind: None for sensor in robot.spec.sensor}:
+        group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
+        glob = group[0].rstrip("0123456789") + "*"
+        if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
+            short = [glob if name == group[0] else name for name in short]
+            short = [name for name in short if name not in group]
+    return ", ".join(short)
+
+
+def parameter_table(robot: Description, known: Mapping[str, Parameter]) -> Table:
+    """Write parameters: name, value, unit, sigma; for programs in SI."""
+    rows = []
+    for name, p in known.items():
+        factor, unit = in_print(robot, name)
+        cells = [Cell(f"{factor * value:.4f}", float(value)) for value in (p.value, p.sigma)]
+        rows.append([name, cells[0], Cell(unit, SI[unit]), cells[1]])
+    title = f"{robot.name}: {len(rows)} parameters"
+    return Table("parameters", title, ["name", "value", "unit", "sigma"], rows)
+
+
+def coordinate_table(
+    robot: Description, name: str, title: str, what: str, columns: Mapping[str, Array]
+) -> Table:
+    """Write values of the coordinates and last of their sum, (n + 1,): one row each."""
+    rows = []
+    total = summed(robot)
+    for k, (coordinate, unit) in enumerate([*robot.coordinates, (total.name, total.unit)]):
+        factor, shown = PRINT[unit]
+        values = [factor * float(column[k]) for column in columns.values()]
+        label = Cell(f"{coordinate} ({shown})", {what: coordinate, "unit": shown})
+        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values)])
+    return Table(name, title, [what, *columns], rows)

@@ -1,4 +1,4 @@
-"""A robot's workspace: its file's box, and poses in it."""
+"""A robot's workspace: the box in its file, and poses in it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from truepose.robotfile.schema import Workspace
 
 
 def workspace(robot: Description) -> Workspace:
-    """Box in which the robot is meant to work; an error where its file has none."""
+    """Return the workspace box in the robot's file; raise InputError where it has none."""
     if robot.spec.workspace is None:
         raise InputError(f"{robot.name}: no [workspace] minimum, maximum in its file")
     return robot.spec.workspace
 
 
 def workspace_grid(robot: Description, points: int | None = None) -> Array:
-    """Poses of a grid over the workspace box, its faces included.
+    """Return the poses of a grid over the workspace box, faces included.
 
-    By default five values of each coordinate (the H4's: Table 2 of the paper), three where there
-    are six.
+    By default five values per coordinate (for the H4 Table 2 of the paper), three for six
+    coordinates.
 
     Examples
     --------

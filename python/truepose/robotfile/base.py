@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from truepose.exceptions import controls
 
-#: A number whose square is one too; strictly, or true would be 1 and "0.26" would be 0.26.
+#: Number with a finite square; strict, else true would be 1 and "0.26" would be 0.26.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
 Vector = tuple[Number, Number, Number]
 Positive = Annotated[Number, Field(gt=0)]
@@ -18,12 +18,12 @@ NonNegative = Annotated[Number, Field(ge=0)]
 
 
 def unit(name: str) -> FieldInfo:
-    """Say a value's unit in the schema: the documentation's reference prints it."""
+    """Return a value's unit for the schema; the documentation's reference prints it."""
     return Field(json_schema_extra={"unit": name})
 
 
 def key(meaning: str, default: Any = ...) -> Any:
-    """Return a key of a table: what it means, for the documentation, and its default, if any."""
+    """Return a key of a table: its meaning, for the documentation, and any default."""
     return Field(default, description=meaning)
 
 
@@ -34,13 +34,13 @@ Mass = Annotated[NonNegative, unit("kg")]
 Inertia = Annotated[NonNegative, unit("kg·m²")]
 #: σ of a reading.
 Sigma = Annotated[NonNegative, unit("m or rad")]
-#: Of a sensor's clock.
+#: Period or latency of a sensor.
 Seconds = Annotated[Number, Field(ge=0, le=10), unit("s")]
-#: Of an encoder, per turn or per m. Fewer, and one count is all it can say.
+#: Counts of an encoder, per turn or per m.
 Counts = Annotated[Number, Field(ge=1)]
 #: One count.
 Resolution = Annotated[Number, Field(ge=1e-12, le=1), unit("m or rad")]
-#: Of an encoder's error; small enough that its reading still rises with its angle.
+#: Amplitude of an encoder's error, small enough for readings to rise with the angle.
 Amplitude = Annotated[Number, Field(gt=-0.1, lt=0.1)]
 Harmonics = Annotated[tuple[Amplitude, Amplitude, Amplitude, Amplitude], unit("rad")]
 
@@ -51,7 +51,7 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-#: Of a reading.
+#: Range of a reading.
 Range = Annotated[tuple[Number, Number], AfterValidator(_rising), unit("m or rad")]
 Index = Annotated[int, Field(ge=1, strict=True)]
 
@@ -62,7 +62,7 @@ def _printable(text: str) -> str:
     return text
 
 
-#: A name that may be printed anywhere.
+#: Name that may be printed anywhere.
 Name = Annotated[str, AfterValidator(_printable)]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from truepose import _core
 from truepose.robotfile.schema import ANGLES, FREEDOMS, not_degrees
 
-#: Names that logs and parameters take for themselves.
+#: Names reserved for logs and parameters.
 _TAKEN = re.compile(
     r"(q|chain|bar|axis|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
     r"|time|pose|compliance|load_[xyz]|.*_tension|counted|near_singular|no_answer"
@@ -17,7 +17,7 @@ _TAKEN = re.compile(
 
 
 def taken(name: str) -> bool:
-    """Whether logs and parameters use a name, so that no sensor and no axis can have it."""
+    """Return whether logs and parameters reserve a name; no sensor or axis can have it."""
     return _TAKEN.fullmatch(name) is not None
 
 
@@ -25,7 +25,7 @@ _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wron
 
 
 def problems(data: dict) -> Iterator[_Problem]:
-    """Find what does not fit in a robot file's contents with its shorthand written out."""
+    """Yield the inconsistencies of a robot file's contents with its shorthand expanded."""
     mobility = data.get("mobility")
     chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "passive_axis"))
     if isinstance(mobility, str) and mobility in FREEDOMS:
@@ -35,7 +35,7 @@ def problems(data: dict) -> Iterator[_Problem]:
     elif axes:
         yield ("passive_axis",), f"passive_axis: needs mobility rotational, not {mobility}"
     if len(bars) > _core.max_bars:
-        text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
+        text = f"{len(bars)} bars: a platform has at most {_core.max_bars} here"
         yield ("bar", _core.max_bars), text
     for number, chain in enumerate(chains, 1):
         bar = chain.get("bar")
@@ -53,7 +53,7 @@ def problems(data: dict) -> Iterator[_Problem]:
 
 
 def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) -> Iterator[_Problem]:
-    """Sensors that name a part that the robot has not, or need another mobility."""
+    """Yield sensors on parts that do not exist, or that need another mobility."""
     parts = {
         "chain": (chains, f"of {chains} chains"),
         "axis": (axes, f"but the file has {axes} axes"),
@@ -102,9 +102,9 @@ def _sizes(data: dict, mobility: str, n: int) -> Iterator[_Problem]:
             else f"{mobility} has {n} freedoms"
         )
         text = f"{has}: give {n} chains, not {len(chains)}; " + (
-            f"{n - len(chains)} of the nacelle's freedoms would be held by nothing"
+            f"{n - len(chains)} of the platform's freedoms would be unconstrained"
             if len(chains) < n
-            else f"{len(chains) - n} of them would work against the others"
+            else f"{len(chains) - n} too many: the platform would be overconstrained"
         )
         yield ("mobility",), text
     boxes: list[tuple[str, ...]] = [("home",)]
@@ -119,12 +119,12 @@ def _sizes(data: dict, mobility: str, n: int) -> Iterator[_Problem]:
             turns = value[-ANGLES[mobility] :]
             if all(type(turn) in (int, float) for turn in turns):
                 try:
-                    not_degrees(f"{'.'.join(path)}: the nacelle's angle", turns)
+                    not_degrees(f"{'.'.join(path)}: the platform's angle", turns)
                 except ValueError as error:
                     yield path, str(error)
 
 
 def tables(data: dict, key: str) -> list[dict]:
-    """Return the tables of an array of tables; what is none as an empty one."""
+    """Return the tables of an array of tables; anything else in it as an empty one."""
     value = data.get(key)
     return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []

@@ -10,7 +10,7 @@ from truepose.robotfile.schema import Chain
 
 #: Keys of a chain that turn with its copy.
 _TURNED = ("base", "axis", "arm_zero", "anchor", "pair_axis")
-#: Keys whose one value is a list itself.
+#: Keys whose single value is a list.
 _LISTS = ("limits", "eccentricity")
 
 
@@ -26,7 +26,7 @@ def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
 
 
 def _cosine(turns: Fraction) -> float:
-    """Cos of a fraction of a turn, exact where it is 0, ±1/2 or ±1."""
+    """Return the cosine of a fraction of a turn, exact where it is 0, ±1/2 or ±1."""
     turns = turns % 1
     turns = min(turns, 1 - turns)
     if turns > Fraction(1, 4):
@@ -36,15 +36,12 @@ def _cosine(turns: Fraction) -> float:
 
 
 def expand(motif: list, repeat: int, about: str) -> list:
-    """Repeat the chains of a motif: first all of them, then all of them turned, and so on.
-
-    Vectors turn. Any other key may be a list with one value for each copy, see :func:`misfits`.
-    """
+    """Repeat a motif's chains, turned; lists (see :func:`misfits`) have a value per copy."""
     return [_copy(chain, k, repeat, about) for k in range(repeat) for chain in motif]
 
 
 def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Find lists that do not have one value for each copy: the key's path, and what is wrong."""
+    """Yield lists without one value for each copy: the key's path, and a message."""
     for number, chain in enumerate(motif):
         for key, values in _lists(chain):
             if len(values) != repeat:
@@ -63,7 +60,7 @@ def _lists(chain: object) -> Iterator[tuple[str, list]]:
 
 
 def _copy(chain: object, k: int, repeat: int, about: str) -> object:
-    if not isinstance(chain, dict):  # the schema's to describe
+    if not isinstance(chain, dict):  # the schema reports it
         return chain
     result = dict(chain)
     for key in _TURNED:

@@ -1,4 +1,4 @@
-"""Reader of robot files, with every error in one line."""
+"""Reader of robot files; every error is one line."""
 
 from __future__ import annotations
 
@@ -52,48 +52,48 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "calibration": CalibrationSection,
     **SENSORS,
 }
-#: Keys that are written out before the schema is asked, and what they stand for.
+#: Keys that are expanded before the schema's check, and their meaning.
 SHORTHAND = {
     "based_on": "the shipped robot that this file changes: its tables are laid over that robot's, "
     "its lists replace that robot's",
     "chain_defaults": "keys of 'chain' that all chains share; a chain's own key wins",
 }
-#: What decides how a robot moves, and of a chain.
+#: Keys that determine a robot's motion, then those of a chain.
 _MECHANISM = ("mobility", "home", "chain", "bar", "passive_axis", "platform")
 _MOVES = {"actuator", "base", "axis", "arm_zero", "arm", "rod", "working_mode", "anchor", "bar"}
 _MOVES |= {"limits", "rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset"}
 _MOVES |= {"gain", "spool_buildup"}
 
-#: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
+#: Largest robot file. A calibration of the most parameters possible takes 0.7 MB.
 MOST_BYTES = 1_000_000
 
 _DEEP = re.compile(r"(?:\.[\w\s\"'-]{1,40}){100}")  # a key of a hundred parts
 
-LINE = 1000  #: characters of a problem that are told
-_TOLD = 100  # problems of one sort, in one file
+LINE = 1000  #: most characters shown of a problem
+_TOLD = 100  # most problems of one sort, in one file
 
-#: A folder whose name ends so holds a robot as it may truly be, not one as it was drawn.
+#: Ending of folders with a possible true robot instead of a nominal one.
 TWIN = "-twin"
 
 
 def shipped() -> dict[str, Path]:
-    """Names of the shipped robots and their files; without twins."""
+    """Return names and files of the shipped robots, without twins."""
     return {name: path for name, path in loadable().items() if not name.endswith(TWIN)}
 
 
 def loadable() -> dict[str, Path]:
-    """Names of everything that is shipped, twins too, and their files."""
+    """Return names and files of all that is shipped, with twins."""
     folder = resources.files("truepose") / "_data/robots"
     return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
 
 
 def path_of(robot: str) -> Path:
-    """Find the file of a shipped robot's name, or of a path."""
+    """Return the file of a shipped robot's name, or of a path."""
     return loadable().get(robot, Path(robot))
 
 
 def read(robot: str | Path) -> RobotFile:
-    """Read a shipped robot's name or a robot file's path; one line says what is wrong."""
+    """Read a robot file by a shipped robot's name or a path; every error is one line."""
     files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
@@ -128,7 +128,7 @@ def parse(text: str, where: str) -> RobotFile:
 
 
 def table_of(text: str) -> dict:
-    """Return what a TOML text says; ValueError with one line where it is none."""
+    """Parse a TOML text; ValueError with one line where it is invalid."""
     try:
         if _DEEP.search(text):  # the parser would take minutes
             raise RecursionError
@@ -149,14 +149,14 @@ def validate(data: dict, where: str) -> RobotFile:
 
 
 class Problem(NamedTuple):
-    """What is wrong with a robot file: the key's path in the file, and a line that says it."""
+    """An error in a robot file: the key's path, and a line of text."""
 
     path: tuple[str | int, ...]
     text: str
 
 
 def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
-    """Find everything the schema has against the contents of a robot file; none: it is one."""
+    """Return the checked robot file, or None and everything that is wrong."""
     try:
         whole, motif, problems = _resolved(data)
     except _ShorthandError as error:
@@ -169,7 +169,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     except ValidationError as error:
         found = error.errors(include_url=False)[:_TOLD]
     found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
-    described = {}  # copies of a chain have the same problem: told once
+    described = {}  # copies of a chain have the same problem: report it once
     for problem in found:
         location = _where_written(problem["loc"], data, motif)
         text = _describe(problem | {"loc": location})
@@ -178,7 +178,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
 
 
 def _where_written(location: tuple, data: dict, motif: int) -> tuple:
-    """Find the place in the file of a key of a chain: in the motif, or shared by all chains."""
+    """Return where the file has a chain's key: in the motif, or shared by all chains."""
     if len(location) < 2 or location[0] != "chain" or not motif:
         return location
     number = location[1] % motif
@@ -191,10 +191,7 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
 
 
 def _unknown_names(whole: dict) -> Iterator[Problem]:
-    """Find tolerances and values of parameters, and sensors in use, that do not exist.
-
-    Looked at even where other keys are wrong: what they leave open may be anything.
-    """
+    """Yield unknown names of parameters and of sensors in use, even if other keys are wrong."""
     parts = ("chain", "bar", "sensor", "passive_axis")
     tables = {key: consistency.tables(whole, key)[:_TOLD] for key in parts}
     known = [str(sensor.get("name")) for sensor in tables["sensor"]]
@@ -229,7 +226,7 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
 
 
 def _stretches(whole: dict) -> bool:
-    """Whether compliances are parameters of a file that may be wrong elsewhere."""
+    """Return whether compliances are parameters of a file that may be wrong elsewhere."""
     named = [whole.get(table) for table in ("tolerances", "parameters")]
     learnt = whole.get("calibration")
     named.append(learnt.get("parameters") if isinstance(learnt, dict) else None)
@@ -239,7 +236,7 @@ def _stretches(whole: dict) -> bool:
 
 
 def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Problem]:
-    """Find parameters of a calibration that do not exist, come twice, or cannot have their mean."""
+    """Yield parameters of a calibration that are unknown, repeated or have a wrong mean."""
     table = calibration if isinstance(calibration, dict) else {}
     names, means = table.get("parameters"), table.get("mean")
     names, means = (v if isinstance(v, list) else [] for v in (names, means))
@@ -257,7 +254,7 @@ def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Prob
 
 
 def wrong_value(name: str, value: float) -> str | None:
-    """Say what is wrong with a parameter's value, if anything."""
+    """Return what is wrong with a parameter's value, if anything."""
     if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
         return "must be greater than 0 (m)"
     if name.endswith(".gain") and value == 0:
@@ -269,7 +266,7 @@ def wrong_value(name: str, value: float) -> str | None:
 
 
 def mechanism_of(data: dict) -> RobotFile | None:
-    """Return what moves of a robot file, where that much is right whatever else is wrong."""
+    """Return the moving part of a robot file if that part is right, whatever else is wrong."""
     try:
         whole, _, _ = _resolved(data)
     except _ShorthandError:
@@ -295,17 +292,14 @@ def mechanism_of(data: dict) -> RobotFile | None:
 
 
 class _ShorthandError(Exception):
-    """The file's shorthand cannot be written out."""
+    """Shorthand in a robot file that cannot be expanded."""
 
     def __init__(self, path: tuple[str | int, ...], text: str):
         self.problem = Problem(path, text)
 
 
 def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
-    """Write out what is shorthand: based_on, chain_defaults, pattern.
-
-    Also the motif's length, and what is wrong with the shorthand.
-    """
+    """Expand based_on, chain_defaults and pattern; return also the motif's length and problems."""
     data = dict(data)
     if "based_on" in data:
         data = _based_on(data)
@@ -317,7 +311,7 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
         return data, 0, []
     chains = [shared | c if isinstance(c, dict) else c for c in chains]
     motif = len(chains)
-    try:  # an unusable pattern is the schema's to describe
+    try:  # the schema reports an unusable pattern
         pattern = Pattern.model_validate(pattern)
     except ValidationError:
         return data | {"chain": chains}, motif, []
@@ -326,7 +320,7 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
 
 
 def _based_on(data: dict) -> dict:
-    """Lay a file over the shipped robot it is based on: tables key by key, the rest whole."""
+    """Merge a file into the shipped robot it is based on: tables by key, the rest whole."""
     files = shipped()
     name = data.pop("based_on")
     if not isinstance(name, str) or name not in files:
@@ -340,7 +334,6 @@ def _based_on(data: dict) -> dict:
 
 
 def _describe(problem: dict) -> str:
-    """One line for one of pydantic's problems."""
     location = [part for part in problem["loc"] if part not in SENSORS]
     key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in location)
     kind, value = problem["type"], problem["input"]

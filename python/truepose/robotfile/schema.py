@@ -31,15 +31,14 @@ from truepose.robotfile.base import (
 )
 from truepose.robotfile.sensors import Sensor
 
-#: How many of a mobility's coordinates, the last ones, are angles.
+#: Number of a mobility's angles, its last coordinates.
 ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "rotational": 3}
-
 #: Degrees of freedom (= chains = motors) of each mobility; rotational: as many as passive axes.
 FREEDOMS = {"planar_translation": 2, "planar": 3, "translation": 3, "schoenflies": 4, "spatial": 6}
 
 
 def not_degrees(what: str, angles: float | Sequence[float]) -> None:
-    """Raise ValueError for an angle of more than a turn, which is one in degrees."""
+    """Raise ValueError for an angle of more than a turn, which is likely in degrees."""
     listed = [angles] if isinstance(angles, float) else list(angles)
     if max(map(abs, listed)) > 2 * math.pi:
         turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
@@ -49,12 +48,12 @@ def not_degrees(what: str, angles: float | Sequence[float]) -> None:
         )
 
 
-#: The compliance that all chains share, as a parameter.
+#: Parameter name of the compliance that all chains share.
 COMMON = "compliance.all_chains"
 
 
 def is_compliance(parameter: str) -> bool:
-    """Whether a parameter, or a glob of parameters, is a compliance: of one chain or of all.
+    """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all.
 
     Examples
     --------
@@ -67,7 +66,7 @@ def is_compliance(parameter: str) -> bool:
 
 
 def speaks_of_compliance(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
-    """Whether a file says anything of compliance: its table, its chains' own, its parameters'."""
+    """Return whether a file has a compliance: its table, a chain's own, or a parameter."""
     return (
         table is not None
         or any(compliance is not None for compliance in own)
@@ -90,7 +89,7 @@ class Chain(Section):
     rod: Length | None = key("L = |AB| (not telescopic: needed)", None)
     working_mode: Literal[-1, 1] = key("sign of the entry of J_q", -1)
     anchor: Point = key("A in the body that carries it")
-    bar: Index | None = key("bar that carries A; without it, the nacelle itself", None)
+    bar: Index | None = key("bar that carries A; without it, the platform itself", None)
     rod_spacing: Length = key("between the two rods of a spatial parallelogram; full level", 0.08)
     rod_difference: Annotated[Number, unit("m")] = key(
         "length of the rod on the side of +u less that of the other, m; full level", 0.0
@@ -122,7 +121,7 @@ class Chain(Section):
         "per turn, or per m; without it the encoder has no counts", None
     )
     lead: Annotated[Number, unit("m or rad")] | None = key(
-        "what the motor moves in one turn of its shaft, for logs whose column is q1_turns: a "
+        "travel per turn of the motor's shaft, for logs whose column is q1_turns: a "
         "screw's lead, a spool's or pulley's circumference; negative where it turns the other "
         "way",
         None,
@@ -186,7 +185,7 @@ class Chain(Section):
         return self
 
     def _heavy_enough(self) -> None:
-        """Refuse a drive that is lighter than the arm (slender) or the carriage that it counts."""
+        """Refuse a drive lighter than the arm (slender) or the carriage that it includes."""
         part, least, unit = "", 0.0, ""
         if self.actuator == "revolute":
             part, unit = "arm_mass · arm²/3 of a slender arm", "kg·m²"
@@ -201,15 +200,15 @@ class Chain(Section):
 
 
 class Bar(Section):
-    """A lateral bar of an articulated nacelle: pivots on the nacelle, keeps its orientation."""
+    """A lateral bar of an articulated platform: hinged to it, keeps its orientation."""
 
-    direction: Direction = key("from the nacelle's centre to the pivot, nacelle frame")
-    pivot: Length = key("distance of the pivot from the nacelle's centre")
-    mass: Mass = key("of the bar, centred on its pivot", 0.0)
+    direction: Direction = key("from the platform's centre to the hinge, platform frame")
+    pivot: Length = key("distance of the hinge from the platform's centre")
+    mass: Mass = key("of the bar, centred on its hinge", 0.0)
 
 
 class PassiveAxis(Section):
-    """A passive axis of a pivot: the next one, or the nacelle, turns about it."""
+    """A passive axis of a rotational platform: the next axis, or the platform, turns about it."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = key(
         "of its angle, a coordinate of x: letters, digits and _"
@@ -235,28 +234,28 @@ class Platform(Section):
     """The body whose pose is x."""
 
     bars: Literal["pivots", "four_bar"] = key(
-        "each bar turns on its own pivot, or all with the couplers of a four-bar", "pivots"
+        "each bar turns on its own hinge, or all with the couplers of a four-bar", "pivots"
     )
     mass: Mass = key("without bars and rods", 0.0)
-    centre: Point = key("of mass, nacelle frame", (0, 0, 0))
+    centre: Point = key("of mass, platform frame", (0, 0, 0))
     inertia_x: Inertia = key("about the centre of mass, along x", 0.0)
     inertia_y: Inertia = key("about the centre of mass, along y", 0.0)
     inertia_z: Inertia = key("about the centre of mass, along z", 0.0)
 
 
 class Compliance(Section):
-    """Deflection of rods, legs and belts under the nacelle's weight and a load."""
+    """Deflection of rods, legs and belts under the platform's weight and a load."""
 
     all_chains: Annotated[NonNegative, unit("1/N")] = key(
         "strain per newton of a chain's tension, of all chains alike; a chain's own is added", 0.0
     )
     load: Annotated[Vector, unit("N")] = key(
-        "force on the nacelle's reference point beside the weights, base frame", (0.0, 0.0, 0.0)
+        "force on the platform's reference point beside the weights, base frame", (0.0, 0.0, 0.0)
     )
 
 
 class Workspace(Section):
-    """Box of coordinates in which the robot is meant to work."""
+    """Box of coordinates for which the robot is intended."""
 
     minimum: Annotated[tuple[Number, ...], unit("m, rad")] = key(
         "smallest value of each coordinate"
@@ -273,7 +272,7 @@ class Workspace(Section):
 
 
 class Pattern(Section):
-    """The file's chains are one motif, repeated about an axis of the base frame."""
+    """Repetition of the file's chains, the motif, about an axis of the base frame."""
 
     repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key(
         "copies of the motif, a full turn together"
@@ -293,17 +292,17 @@ class PriceStep(Section):
 
 
 class Tolerance(Section):
-    """What is not known of a parameter: a σ, or a uniform interval about its value."""
+    """Uncertainty of a parameter: a σ, or a uniform interval about its value."""
 
     sigma: Annotated[NonNegative, unit("the parameter's")] | None = key(
-        "standard deviation about the drawn value", None
+        "standard deviation about the nominal value", None
     )
     interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
-        "lowest and highest departure from the drawn value, all between as likely; this or 'sigma'",
+        "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'",
         None,
     )
     price_steps: tuple[PriceStep, ...] = key(
-        "what truepose design may have machined finer: levels, any order", ()
+        "finer levels that truepose design may choose, any order", ()
     )
 
     @model_validator(mode="after")
@@ -324,7 +323,7 @@ class Tolerance(Section):
 
     @property
     def mean(self) -> float:
-        """Mean departure from the file's value."""
+        """Mean deviation from the file's value."""
         return 0.0 if self.interval is None else (self.interval[0] + self.interval[1]) / 2
 
     @property
@@ -336,9 +335,9 @@ class Tolerance(Section):
 
 
 class CalibrationSection(Section):
-    """What a calibration has learnt; it takes the place of these parameters' tolerances."""
+    """Result of a calibration; it replaces these parameters' tolerances."""
 
-    source: str = key("readings that it rests on", "")
+    source: str = key("readings used", "")
     parameters: tuple[str, ...] = key("names, in the order of 'mean' and 'root'")
     mean: Annotated[tuple[Number, ...], unit("m or rad")] = key("best values")
     root: tuple[tuple[Number, ...], ...] = key(
@@ -346,7 +345,7 @@ class CalibrationSection(Section):
     )
     model_error: dict[str, Sigma] = Field(
         default_factory=dict,
-        description="σ by which each reading departs from the ideal level (q1 … qn, sensors)",
+        description="σ of each reading's deviation from the ideal level (q1 … qn, sensors)",
     )
 
     @model_validator(mode="after")
@@ -369,22 +368,22 @@ class CalibrationSection(Section):
 class RobotFile(Section):
     """A robot and its sensors."""
 
-    name: Name = key("what messages, figures and results call it")
+    name: Name = key("in messages, figures and results")
     title: Name = key("one line about it", "")
     source: str = key("where the numbers come from", "")
     mobility: Literal[
         "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
-    ] = key("which freedoms the nacelle has; as many chains")
+    ] = key("which freedoms the platform has; as many chains")
     home: Annotated[tuple[Number, ...], unit("m, rad")] = key(
         "a pose well inside the workspace, one value a freedom"
     )
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
-    workspace: Workspace | None = key("box in which the robot is meant to work", None)
+    workspace: Workspace | None = key("box for which the robot is intended", None)
     fkm_region: Workspace | None = key("box in which the FKM from home finds every pose", None)
     level: Literal["ideal", "full"] | None = key(
-        "of the model: one rod per chain, or every rod by itself; without it, the paper's "
-        "kinematics and laws are ideal, what states an accuracy is full where it can be",
+        "of the model: one rod per chain, or every rod; without it, the paper's kinematics and "
+        "laws are ideal, accuracies full where possible",
         None,
     )
     quantized: bool = key("false: encoders and sensors have no counts", True)
@@ -401,17 +400,14 @@ class RobotFile(Section):
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
     tolerances: dict[str, Tolerance] = Field(
         default_factory=dict,
-        description="by parameter, globs allowed, of which the first that fits counts: what is "
-        "not known of it",
+        description="uncertainty by parameter; of globs the first that fits counts",
     )
     parameters: Annotated[dict[str, Number], unit("m or rad")] = Field(
         default_factory=dict,
-        description="values that are not the drawn ones; tolerances stay about the drawn ones",
+        description="values other than nominal; tolerances stay about the nominal ones",
     )
-    calibration: CalibrationSection | None = key(
-        "what a calibration has learnt; written by it", None
-    )
-    #: The file this was read from, kept so that saving keeps its order and comments.
+    calibration: CalibrationSection | None = key("result of a calibration; written by it", None)
+    #: Text of the file, so that saving keeps its order and comments.
     _text: str = PrivateAttr(default="")
 
     @property
@@ -421,7 +417,7 @@ class RobotFile(Section):
 
     @property
     def stretches(self) -> bool:
-        """Whether compliances are among its parameters: where the file speaks of any."""
+        """Whether compliances are among its parameters: where the file has any."""
         learnt = self.calibration.parameters if self.calibration else ()
         named = (*self.tolerances, *self.parameters, *learnt)
         own = [chain.compliance for chain in self.chain]
@@ -434,6 +430,6 @@ class RobotFile(Section):
         return tuple(known[name] for name in self.sensors)
 
     def tolerance(self, parameter: str) -> Tolerance | None:
-        """What is not known of a parameter: the first entry of 'tolerances' that fits its name."""
+        """Return a parameter's uncertainty: the first entry of 'tolerances' that fits its name."""
         fits = (t for name, t in self.tolerances.items() if fnmatch.fnmatchcase(parameter, name))
         return next(fits, None)

@@ -1,7 +1,7 @@
 """Kinds of redundant sensors in a robot file.
 
-A tracker that gives a position is three `coordinate` sensors, one that gives a pose three more
-`rotation` ones. Every sensor reads gain · value − offset, in steps of its resolution.
+A position tracker is three `coordinate` sensors, a pose tracker three more `rotation` ones.
+Every sensor reads gain · value − offset, in steps of its resolution.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from truepose.robotfile.base import (
 
 
 def _own_name(name: str) -> str:
-    """Refuse a sensor whose parameters would be called as a chain's or a bar's are."""
+    """Refuse a sensor with the name of a chain, a bar or an axis."""
     if re.fullmatch(r"(chain|bar|axis)\d+", name):
-        raise ValueError("is what a chain, a bar or an axis is called: choose another name")
+        raise ValueError("is the name of a chain, a bar or an axis: choose another name")
     return name
 
 
@@ -41,12 +41,12 @@ SensorName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterVali
 
 
 class SensorSection(Section):
-    """What every kind of sensor has."""
+    """Keys of every kind of sensor."""
 
-    #: Vectors of the mounting: the core's name and the file's key.
+    #: Vectors of the mounting: name in the core, key in the file.
     mounting: ClassVar[dict[str, str]] = {}
 
-    name: SensorName = key("what logs, parameters and 'sensors' call it: letters, digits and _")
+    name: SensorName = key("in logs, parameters and 'sensors': letters, digits and _")
     offset: Annotated[Number, unit("m or rad")] = key("reading = gain * value - offset", 0.0)
     gain: Number = key("reading = gain * value - offset", 1.0)
     noise: Sigma = key("σ of a reading, before it is counted", 0.0)
@@ -54,17 +54,15 @@ class SensorSection(Section):
     sample_period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
     latency: Seconds = key("of a sample when it arrives at the controller", 0.0)
     range: Range | None = key(
-        "[low, high], what it can read: a watch fails a reading beyond; without it any number "
-        "will do",
+        "[low, high] of its readings: the fault monitor fails any beyond; without it there is no "
+        "limit",
         None,
     )
-    price: NonNegative | None = key(
-        "what it costs, in any currency: truepose design weighs it", None
-    )
+    price: NonNegative | None = key("cost in any currency, for truepose design", None)
 
     @property
     def geared(self) -> bool:
-        """Whether a gear, and its play, stands between the nacelle and the encoder of its θ."""
+        """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
         return False
 
     @model_validator(mode="after")
@@ -75,7 +73,7 @@ class SensorSection(Section):
 
 
 class Encoder(SensorSection):
-    """Of a turning shaft, perhaps through a gear."""
+    """Encoder of a turning shaft, perhaps through a gear."""
 
     counts: Counts | None = key("per turn of the encoder; without it there are none", None)
     gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = key(
@@ -103,27 +101,27 @@ class _Gauge(SensorSection):
 
 
 class PlatformAngle(Encoder):
-    """θ of the nacelle about z, the gear undone."""
+    """θ of the platform about z, the gear undone."""
 
     kind: Literal["platform_angle"] = key("says which sensor this is")
-    bar: Index | None = key("read at this bar's pivot, against the bar; without it, absolute", None)
+    bar: Index | None = key("read at this bar's hinge, against the bar; without it, absolute", None)
 
     @property
     def geared(self) -> bool:
-        """Whether a gear, and its play, stands between the nacelle and the encoder of its θ."""
+        """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
         return self.gear != 1
 
 
 class PlaneDistance(_Gauge):
-    """Distance along a line fixed in the base to a plane of the nacelle."""
+    """Distance along a line fixed in the base to a plane of the platform."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target", "normal")}
 
     kind: Literal["plane_distance"] = key("says which sensor this is")
     origin: Point = key("a point of the line, base frame")
     direction: Direction = key("of the line, base frame")
-    target: Point = key("a point of the plane, nacelle frame", (0, 0, 0))
-    normal: Direction = key("of the plane, nacelle frame")
+    target: Point = key("a point of the plane, platform frame", (0, 0, 0))
+    normal: Direction = key("of the plane, platform frame")
 
 
 class Coordinate(_Gauge):
@@ -134,31 +132,31 @@ class Coordinate(_Gauge):
     kind: Literal["coordinate"] = key("says which sensor this is")
     origin: Point = key("where it reads 0, base frame", (0, 0, 0))
     direction: Direction = key("measured direction, base frame")
-    target: Point = key("the point, nacelle frame", (0, 0, 0))
+    target: Point = key("the point, platform frame", (0, 0, 0))
 
 
 class Distance(_Gauge):
-    """Draw-wire or ball bar from a point of the base to a point of the nacelle."""
+    """Draw-wire or ball bar from a point of the base to a point of the platform."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "target")}
 
     kind: Literal["distance"] = key("says which sensor this is")
     origin: Point = key("its point on the base, base frame")
-    target: Point = key("its point, nacelle frame", (0, 0, 0))
+    target: Point = key("its point, platform frame", (0, 0, 0))
 
 
 class Inclinometer(_Gauge):
-    """Turn of the nacelle about one of its own axes, against the file's gravity."""
+    """Turn of the platform about one of its own axes, against the file's gravity."""
 
     mounting: ClassVar[dict[str, str]] = {"direction": "axis", "normal": "up"}
 
     kind: Literal["inclinometer"] = key("says which sensor this is")
-    axis: Direction = key("about which it measures, nacelle frame")
-    up: Direction = key("vertical at reading 0, nacelle frame", (0, 0, 1))
+    axis: Direction = key("about which it measures, platform frame")
+    up: Direction = key("vertical at reading 0, platform frame", (0, 0, 1))
 
 
 class Rotation(_Gauge):
-    """A component of the nacelle's rotation vector: one axis of a tracker of orientation."""
+    """A component of the platform's rotation vector: one axis of a tracker of orientation."""
 
     mounting: ClassVar[dict[str, str]] = {"direction": "direction"}
 
@@ -166,14 +164,14 @@ class Rotation(_Gauge):
     direction: Direction = key("of the component, base frame")
 
 
-#: Which rod of a spatial parallelogram a sensor sees: on the side of +u, or on the other.
+#: Rod of a spatial parallelogram that a sensor measures: on the side of +u, or the other.
 Side = Annotated[
     Literal["+", "-"], Field(description="of a pair, the rod on the side of +u or -u; full level")
 ]
 
 
 class RodAngle(Encoder):
-    """Direction of a rod in one of its joints: elbow, platform-side joint, U-joint of a leg.
+    """Direction of a rod at a joint: elbow, platform-side joint, U-joint of a leg.
 
     In plane: from the arm (base's side of a revolute chain), else from e, positive about u as q.
     Lateral: out of that plane, positive along u.
@@ -186,7 +184,7 @@ class RodAngle(Encoder):
 
 
 class RodLength(_Gauge):
-    """Distance of a rod's ends."""
+    """Distance between a rod's ends."""
 
     kind: Literal["rod_length"] = key("says which sensor this is")
     chain: Index = key("whose rod, from 1")
@@ -201,7 +199,7 @@ class MotorEncoder(Encoder):
 
 
 class AxisAngle(Encoder):
-    """An encoder on a passive axis of a pivot."""
+    """An encoder on a passive axis of a rotational platform."""
 
     kind: Literal["axis_angle"] = key("says which sensor this is")
     axis: Index = key("which, from 1")

@@ -16,13 +16,12 @@ from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
 PAIRED = ("translation", "schoenflies")
-
 #: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
 HARMONICS = ("c1", "s1", "c2", "s2")
 
 _COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
 
-#: The core's sensor vectors that are directions: parameters of theirs have length 1 as drawn.
+#: The core's sensor vectors that are directions, nominally of length 1.
 DIRECTIONS = ("direction", "normal")
 
 
@@ -34,7 +33,7 @@ def parameter_names(
     stretches: bool,
     axes: int = 0,
 ) -> list[str]:
-    """Names of all geometric parameters, those that are None (not known) included.
+    """Return the names of all geometric parameters, including those of unknown (None) parts.
 
     `stretches`: whether compliances are among them (the core's control path has none).
     """
@@ -64,7 +63,7 @@ def parameter_names(
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
-    """Name and value of every geometric parameter, as the file's keys draw them."""
+    """Return name and nominal value of every geometric parameter."""
     sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
     actuators = [chain.actuator for chain in spec.chain]
     names = parameter_names(
@@ -81,12 +80,12 @@ def drawn(spec: RobotFile) -> dict[str, float]:
     for name in names:
         part, key, *component = name.split(".")
         value = getattr(parts[part], key)
-        if value is None:  # a compliance of its own
+        if value is None:  # a chain's own compliance
             value = 0.0
         values[name] = value[_COMPONENTS[component[0]]] if component else value
     for sensor in spec.sensor:
         for vector in DIRECTIONS:
-            if turned := sensor.mounting.get(vector):  # only turning it means something
+            if turned := sensor.mounting.get(vector):  # only its direction matters
                 of = [f"{sensor.name}.{turned}.{axis}" for axis in "xyz"]
                 length = math.hypot(*(values[name] for name in of))
                 values |= {name: values[name] / length for name in of}
@@ -99,10 +98,7 @@ def harmonics() -> list[str]:
 
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
-    """Name of every parameter that the core knows in this robot, and its column of H_ξ.
-
-    The core says in which order they stand; a sensor's file may call a vector otherwise than it.
-    """
+    """Return the file's name of every parameter that the core has, and its column of H_ξ."""
     chain, axis = (
         [key for key, _ in table] for table in (_core.chain_parameters, _core.axis_parameters)
     )
@@ -124,7 +120,7 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
 
 
 def file_key(kind: type[SensorSection], core: str) -> str:
-    """Name in a robot file of one of the core's parameters of a sensor; empty: it has none."""
+    """Return the file's key for one of the core's parameters of a sensor; empty: none."""
     vector, dot, component = core.partition(".")
     if vector == "eccentricity":
         return core if issubclass(kind, Encoder) else ""
@@ -135,7 +131,7 @@ def file_key(kind: type[SensorSection], core: str) -> str:
 
 
 def padded(values: Iterable[float]) -> list[float]:
-    """Return values of the chains or coordinates as the core takes them: six, the rest 0."""
+    """Return values of chains or coordinates in the core's form: six, the rest 0."""
     given = list(map(float, values))
     return given + [0.0] * (6 - len(given))
 
@@ -148,10 +144,9 @@ def encoder_step(chain: Chain) -> float:
 
 
 def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
-    """From one rod of a chain to the other, as drawn.
+    """Return the nominal direction from one rod of a chain to the other: along an arm's axis.
 
-    Along an arm's axis. On a carriage, unless the file says, across the rail and the rods at home:
-    there the pair holds the nacelle best.
+    On a carriage by default across rail and rods at home, where the pair constrains best.
     """
     if chain.actuator != "prismatic":
         return np.array(chain.axis)
@@ -168,13 +163,13 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     if not length > 1e-3 * (chain.rod or 0.0):  # the rods' distance from the rail
         raise RobotFileError(
             f"{spec.name}: chain {spec.chain.index(chain) + 1}: its rail and its rods are parallel "
-            "at home: say which way the two rods lie apart (pair_axis = [x, y, z])"
+            "at home: give the direction from one rod to the other (pair_axis = [x, y, z])"
         )
     return across / length
 
 
 def build(spec: RobotFile) -> _core.Robot:
-    """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
+    """Fill the core's structs from the file: nominal, axes at zero yaw and tilt."""
     robot = _core.Robot()
     mobility = f"pivot_{spec.n}" if spec.mobility == "rotational" else spec.mobility
     robot.mobility = getattr(_core.Mobility, mobility)
@@ -204,7 +199,6 @@ def build(spec: RobotFile) -> _core.Robot:
 
 
 def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
-    """Fill the core's struct of a chain."""
     built = _core.Chain()
     built.actuator = getattr(_core.Actuator, chain.actuator)
     for key in ("base", "axis"):
@@ -236,7 +230,6 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
 
 
 def _build_axis(axis: PassiveAxis) -> _core.PassiveAxis:
-    """Fill the core's struct of a passive axis."""
     built = _core.PassiveAxis()
     built.origin, built.direction = np.array(axis.origin), np.array(axis.direction)
     if axis.limits is not None:
@@ -245,7 +238,6 @@ def _build_axis(axis: PassiveAxis) -> _core.PassiveAxis:
 
 
 def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
-    """Fill the core's struct of a sensor."""
     built = _core.Sensor()
     built.kind = getattr(_core.SensorKind, sensor.kind)
     built.offset, built.gain = sensor.offset, sensor.gain
@@ -263,7 +255,7 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
         built.chain = number - 1
         built.at_nacelle = getattr(sensor, "side", "base") == "platform"
         built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
-        # A joint on the nacelle's side is built along the drawn axes of its chain.
+        # A platform-side joint is built along the nominal axes of its chain.
         built.direction = np.array(spec.chain[number - 1].axis)
         built.normal = np.array(spec.chain[number - 1].arm_zero)
     return built
@@ -272,7 +264,7 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
 def parameterised(
     drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
 ) -> _core.Robot:
-    """Return the drawn robot with these parameters' values; `known` as from :func:`columns`."""
+    """Return `drawn` with these parameters' values; `known` as from :func:`columns`."""
     xi = np.asarray(drawn.drawn_parameters())
     for name, column in known:
         if name in values:

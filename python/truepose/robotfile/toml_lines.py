@@ -20,9 +20,7 @@ _TOKEN = re.compile(
 
 
 def lines(text: str) -> dict[Path, int]:
-    r"""Find the line (from 1) of every key and list element of a valid TOML text.
-
-    Keys of nested tables come as paths, elements of lists by their number from 0.
+    r"""Return the line (from 1) of every key path and list element (from 0) of a TOML text.
 
     Examples
     --------
@@ -34,14 +32,14 @@ def lines(text: str) -> dict[Path, int]:
 
 
 def nearest(where: dict[Path, int], path: Path) -> int:
-    """Find the line of a key, or of its table; 1 if nothing does."""
+    """Return the line of a key, or of its table; 1 without either."""
     while path and path not in where:
         path = path[:-1]
     return where.get(path, 1)
 
 
 class _Scan:
-    """One pass over the tokens. Only as strict as it must be: the parser has seen the text."""
+    """One pass over the tokens of a text that the parser has accepted."""
 
     def __init__(self, text: str):
         self.found: dict[Path, int] = {}
@@ -78,7 +76,6 @@ class _Scan:
         return self.tokens[self.at - 1] if self.at <= len(self.tokens) else None
 
     def _key(self, token: tuple[int, str] | None) -> Path:
-        """Read a key, dotted or not, from its first token."""
         parts = [token[1] if token else ""]
         while self._peek() == ".":
             self._next()
@@ -109,7 +106,7 @@ class _Scan:
         self._value(path)
 
     def _value(self, path: Path) -> None:
-        """Pass over a value; lists and inline tables have places of their own."""
+        """Skip a value, but record list elements and keys of inline tables."""
         opening = self._peek()
         if opening == "[":
             self._next()

@@ -13,15 +13,12 @@ from truepose.robotfile.to_core import drawn
 
 
 def output(path: str | Path, option: str = "") -> Output:
-    """Return a robot file to be written, and the option by which it was asked for."""
+    """Return the output for a robot file, with the option that requested it."""
     return Output(Path(path), "robot file", option)
 
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
-    """Write a robot as a robot file's text; order and comments of the file it came from are kept.
-
-    Parameters (`values`) that are not as drawn go into the table [parameters].
-    """
+    """Return a robot's file text, order and comments kept; non-nominal `values` as [parameters]."""
     nominal = drawn(spec)
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
     before = parse(document.as_string(), spec.name)
@@ -46,7 +43,6 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
 
 
 def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -> None:
-    """Write where sensors are mounted, if it is elsewhere."""
     known = {sensor.name: sensor for sensor in before.sensor}
     moved = [
         (sensor.name, key, getattr(sensor, key))
@@ -54,7 +50,7 @@ def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -
         for key in sensor.mounting.values()
         if sensor.name in known and getattr(sensor, key) != getattr(known[sensor.name], key)
     ]
-    if moved and "sensor" not in document:  # those of the robot that it is based on
+    if moved and "sensor" not in document:  # inherited by based_on
         document["sensor"] = _written_out(before)["sensor"]
     tables = {table["name"]: table for table in document.get("sensor", [])}
     for name, key, place in moved:
@@ -74,7 +70,7 @@ def _calibration(calibration: CalibrationSection) -> tomlkit.items.Table:
 
 
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
-    """Write every key that differs from its default, the pattern's chains one by one."""
+    """Return every key that differs from its default, the pattern's chains expanded."""
     data = spec.model_dump(
         exclude_defaults=True, exclude={"pattern", "parameters", "calibration"}, mode="json"
     )

@@ -13,4 +13,5 @@ COLOURS = {
     "passive axis": "#e08214",
     "nacelle": "#b2182b",
     "tool": "#7b3294",
+    "sensor": "#00868b",
 }

@@ -6,6 +6,12 @@ import base64
 import platform
 import re
 from importlib import metadata, resources
+from typing import TYPE_CHECKING
+
+from truepose.show.table import Table
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 _TEMPLATES = "_data/templates"
 _HEADING = re.compile(r"<h2>(.*?)</h2>", re.DOTALL)
@@ -18,6 +24,21 @@ def render(template: str, **values: object) -> str:
 
     Panzoom (Timmy Willison and others, MIT) is written into the page: it needs no network.
     """
+    page = _with_contents(_template(template).render(**values))
+    folder = resources.files("truepose") / _TEMPLATES
+    scripts = [
+        f"<script>\n{(folder / name).read_text(encoding='utf-8').strip()}\n</script>\n"
+        for name in ("panzoom.min.js", "zoom.js")
+    ]
+    return page.replace("</body>", "".join(scripts) + "</body>")
+
+
+def table_html(table: Table) -> str:
+    """Write a table as pages have it."""
+    return str(_template("page.html.j2").module.show(table))  # type: ignore[attr-defined]
+
+
+def _template(name: str) -> Template:
     import jinja2
 
     environment = jinja2.Environment(
@@ -27,13 +48,7 @@ def render(template: str, **values: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = _with_contents(environment.get_template(template).render(**values))
-    folder = resources.files("truepose") / _TEMPLATES
-    scripts = [
-        f"<script>\n{(folder / name).read_text(encoding='utf-8').strip()}\n</script>\n"
-        for name in ("panzoom.min.js", "zoom.js")
-    ]
-    return page.replace("</body>", "".join(scripts) + "</body>")
+    return environment.get_template(name)
 
 
 def _with_contents(page: str) -> str:

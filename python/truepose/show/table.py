@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,12 +33,23 @@ class Cell(str):
 
 @dataclass(frozen=True)
 class Table:
-    """Text cells under a header; `name` is also the CSV's file name."""
+    """Text cells under a header; `name` is also the CSV's file name.
+
+    An iterable of records, of which pandas and polars make a DataFrame.
+
+    Examples
+    --------
+    >>> list(Table("t", "A title", ["rod", "mm"], [["a", number(0.1234)]]))
+    [{'rod': 'a', 'mm': 0.1234}]
+    """
 
     name: str
     title: str
     header: list[str]
     rows: Sequence[Sequence[str]]
+
+    def __iter__(self) -> Iterator[dict[str, object]]:
+        return iter(self.records())
 
     def columns(self, *which: int) -> Table:
         """Return a narrower table."""
@@ -56,6 +69,16 @@ class Table:
                 record |= data if isinstance(data, dict) else {name: data}
             records.append(record)
         return records
+
+
+def as_csv(records: Iterable[Mapping[str, object]]) -> str:
+    """Write records as CSV, with every column that one of them has."""
+    rows, text = list(records), io.StringIO()
+    columns = dict.fromkeys(name for row in rows for name in row)
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def fixed(value: float, decimals: int = 2) -> Cell:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import csv
-import io
 import json
 import math
 import shutil
@@ -17,7 +15,7 @@ from rich.console import Console
 from rich.text import Text
 
 from truepose.exceptions import one_line
-from truepose.show.table import Table
+from truepose.show.table import Table, as_csv
 
 #: What a terminal that does not know a letter is given for it.
 _PLAIN = {
@@ -118,7 +116,8 @@ def _data(tables: list[Table], how: Format) -> None:
         data = {table.name: [_finite(row) for row in table.records()] for table in tables}
         print(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
     else:
-        print(_csv(tables), end="")
+        rows = ({"table": t.name} | _finite(record) for t in tables for record in t.records())
+        print(as_csv(rows), end="")  # all columns of all tables
 
 
 def _knows(letters: str) -> bool:
@@ -134,18 +133,6 @@ def _finite(record: dict[str, object]) -> dict[str, object]:
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in record.items()
     }
-
-
-def _csv(tables: list[Table]) -> str:
-    """One table: all columns of all tables, and which table each row is of."""
-    rows = [{"table": t.name} | _finite(record) for t in tables for record in t.records()]
-    text = io.StringIO()
-    writer = csv.DictWriter(
-        text, dict.fromkeys(k for row in rows for k in row), lineterminator="\n"
-    )
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def laid_out(table: Table, width: int) -> list[str]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import fnmatch
 import math
 
-from truepose.robot.robot import Robot
-from truepose.robot.units import unit_of
+from truepose.show.table import Cell
 
 #: Factor and name of the unit that people read, by that of the package.
 PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, ""), "1/N": (1e6, "µm/m/N")}
@@ -37,27 +35,6 @@ def printed(value: float, unit: str, form: str = ".2f") -> str:
     return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
 
 
-def tolerance(robot: Robot, group: str, sigma: float) -> str:
-    """Write to what parameters, a name or a glob, are machined.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> tolerance(tp.load("h4"), "chain*.rod", 1e-4)
-    'rod 0.1 mm'
-    """
-    unit = unit_of(robot, fnmatch.filter(robot.parameters, group)[0])
-    return f"{group.removeprefix('chain*.')} {printed(sigma, unit, '.3g')}"
-
-
-def in_print(robot: Robot, name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a column's or a parameter's value.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
-    ['mm', '°', '°', '']
-    """
-    return PRINT[unit_of(robot, name)]
+def named(what: str, name: str, unit: str) -> Cell:
+    """Name a row for people in print units; its data are SI."""
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})

@@ -1,7 +1,7 @@
-"""Coordinates of motion between poses that may be added and differentiated.
+"""Additive, differentiable coordinates of motion between poses.
 
-Spatial robots turn on SO(3). Their twist follows from the chart R = exp(w) R₀ of rotations about a
-first one, by ω = J(w) ẇ, exactly; differences of rotation vectors are no twist.
+Spatial robots rotate on SO(3). Their twist follows exactly from the chart R = exp(w) R₀ about a
+first orientation: ω = J(w) ẇ; differences of rotation vectors are no twist.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from truepose.arguments import Array
 from truepose.robot.frames import rotation, rotation_vector
 from truepose.robot.robot import Robot
 
-_TERMS = 20  # of the series of SO(3)'s Jacobian: exact to rounding for turns of up to 2π
+_TERMS = 20  # of the series of SO(3)'s Jacobian: exact to rounding for rotations up to 2π
 
 
 class Setpoints(NamedTuple):
-    """What a controller is asked for, a row for each control period; m, rad, s."""
+    """Setpoints of a controller, one row per control period; m, rad, s."""
 
     x: Array  #: (T, n) poses
     rate: Array  #: (T, n) free twists
@@ -27,12 +27,12 @@ class Setpoints(NamedTuple):
 
 
 def linear_of(robot: Robot) -> Array:
-    """Which coordinates are lengths, (n,)."""
+    """Return which coordinates are lengths, (n,)."""
     return np.array([unit == "m" for _, unit in robot.coordinates])
 
 
 class Chart:
-    """Coordinates from one pose on that may be added: of a rotation w, R = exp(w) R₀.
+    """Coordinates relative to one pose that can be added; rotations w as R = exp(w) R₀.
 
     Examples
     --------
@@ -48,7 +48,7 @@ class Chart:
         self.first = rotation(origin[3:]) if robot.spec.mobility == "spatial" else None
 
     def into(self, x: Array) -> Array:
-        """Coordinates of poses along a motion, (T, n); turns of more than π go on."""
+        """Convert poses along a motion, (T, n), to coordinates; rotations beyond π continue."""
         y = x - self.origin
         if self.first is None:
             return y
@@ -56,14 +56,14 @@ class Chart:
         last = np.zeros(3)
         for k in range(len(y)):
             w, size = y[k, 3:], float(np.linalg.norm(y[k, 3:]))
-            other = w * (1 - 2 * math.pi / size) if size > 0 else w  # the same turn, other way
+            other = w * (1 - 2 * math.pi / size) if size > 0 else w  # the same rotation, other way
             if np.linalg.norm(other - last) < np.linalg.norm(w - last):
                 y[k, 3:] = other
             last = y[k, 3:]
         return y
 
     def out(self, y: Array, rate: Array, acceleration: Array) -> Setpoints:
-        """Poses, twists and their derivatives of coordinates and theirs."""
+        """Convert coordinates and their derivatives to poses, twists and their derivatives."""
         x = y + self.origin
         if self.first is None:
             return Setpoints(x, rate, acceleration)
@@ -75,7 +75,7 @@ class Chart:
         return result
 
     def back(self, y: Array, rate: Array, acceleration: Array | None = None) -> list[Array]:
-        """Derivatives of coordinates of a twist and its derivative: `out`, solved."""
+        """Convert a twist and its derivative to derivatives of coordinates: `out`, solved."""
         given = [rate] if acceleration is None else [rate, acceleration]
         if self.first is None:
             return given
@@ -90,10 +90,10 @@ class Chart:
 
 
 def _turning(w: Array, rate: Array) -> tuple[Array, Array]:
-    """J of ω = J(w) ẇ for R = exp(w) R₀, and J̇ ẇ, which is ω̇ at ẅ = 0.
+    """Return J of ω = J(w) ẇ for R = exp(w) R₀, and J̇ ẇ, which is ω̇ at ẅ = 0.
 
-    J = 1 + a [w]× + b [w]×², a = Σ (-θ²)ᵏ/(2k+2)!, b = Σ (-θ²)ᵏ/(2k+3)!, θ = |w|: the series serve
-    θ = 0 as any other. d/dt θ² = 2 w·ẇ.
+    J = 1 + a [w]× + b [w]×², a = Σ (-θ²)ᵏ/(2k+2)!, b = Σ (-θ²)ᵏ/(2k+3)!, θ = |w|, also at θ = 0.
+    d/dt θ² = 2 w·ẇ.
     """
     square = (w * w).sum(axis=-1)
     k = np.arange(_TERMS)

@@ -26,23 +26,23 @@ from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
 
-RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
+RESTLESS = 1e-3  #: m or rad, largest peak to peak at rest in the last 50 ms
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
-SATURATED = "saturated: "  #: begins what is said of a robot that rests all the same
-_STEPS, _RINGING = 2, 1.0  #: in a period at least, and phase of a rotor's ringing in a step, rad
+SATURATED = "saturated: "  #: prefix of the status of a robot that rests despite saturation
+_STEPS, _RINGING = 2, 1.0  #: least per period, and largest phase of a rotor's ringing per step, rad
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 
 
 class Drive(NamedTuple):
-    """A robot about to be driven."""
+    """A robot ready to be simulated."""
 
-    truth: Robot  #: as it is by then
+    truth: Robot  #: with its effects at that time
     controller: Controller
-    core: tuple  #: what the core's functions take first
+    core: tuple  #: first arguments of the core's functions
     seed: int
-    steps: int  #: of the integration, in one control period
+    steps: int  #: integration steps per control period
     origin: list[float]  #: desired pose at the start
-    at_rest: list[float]  #: where the controller holds the true robot at the start
+    at_rest: list[float]  #: steady-state pose of the true robot at the start
 
 
 def begin(
@@ -61,12 +61,9 @@ def begin(
     faults: Sequence[Fault],
     watch: FaultMonitor | None,
 ) -> Drive:
-    """Check what :func:`truepose.simulate` takes, and let the true robot rest at the start.
+    """Check the arguments of :func:`truepose.simulate` and find the true robot's initial rest.
 
-    Parameters
-    ----------
-    start : (str, array_like)
-        What the pose is called in messages, and the pose.
+    `start` is the pose and before it its name in messages.
     """
     controller = controller_of(controller, robot, effects)
     require_same_readings(robot, truth)
@@ -106,7 +103,7 @@ def begin(
 def controller_of(
     controller: Controller | Law | OwnLaw | None, robot: Robot, effects: Effects | None
 ) -> Controller:
-    """Return a controller of which the law alone was named, or nothing: one that robots bear."""
+    """Return the controller; for a law alone or None, one that is stable with the effects."""
     if isinstance(controller, Controller):
         return controller
     controller = usual(robot) if controller is None else controller
@@ -116,17 +113,17 @@ def controller_of(
 
 
 def unanswered(cycles: int, reason: int) -> str:
-    """Say that the controller had no answer, and why not the first time."""
+    """Return the status of a run with cycles without a result, and the first reason."""
     return f"no answer in {cycles} cycle{'s' * (cycles > 1)}: {_core.describe(reason)}"
 
 
 def saturated(motor: int) -> str:
-    """Say that a motor was at its torque limit."""
+    """Return the status of a run in which a motor was at its torque limit."""
     return f"{SATURATED}motor {motor + 1} was at its torque limit"
 
 
 def _steps(steps: int | None, truth: Robot, effects: Effects | None, period: float) -> int:
-    """Integration steps in a period: as asked for, or what resolves all that swings."""
+    """Return the integration steps per period: as given, or enough for the fastest oscillation."""
     if steps is None:
         if effects is None or not effects.arm_stiffness:
             return _STEPS

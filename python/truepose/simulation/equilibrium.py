@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +18,29 @@ from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law, usual
 from truepose.robot.robot import Robot
+from truepose.show.results import ShownArray
+from truepose.show.table import Table
+from truepose.simulation.figures import draw_errors, error_table
+
+
+class SteadyState(ShownArray):
+    """Steady-state poses of the true robot: an array, (..., n); m and rad."""
+
+    robot: Robot  #: the controller's robot
+    x_d: Array  #: (..., n) desired
+
+    @property
+    def error(self) -> Array:
+        """True minus desired coordinates, (..., n)."""
+        return np.asarray(self) - self.x_d
+
+    def table(self) -> Table:
+        """Return one row per coordinate: errors over the poses."""
+        return error_table(self.robot, self.error.reshape(-1, self.robot.n))
+
+    def _draw(self, figure: Any) -> None:
+        error = self.error.reshape(-1, self.robot.n)
+        draw_errors(figure, self.robot, np.arange(1, len(error) + 1), error)
 
 
 def steady_state(
@@ -27,30 +52,31 @@ def steady_state(
     gravity: bool = False,
     start: ArrayLike | None = None,
     errors: Errors = "raise",
-) -> Array:
+) -> SteadyState:
     """Compute the steady-state pose of the true robot, without simulating the motion.
 
     Parameters
     ----------
     robot, truth : Robot
-        What the controller believes, and what is.
+        The controller's robot and the true one.
     x_d : array_like, shape (..., n)
         Desired poses.
     controller : Controller, law or callable
-        A function is an own law, as of :class:`Controller`. Encoders count as unquantized. By
-        default the TEJ law, of a robot without a sensor in use the joint law.
+        A function is an own law, as for :class:`Controller`. Encoders count as unquantized. By
+        default the TEJ law, without a sensor in use the joint law.
     gravity : bool
-        True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
-        False: no load, or integral action; the motor error of the law vanishes.
+        True: the PD carries the error of the nominal feed-forward of the true robot's weight.
+        False: no load, or integral action; the law's motor error vanishes.
     start : array_like, shape (n,), optional
-        Where the move started: :func:`simulate` places the gains there, and under gravity they
-        matter. The file's home pose by default.
+        Start of the move, where :func:`simulate` places the gains; matters under gravity. The
+        file's home pose by default.
     errors : {"raise", "nan"}
-        What to do with a pose at which the true robot does not settle.
+        Action at a pose at which the true robot does not settle.
 
     Returns
     -------
-    ndarray, shape (..., n)
+    SteadyState
+        An array, shape (..., n).
 
     Raises
     ------
@@ -76,13 +102,15 @@ def steady_state(
     require_same_readings(robot, truth)
     for one in {robot, truth}:
         warn_if_stiff(one, "a controller")
+    about = {"robot": robot, "x_d": rows.reshape(*lead, robot.n)}
     if callable(controller.law):
-        return _own(controller, robot, truth, rows, start, gravity, errors).reshape(*lead, robot.n)
+        x = _own(controller, robot, truth, rows, start, gravity, errors)
+        return SteadyState(x.reshape(*lead, robot.n), **about)
     settings = controller.settings(robot, robot.home if start is None else start)
     believed, known = knowledge.for_law(robot, controller.law)
     x, status, chain, _ = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
     require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
-    return x.reshape(*lead, robot.n)
+    return SteadyState(x.reshape(*lead, robot.n), **about)
 
 
 def _own(
@@ -94,7 +122,7 @@ def _own(
     gravity: bool,
     errors: Errors,
 ) -> Array:
-    """Steady-state poses (N, n) under an own law."""
+    """Compute the steady-state poses, (N, n), under an own law."""
     at = robot.home if start is None else start
     x = np.full_like(x_d, np.nan)
     for k, pose in enumerate(x_d):

@@ -1,4 +1,4 @@
-"""Whether the motors can follow a path or a move, checked with the nominal robot beforehand."""
+"""Feasibility of a path or a move for the nominal robot's motors, checked beforehand."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from truepose.robot.robot import Robot
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.paths import Line, Path
 
-_NEAR = 1e-3  #: to which the fastest speed is found
-_ROWS = 50  #: of a move at least: one shorter than a period would have none between its ends
+_NEAR = 1e-3  #: relative tolerance of the fastest speed
+_ROWS = 50  #: least per move: one shorter than a period would have none between its ends
 
 
 def require_feasible_move(
@@ -23,8 +23,8 @@ def require_feasible_move(
 ) -> None:
     """Raise PoseError unless the robot can make a straight move in its duration.
 
-    As :func:`require_feasible`; where a motor's speed or torque is what lacks, names the shortest
-    duration that the motors allow.
+    As :func:`require_feasible`; where motor speed or torque is exceeded, it names the shortest
+    possible duration.
 
     Examples
     --------
@@ -55,16 +55,11 @@ def require_feasible_move(
 
 
 def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: str = "path") -> None:
-    """Raise PoseError at the first moment at which the robot cannot be where the path wants it.
+    """Raise PoseError at the first moment at which the robot cannot follow the path.
 
-    Asked are reach, stops and assembly mode of every setpoint, then its motors' speed and torque
-    where the file has a limit. Torques are those of the nominal robot along the path, its friction
-    included; what a controller adds comes on top.
-
-    Raises
-    ------
-    PoseError
-        Names the time, and the chain or motor with what it would need.
+    Checks reach, stops and assembly mode of every setpoint, then motor speed and torque where the
+    file has a limit. Torques are those of the nominal robot along the path, friction included; the
+    controller's come on top. The error names the time, and the chain or motor with its need.
 
     Examples
     --------
@@ -99,7 +94,7 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: st
 
 @dataclass(frozen=True, kw_only=True)
 class Paced:
-    """A path `speed` times as fast as it is.
+    """A path, `speed` times as fast.
 
     Examples
     --------
@@ -121,16 +116,10 @@ class Paced:
 
 
 def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
-    """How many times as fast as it is the motors allow a path: :func:`require_feasible`.
+    """Return the factor on a path's speed that the motors allow, see :func:`require_feasible`.
 
-    The limits of speed and torque in the robot's file, met by the nominal robot, to a thousandth.
-
-    Raises
-    ------
-    InputError
-        No motor has a limit that the path would ever reach.
-    PoseError
-        The path is not possible at any speed.
+    By the speed and torque limits in the file, for the nominal robot, to a thousandth. Raises
+    InputError if no speed reaches a limit, PoseError if the path is not possible at any speed.
 
     Examples
     --------
@@ -156,7 +145,7 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
     if impossible := refusal(at(slow)):
         raise impossible
     if refusal(at(fast)) is None:
-        raise InputError(f"{robot.name}: the motors allow any speed: no limit is in its file")
+        raise InputError(f"{robot.name}: no motor limit in its file bounds the path's speed")
     while fast > (1 + _NEAR) * slow:
         middle = float(np.sqrt(slow * fast))
         slow, fast = (slow, middle) if refusal(at(middle)) else (middle, fast)

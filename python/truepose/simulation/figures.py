@@ -1,46 +1,68 @@
-"""Figure of a run's errors and torques."""
+"""Tables and figures of a robot's errors and torques."""
 
 from __future__ import annotations
 
-from matplotlib.figure import Figure
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
-from truepose.show.units import PRINT
+from truepose.robot.units import by_unit, coordinate_axes, coordinate_table, summed
+from truepose.show.charts import lines
+from truepose.show.table import Table
+
+#: Control periods of a motor's mean torque in a figure.
+_MEAN = 11
 
 
-def errors(robot: Robot, over: Array, error: Array, torque: Array | None = None) -> Figure:
-    """Draw errors over time or poses: lengths above, angles below; then the torques of a move.
+def error_table(
+    robot: Robot,
+    error: Array,
+    poses: Mapping[str, Array] | None = None,
+    last: bool = False,
+) -> Table:
+    """Tabulate errors (N, n) without NaN, one row per coordinate; last the position or the turn.
 
-    Parameters
-    ----------
-    robot : Robot
-    over : ndarray, shape (N,)
-        Time, s, where there are torques; else the numbers of poses.
-    error, torque : ndarray, shape (N, n)
+    `poses`, (n,), are further columns; `last` adds the error at the end.
     """
-    shown = {
-        f"error ({PRINT[of][1]})": {
-            name: PRINT[of][0] * error[:, k]
-            for k, (name, unit) in enumerate(robot.coordinates)
-            if unit == of
+    total = summed(robot)
+    position = np.linalg.norm(error[:, total.columns], axis=1)
+    error = np.column_stack([error, position])[np.isfinite(position)]
+    columns = {name: np.append(pose, np.nan) for name, pose in (poses or {}).items()}
+    columns["mean"] = error.mean(axis=0)
+    columns["rms"] = np.sqrt((error**2).mean(axis=0))
+    columns["largest"] = np.abs(error).max(axis=0)
+    if last:
+        columns["at the end"] = error[-1]
+    return coordinate_table(robot, "errors", "Error (true − desired)", "error", columns)
+
+
+def draw_errors(
+    figure: Any, robot: Robot, over: Array, error: Array, torque: Array | None = None
+) -> None:
+    """Draw errors, (N, n), lengths above, angles below; then the torques, (N, n), of a move.
+
+    `over`, (N,), is time, s, where there are torques; otherwise pose numbers.
+    """
+    panels = by_unit(coordinate_axes(robot), error, "error")
+    title = f"{robot.name}: errors (true − desired)"
+    if torque is not None and len(torque) > 2 * _MEAN:
+        turns = {chain.actuator == "revolute" for chain in robot.spec.chain}
+        label = " or ".join(["force (N)"] * (False in turns) + ["torque (N·m)"] * (True in turns))
+        title += f"; torques: mean of {_MEAN} periods, thin: each"
+        window, ends = np.full(_MEAN, 1 / _MEAN), np.full(_MEAN // 2, np.nan)
+        panels[label] = {
+            f"motor {k}": np.concatenate([ends, np.convolve(values, window, "valid"), ends])
+            for k, values in enumerate(torque.T, 1)
         }
-        for of in ("m", "rad")
-    }
-    move = torque is not None
-    if torque is not None:
-        motors = {f"motor {k}": values for k, values in enumerate(torque.T, 1)}
-        shown["torque (N·m) or force (N)"] = motors
-    shown = {label: lines for label, lines in shown.items() if lines}
-    figure = Figure(figsize=(7.0, 0.6 + 2.1 * len(shown)), layout="constrained")
-    for axes, (label, lines) in zip(
-        figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown.items(), strict=True
-    ):
-        for name, values in lines.items():
-            axes.plot(over, values, "-" if move else ".", label=name, lw=1.2)
+    figure.set_size_inches(6.8, 0.6 + 2.1 * len(panels))
+    xlabel, style = ("pose", ".") if torque is None else ("time (s)", "-")
+    every = lines(figure, over, panels, xlabel, style)
+    for axes in every:
         axes.axhline(0, color="0.6", lw=0.8)
-        axes.set_ylabel(label)
-        axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
-    axes.set_xlabel("time (s)" if move else "pose")
-    figure.suptitle(f"{robot.name}: true − desired", fontsize=10, parse_math=False)
-    return figure
+    if torque is not None:
+        for k, values in enumerate(torque.T):
+            every[-1].plot(over, values, lw=0.5, alpha=0.3, color=f"C{k}")
+    figure.suptitle(title, fontsize=10, parse_math=False)

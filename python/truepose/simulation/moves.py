@@ -8,23 +8,18 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 
-#: The move of the paper's Figures 11 to 13: start and end (m, rad; θ taken as the nacelle's),
-#: duration (s).
+#: The paper's move, Figures 11 to 13: start and end (m, rad; θ is the nacelle's), duration (s).
 MOVE_FROM = (0.0, 0.0, -0.5, 0.0)
 MOVE_TO = (0.1, -0.1, -0.4, 0.2)
 MOVE_DURATION = 0.2
 
 
 def default_move(robot: Robot) -> tuple[Array, Array]:
-    """Start and end of a move that a robot of this kind can make.
+    """Return start and end of a move that this robot can make.
 
-    The one of the paper's Figures 11 to 13 where the robot reaches its start and has its end in the
-    workspace, as the H4 does; else from home half the way to the workspace's upper corner.
-
-    Raises
-    ------
-    InputError
-        The file has no workspace.
+    The paper's move of Figures 11 to 13 if the robot reaches its start and its end is in the
+    workspace, as for the H4; otherwise from home half way to the workspace's upper corner. Raises
+    InputError without a workspace.
 
     Examples
     --------

@@ -15,6 +15,10 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
+from truepose.show.units import PRINT
 from truepose.simulation.chart import Chart, Setpoints, linear_of
 from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
@@ -22,24 +26,23 @@ from truepose.simulation.moves import MOVE_DURATION
 from truepose.simulation.paths import Path, path_of
 from truepose.simulation.simulate import simulate
 
-#: Of a path's largest speed: slower is standing. Cosine of a turn in one period that is a corner.
+#: Share of a path's largest speed below which it stands. Cosine of a corner's turn in one period.
 _STANDS, _CORNER = 1e-3, 0.5
 
 
-@dataclass(frozen=True)
-class PathAccuracy:
+@dataclass(frozen=True, repr=False)
+class PathAccuracy(Shown):
     """Path accuracy and repeatability of several runs; m and rad.
 
-    Runs are compared where they pass the planes that stand upright on the path at points of it, so
-    that being late is no error, and their mean and their scatter are judged apart: path accuracy
-    and path repeatability of ISO 9283:1998, 8.2 and 8.3. A point that some run does not pass does
-    not count: beside a corner or an end, by less than the robot is off along the path.
+    Runs are compared where they pass planes perpendicular to the path at points of it, so that
+    delay is no error. Mean and scatter are evaluated separately: path accuracy and path
+    repeatability of ISO 9283:1998, 8.2 and 8.3. Points that some run does not pass are excluded:
+    near a corner or an end, within the robot's error along the path.
 
     Examples
     --------
-    :meth:`of` judges runs that are there, :func:`truepose.simulation.path_accuracy` simulates them.
-    Ten that
-    are 1 mm too high, all alike:
+    :meth:`of` evaluates given runs, :func:`truepose.simulation.path_accuracy` simulates them. Ten
+    runs, all 1 mm too high:
 
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
@@ -52,15 +55,15 @@ class PathAccuracy:
 
     robot: Robot
     asked: Array  #: (m, n) points of the path
-    deviation: Array  #: (runs, m, n) attained less asked, in their planes; NaN: not passed
-    tracking: float  #: rms distance from where the path is at the same time
-    tracking_max: float  #: and the largest
-    speed: float  #: the path's largest, m/s
+    deviation: Array  #: (runs, m, n) attained − desired, in their planes; NaN: not passed
+    tracking: float  #: rms distance from the path's position at the same time
+    tracking_max: float  #: the largest such distance
+    speed: float  #: largest along the path, m/s
     saturated: float = 0.0  #: share of periods in which a motor was at its torque limit
 
     @property
     def AT(self) -> float:
-        """Path accuracy: how far the mean of the runs is off, at the worst point."""
+        """Path accuracy: deviation of the runs' mean, at the worst point."""
         return float(np.linalg.norm(self._position.mean(axis=0), axis=-1).max())
 
     @property
@@ -71,28 +74,52 @@ class PathAccuracy:
 
     @property
     def AT_angle(self) -> float:
-        """Of the orientation: its worst angle; 0 of a robot that does not turn."""
+        """Path accuracy of the orientation: its worst angle; 0 of a robot that does not rotate."""
         return float(np.abs(self._angles.mean(axis=0)).max(initial=0))
 
     @property
     def RT_angle(self) -> float:
-        """Of the orientation: 3 S of its worst angle; 0 of a robot that does not turn."""
+        """Path repeatability of the orientation: 3 S of its worst angle; 0 without rotation."""
         return float((3 * _scatter(self._angles)).max(initial=0))
 
     @property
     def contour(self) -> float:
-        """Distance from the path, rms over its points and the runs."""
+        """Rms distance from the path over its points and the runs."""
         return float(np.sqrt((self._position**2).sum(axis=-1).mean()))
 
     @property
     def contour_max(self) -> float:
-        """Distance from the path, the largest."""
+        """Largest distance from the path."""
         return float(np.linalg.norm(self._position, axis=-1).max())
 
     @property
     def counts(self) -> Array:
-        """Which points every run has passed, (m,) bool."""
+        """Which points every run passes, (m,) bool."""
         return np.asarray(np.isfinite(self.deviation).all(axis=(0, 2)))
+
+    def table(self) -> Table:
+        """Return accuracy, repeatability and errors over the path."""
+        values = [("path accuracy AT", self.AT, "m"), ("path repeatability RT", self.RT, "m")]
+        if (~linear_of(self.robot)).any():
+            values += [("AT, angle", self.AT_angle, "rad"), ("RT, angle", self.RT_angle, "rad")]
+        for what in ("contour", "tracking"):
+            for name, size in ((what, "rms"), (f"{what}_max", "largest")):
+                values.append((f"{what} error, {size}", getattr(self, name), "m"))
+        rows = [
+            [name, number(PRINT[unit][0] * value), PRINT[unit][1]] for name, value, unit in values
+        ]
+        rows.append(["speed of the path", number(self.speed), "m/s"])
+        rows.append(["periods at a torque limit", number(100 * self.saturated), "%"])
+        title = f"{self.robot.name}: {len(self.deviation)} runs of a path (ISO 9283)"
+        return Table("path", title, ["quantity", "value", "unit"], rows)
+
+    def _draw(self, figure: Any) -> None:
+        share = 100 * (np.flatnonzero(self.counts) + 0.5) / len(self.asked)
+        each = 1e3 * np.linalg.norm(self._position, axis=-1)
+        mean = 1e3 * np.linalg.norm(self._position.mean(axis=0), axis=-1)
+        named = {"worst run": each.max(axis=0), "mean of the runs": mean}
+        lines(figure, share, {"distance (mm)": named}, "length along the path (%)")
+        figure.suptitle(f"{self.robot.name}: AT {1e3 * self.AT:.3g} mm, RT {1e3 * self.RT:.3g} mm")
 
     @property
     def _position(self) -> Array:
@@ -111,21 +138,17 @@ class PathAccuracy:
         period: float = 1e-3,
         points: int = 100,
     ) -> Self:
-        """Judge runs that are there: those of a laser tracker, say.
+        """Evaluate given runs, such as a laser tracker's.
 
         Parameters
         ----------
-        robot : Robot
-            Whose coordinates they are.
-        path : Path
-            What was asked for: of :func:`truepose.simulate`.
+        robot, path, period
+            Robot and desired path as for :func:`truepose.simulate`; time between poses, s.
         runs : array_like, shape (R, T, n)
             True poses of R runs at 0, `period`, 2 `period`, … to the path's end; later ones are
-            not looked at.
-        period : float
-            s.
+            ignored.
         points : int
-            At which they are compared, evenly along the path.
+            Number of compared points, evenly along the path.
         """
         setpoints = Setpoints(*path.setpoints(robot, period))
         count = len(setpoints.x)
@@ -137,7 +160,7 @@ class PathAccuracy:
             raise InputError(f"points = {points!r}: must be a whole number of at least 1")
         speed = np.linalg.norm(setpoints.rate[:, linear_of(robot)], axis=1)
         if not speed.max() > 0:
-            raise InputError("path: only turns: there is no line to be beside")
+            raise InputError("path: pure rotation: path accuracy needs a translation")
         length = np.concatenate([[0], np.cumsum(0.5 * period * (speed[1:] + speed[:-1]))])
         rows, piece = _compared(setpoints.rate[:, linear_of(robot)], speed, length, points)
         off = (attained[:, :count] - setpoints.x)[..., linear_of(robot)]
@@ -153,7 +176,7 @@ class PathAccuracy:
             float(speed.max()),
         )
         if not judged.counts.any():
-            raise InputError("runs: no point of the path is passed by all of them")
+            raise InputError("runs: no point of the path is passed by all runs")
         return judged
 
 
@@ -171,25 +194,24 @@ def path_accuracy(
     effects: Effects | None = None,
     time: float = 0.0,
 ) -> PathAccuracy:
-    """Follow a path several times and say how far from it, and how far from one another.
+    """Simulate a path several times and evaluate its accuracy and repeatability.
 
     Path accuracy AT and repeatability RT of ISO 9283:1998, 8.2 and 8.3, contouring error and
-    tracking error. The runs differ in the readings' noise, in where the encoders' counts lie and in
-    the phases of the motors' ripple; the robot, its eccentric encoders and its temperature are the
-    same in all.
+    tracking error. The runs differ in the readings' noise, the offset of the encoder counts and the
+    phases of the torque ripple; robot, eccentric encoders and temperature are the same in all.
 
     Parameters
     ----------
     robot, truth, controller, path, duration, effects, time
-        As of :func:`truepose.simulate`.
+        As for :func:`truepose.simulate`.
     speed : float, optional
-        Share of the speed that the motors' limits allow on that path
-        (:func:`truepose.simulation.feasible.fastest`): the standard asks for 1, 0.5 and 0.1. By
-        default the path's own.
+        Share of the speed that the motor limits allow on that path
+        (:func:`truepose.simulation.feasible.fastest`): the standard requires 1, 0.5 and 0.1. By
+        default the path's own speed.
     runs : int
-        The standard asks for ten. RT needs two.
+        Number of runs; the standard requires ten, RT needs two.
     points : int
-        Points of the path at which they are compared.
+        Number of compared points of the path.
     seed : int
         The same seed gives the same runs.
 
@@ -200,9 +222,9 @@ def path_accuracy(
     Raises
     ------
     InputError
-        `speed` of a robot whose motors have no limits; or one of the arguments.
+        `speed` for a robot without motor limits; or an invalid argument.
     PoseError
-        As of :func:`truepose.simulate`.
+        As for :func:`truepose.simulate`.
 
     Examples
     --------
@@ -246,7 +268,7 @@ def path_accuracy(
 
 
 def _shifted(robot: Robot, shift: Array) -> Robot:
-    """Return the robot with its readings' zeros elsewhere: so lie the counts, in both robots."""
+    """Return the robot with shifted reading offsets, so that counts shift in both robots."""
     names = [f"chain{k + 1}.encoder_offset" for k in range(robot.n)]
     names += [f"{sensor}.offset" for sensor in robot.readings[robot.n :]]
     values = {name: robot.parameters[name].value for name in names}
@@ -256,7 +278,7 @@ def _shifted(robot: Robot, shift: Array) -> Robot:
 
 
 def _compared(rate: Array, speed: Array, length: Array, points: int) -> tuple[Array, Array]:
-    """Rows of the setpoints at which runs are compared, evenly by length; which piece each row is.
+    """Return the rows of the setpoints to compare, evenly by length, and each row's piece.
 
     A piece goes from rest, or from a corner, to the next.
     """
@@ -277,11 +299,12 @@ def _passing(
     length: Array,
     period: float,
 ) -> Array:
-    """Where a run passes the planes upright on the path at some of its rows: run less path, (m, n).
+    """Return run − path, (m, n), where a run passes planes perpendicular to the path at its rows.
 
-    The passage is the one next in time, on the same piece of the path, and no further along it than
-    the run is off (thrice that, for bends): not a turn earlier on a circle. Between two periods the
-    run is bent as the path is: a straight line's sagitta would be micrometres.
+    The passage is the one nearest in time, on the same piece of the path, and at most three times
+    the run's deviation further along it (for bends): not a turn earlier on a circle. Between two
+    periods the run is interpolated with the path's curvature: a chord's sagitta would be
+    micrometres.
     """
     linear, asked = linear_of(robot), setpoints.x[rows]
     normal = setpoints.rate[rows][:, linear]
@@ -307,5 +330,5 @@ def _passing(
 
 
 def _scatter(values: Array) -> Array:
-    """Standard deviation over the runs; NaN of a single one."""
+    """Return the standard deviation over the runs; NaN for a single one."""
     return values.std(axis=0, ddof=1) if len(values) > 1 else np.full(values.shape[1:], np.nan)

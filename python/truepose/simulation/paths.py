@@ -1,7 +1,7 @@
 """Paths: lines, circles, waypoints, samples, functions of time.
 
-A path answers :meth:`Path.setpoints`: pose, free twist and its derivative at the start of every
-control period, which is what feeds a controller forward.
+:meth:`Path.setpoints` returns pose, free twist and its derivative at the start of every control
+period, for the controller's feed-forward.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ class Path(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class _Moves:
-    """How fast straight moves are: one duration for each, or jerk-limited ones.
+    """Timing of straight moves: a duration for each, or jerk limits.
 
     Parameters
     ----------
     duration : float
-        Of each move, s, by a quintic time law; where there are no limits.
+        Duration of each move, s, by a quintic time law; unused with limits.
     linear, angular : (speed, acceleration, jerk), optional
-        Limits in m and rad, of the nacelle's reference point and of its turn: each move then is
-        the fastest that keeps them, found by ruckig (``pip install truepose[paths]``).
+        Limits in m and rad, of the platform's reference point and of its rotation; each move is
+        then the fastest within them, found by ruckig (``pip install truepose[paths]``).
     """
 
     duration: float = MOVE_DURATION
@@ -74,7 +74,7 @@ class _Moves:
         return Setpoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def _law(self, chart: Chart, whole: Array, number: int) -> tuple[Callable, float]:
-        """s(t), its rate and acceleration from 0 to 1, and how long that takes."""
+        """Return s(t), its rate and acceleration, from 0 to 1, and its duration."""
         if self.linear is None and self.angular is None:
             return lambda t: _quintic(t, self.duration), self.duration
         long, turn = (float(np.linalg.norm(whole[k])) for k in (chart.linear, ~chart.linear))
@@ -84,8 +84,8 @@ class _Moves:
             if limits is not None and size > 0
         ]
         if not shares and long + turn > 0:
-            what = "turn" if self.angular is None else "shift"
-            raise InputError(f"path: move {number} is a mere {what}: name its limits too")
+            what = "rotation" if self.angular is None else "translation"
+            raise InputError(f"path: move {number} is a pure {what}: give its limits too")
         if not shares:
             return lambda t: (0 * t,) * 3, 0.0
         return _jerk_limited(np.min(shares, axis=0))
@@ -93,12 +93,9 @@ class _Moves:
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoints(_Moves):
-    """Straight moves from pose to pose, at rest at each; rotations turn about one fixed axis.
+    """Straight moves from pose to pose, at rest at each; rotations are about one fixed axis.
 
-    Parameters
-    ----------
-    poses : array_like, shape (N, n)
-        m and rad.
+    `poses` is array_like, shape (N, n), m and rad.
 
     Examples
     --------
@@ -154,14 +151,13 @@ class Circle:
     centre : array_like, shape (n,)
         A pose, m and rad.
     radius, frequency : float
-        m, and turns a second.
+        m, and turns per second.
     turns : float
-        From start to end.
+        Number of turns from start to end.
     ramp : float, optional
-        In which the speed rises, and falls again, s; by default 0.25 s, less where the turns
-        are too few for it.
+        Time of the speed's rise, and of its fall, s; by default 0.25 s, or less for few turns.
     normal : array_like, shape (3,)
-        Of its plane. It starts on the side of x, or of y where the normal is x.
+        Normal of its plane. The circle starts on the side of x, or of y where the normal is x.
 
     Examples
     --------
@@ -207,7 +203,7 @@ class Circle:
         return Setpoints(*out)
 
     def _plane(self, linear: Array) -> Array:
-        """Two unit vectors that span the plane, of the coordinates that are lengths, (2, k)."""
+        """Return two unit vectors that span the plane, in the length coordinates, (2, k)."""
         normal = numbers_of(self.normal, "normal")
         count = int(linear.sum())
         if count < 2:
@@ -223,7 +219,7 @@ class Circle:
         return np.array([first, np.cross(normal, first)])[:, :count]
 
     def _turn(self, time: Array, steady: float, ramp: float) -> tuple[Array, Array, Array]:
-        """Angle whose rate rises by 10u³ - 15u⁴ + 6u⁵, stays, and falls likewise."""
+        """Return the angle whose rate rises by 10u³ - 15u⁴ + 6u⁵, stays, and falls likewise."""
         speed = 2 * math.pi * self.frequency
 
         def rising(t: Array) -> tuple[Array, Array, Array]:
@@ -242,17 +238,16 @@ class Circle:
 class SampledPath:
     """Poses at given times, and a smooth motion through them.
 
-    A quintic spline, at rest at both ends, where nothing else is known; with rates (and
-    accelerations) Hermite's polynomials.
+    A quintic spline, at rest at both ends; with rates (and accelerations) Hermite polynomials.
 
     Parameters
     ----------
     time : array_like, shape (N,)
-        Rising, s; the first one is the start.
+        Increasing, s; the first one is the start.
     x : array_like, shape (N, n)
         Poses, m and rad.
     rate, acceleration : array_like, shape (N, n), optional
-        Free twists there, and their derivatives.
+        Free twists at these times, and their derivatives.
 
     Examples
     --------
@@ -290,16 +285,10 @@ class SampledPath:
 
 @dataclass(frozen=True, kw_only=True)
 class Function:
-    """A function of time: pose, or pose, free twist and its derivative.
+    """A function of time, of(t) with t in s from 0 to `duration`.
 
-    Of a pose alone a quintic spline through its values at the control periods finds the rest.
-
-    Parameters
-    ----------
-    of : callable
-        of(t) -> (n,), or three of them; t in s from 0.
-    duration : float
-        s.
+    Returns a pose, (n,), or pose, free twist and its derivative. For poses alone a quintic spline
+    through the values at the control periods gives the derivatives.
     """
 
     of: Callable[[float], Any]
@@ -324,10 +313,10 @@ class Function:
 
 
 def path_of(path: Any, duration: float) -> Path:
-    """Return what `path` of :func:`truepose.simulate` means.
+    """Return the path that `path` of :func:`truepose.simulate` means.
 
-    An object with `setpoints` is one; a function of time lasts `duration`; poses, (N, n), are
-    way-points, `duration` from each to the next.
+    An object with `setpoints`; a function of time, for `duration`; or waypoints, (N, n), `duration`
+    from each to the next.
     """
     if isinstance(path, Path):
         return path
@@ -337,7 +326,7 @@ def path_of(path: Any, duration: float) -> Path:
 
 
 def _periods(duration: float, period: float) -> Array:
-    """Starts of control periods, the last one at the end or after it."""
+    """Return the starts of control periods, the last one at the end or after it."""
     return period * np.arange(math.ceil(duration / period - 1e-9) + 1)
 
 
@@ -349,7 +338,7 @@ def _quintic(t: Array, duration: float) -> tuple[Array, Array, Array]:
 
 
 def _jerk_limited(limits: Array) -> tuple[Callable, float]:
-    """s(t) from 0 to 1, as fast as its speed, acceleration and jerk allow, and its duration."""
+    """Return s(t) from 0 to 1, as fast as the speed, acceleration and jerk allow, and its end."""
     try:
         import ruckig
     except ImportError:
@@ -372,7 +361,7 @@ def _jerk_limited(limits: Array) -> tuple[Callable, float]:
 def _through(
     robot: Robot, time: Array, rows: list[Array], period: float, at_rest: bool
 ) -> Setpoints:
-    """Through poses at times, given x or x, rate (and acceleration) there."""
+    """Return setpoints through poses at times, given x or x, rate (and acceleration) there."""
     from scipy.interpolate import BPoly, make_interp_spline
 
     chart = Chart(robot, rows[0][0])

@@ -1,13 +1,13 @@
 """Simulation of a move or a path under a controller, every control period.
 
-The controller knows the nominal robot; the plant is the true one. Both are :class:`Robot`.
+The controller uses the nominal robot; the plant is the true one. Both are :class:`Robot`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,10 @@ from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.results import Shown
+from truepose.show.table import Table
 from truepose.show.units import printed
+from truepose.simulation import figures
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.drive import (
     NO_REST,
@@ -41,17 +44,14 @@ from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
+_WATCHED = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
 
 
 @dataclass(frozen=True, repr=False)
-class Simulation:
-    """A run: one row per control period, its start. Units m, rad, s, N·m.
+class Simulation(Shown):
+    """A run: one row per control period, at its start. Units m, rad, s, N·m.
 
-    Printed, it says how far from its path it was, and where it ended.
+    Printed: the errors along the path and at its end.
 
     Examples
     --------
@@ -71,18 +71,16 @@ class Simulation:
     q_e: Array  #: (T, n + r) as read
     motor_error: Array  #: (T, n) ê_q of the law
     torque: Array  #: (T, n)
-    cycle_status: Array  #: (T,) int, the core's: above 0 no answer, and the last torque was held
-    gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibrator.stopped`)
-    health: (
-        Array  #: (T, n + r) int, what a :class:`FaultMonitor` made of each reading: `watch.HEALTH`
-    )
-    symptom: Array  #: (T, n + r) int, why it was not valid last: `watch.SYMPTOMS`
-    stops: Array  #: (T,) bool: it left its path at rest
-    brakes: Array  #: (T,) int, motors whose brakes it asked for, as bits
+    cycle_status: Array  #: (T,) int, the core's: above 0 no result, and the last torque was held
+    gave_up: Array  #: (T,) bool: `learn` has stopped (:attr:`OnlineCalibrator.stopped`)
+    health: Array  #: (T, n + r) int, index in `faults.monitor.HEALTH` of each reading
+    symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
+    stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
+    brakes: Array  #: (T,) int, motors whose brakes it requests, as bits
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
-    ended: str = ""  #: why before its time, where faults took it out of its workspace
-    law: str = ""  #: under which it ran: the controller's, or the name of a law of one's own
+    ended: str = ""  #: why it ended early, where faults took it out of its workspace
+    law: str = ""  #: name of the control law, the controller's or an own one
 
     def __repr__(self) -> str:
         said: list[str] = []
@@ -102,11 +100,13 @@ class Simulation:
             f"{len(self.time)} periods: {self.status}\n{'; '.join(said)}"
         )
 
-    def plot(self) -> Figure:
-        """Draw the errors over time, lengths above, angles below; then the torques."""
-        from truepose.simulation import figures
+    def table(self) -> Table:
+        """Return one row per coordinate: its start and end, and errors."""
+        ends = {"from": self.x_d[0], "to": self.x_d[-1]}
+        return figures.error_table(self.robot, self.error, ends, last=True)
 
-        return figures.errors(self.robot, self.time, self.error, self.torque)
+    def _draw(self, figure: Any) -> None:
+        figures.draw_errors(figure, self.robot, self.time, self.error, self.torque)
 
     @property
     def near_singular(self) -> Array:
@@ -115,12 +115,12 @@ class Simulation:
 
     @property
     def answered(self) -> Array:
-        """Whether the controller had an answer to its readings, (T,) bool."""
+        """Whether the controller had a result for its readings, (T,) bool."""
         return self.cycle_status <= 0
 
     @property
     def failed(self) -> list[str]:
-        """Names of the readings that a watch had found to have failed by the end."""
+        """Names of the readings that the fault monitor reports as failed at the end."""
         return failed(self.robot, self.health)
 
     @property
@@ -136,13 +136,13 @@ class Simulation:
 
     @property
     def status(self) -> str:
-        """Say how the move ended: "ok", or the worst that went wrong.
+        """Status of the run: "ok", or the worst that went wrong.
 
-        With faults the robot may leave its workspace ("stopped …"), a watch tell which reading
-        failed, when and why ("theta failed at …"), or the controller have no answer ("no answer
-        …"). Not at rest ("does not come to rest: …"): a coordinate swings by
-        more than `RESTLESS` in the last 50 ms of the hold (in all of a shorter one). "saturated:
-        …": it rests, but on the way a motor was at its torque limit.
+        With faults: the robot left its workspace ("stopped …"), the fault monitor reports a
+        reading, when and why ("theta failed at …"), or the controller had no result ("no answer
+        …"). "does not come to rest: …": a coordinate oscillates by more than `RESTLESS` in the last
+        50 ms of the hold (in all of a shorter one). "saturated: …": it rests, but a motor was at
+        its torque limit on the way.
 
         Examples
         --------
@@ -167,7 +167,7 @@ class Simulation:
         return saturated(int(held.argmax())) if held.any() else "ok"
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Describe what a log of the run holds, see :func:`truepose.logs.writing.columns`."""
+        """Return the columns of a log of the run, see :func:`truepose.logs.writing.columns`."""
         robot = self.truth
         result = [Column("time", "time", "s", "since the start", self.time)]
         result += readings(robot, self.q_e)
@@ -209,65 +209,61 @@ def simulate(
     faults: Sequence[Fault] = (),
     watch: FaultMonitor | None = None,
 ) -> Simulation:
-    """Simulate a straight move with a quintic time law, or any path; then holding its end.
+    """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
-    The true robot starts at rest where the controller holds it at `start`. Its dynamics are those
-    of the reduced model, integrated by Runge-Kutta 4; its encoders have the noise and the counts
-    that its file says.
+    The true robot starts in its steady state at `start`. Its dynamics are those of the reduced
+    model, integrated by Runge-Kutta 4; its encoders have the noise and quantization of its file.
 
     Parameters
     ----------
     robot, truth : Robot
-        What the controller believes, and what is (default: the same).
+        The controller's robot and the true one (default: the same).
     controller : Controller, law or callable
-        A function is an own law, as of :class:`Controller`. The law alone takes the other settings'
-        defaults; with effects the gains of :meth:`Controller.for_robot`. By default the TEJ law, of
-        a robot without a sensor in use the joint law.
+        A function is an own law, as for :class:`Controller`. A law alone takes the default
+        settings; with effects the gains of :meth:`Controller.for_robot`. By default the TEJ law,
+        without a sensor in use the joint law.
     path : Path, callable or array_like, optional
         Instead of a move: :class:`Circle`, :class:`Line`, :class:`Waypoints`, :class:`SampledPath`
-        (poses at times), or an object of your own with `setpoints`; a function of time, t -> x
-        (or x, rate and acceleration), for `duration`; or poses, (N, n), `duration` from each to
-        the next. The robot is asked beforehand whether it can follow.
+        (poses at times), or an object of your own with `setpoints`; a function of time, t -> x (or
+        x, rate and acceleration), for `duration`; or poses, (N, n), `duration` from each to the
+        next. Feasibility is checked beforehand.
     law : callable, optional
-        A law of one's own, for research: from a :class:`truepose.control.ControllerInput` to the
-        torques, (n,). The motors'
-        limits hold for it. It is called in every period: a few times as slow as the core's.
-        `controller` then only says the period, and where the robot rests at the start. The run's
+        An own law, for research: from a :class:`truepose.control.ControllerInput` to the torques,
+        (n,), within the motors' limits. It is called in every period and takes a few times as long
+        as the core's. `controller` then only sets the period and the initial rest.
         :attr:`Simulation.law` is the function's name.
     start, end : array_like, shape (n,)
         Desired poses; by default those of :func:`default_move`.
     duration, hold : float
-        Of the move, and after it, s.
+        Time of the move, and after it, s.
     steps : int, optional
-        Integration steps in one control period; by default 2, and with compliant arms at least
-        4 and as many as a rotor turns by radians, swinging against its arm, in that period.
+        Integration steps per control period; by default 2, with compliant arms at least one per
+        radian of a rotor's oscillation against its arm.
     seed : int
-        Of the true robot's readings' noise, and of the effects' phases.
+        Seed of the true robot's reading noise and the effects' phases.
     effects : Effects, optional
         Effects that the model omits; none by default.
     time : float
-        Since the true robot was switched on, s: how far it has warmed up.
+        Time since the true robot was switched on, s: sets its warm-up.
     learn : OnlineCalibrator, optional
-        Online self-calibration of `robot`, switched on in the controller: it learns from every line
-        of readings that is news, and the controller believes in what it has learnt by then. It
-        keeps that for the next run.
+        Online calibration of `robot` in the controller: it updates from every new row of readings,
+        and the controller uses its current estimate. It keeps that for the next run.
     watch : FaultMonitor, optional
-        Of the controller's readings; nothing by default.
+        Fault monitor of the controller's readings; none by default.
     faults : sequence of Fault
-        Faulty readings. The robot starts at rest before the first of them. Where they leave the
-        controller without an answer the run goes on, on the last torque, as a machine would
-        (:attr:`Simulation.cycle_status`); it ends early where the robot leaves its workspace
-        (:attr:`Simulation.ended`).
+        Faulty readings. The robot is at rest before the first of them. Without a result from the
+        controller the last torque is held, as on a machine (:attr:`Simulation.cycle_status`). The
+        run ends early where the robot leaves its workspace (:attr:`Simulation.ended`).
 
     Raises
     ------
     PoseError
-        Before anything moves: the path, or the move, leaves the robot's reach, or asks the motors
-        for more speed or torque than the file allows them; names the time and the motor, and of a
-        move the shortest duration. Later, without faults: the true robot leaves its workspace, or
-        the controller meets a singular pose or a joint limit.
+        Beforehand: the path or move leaves the robot's reach, or needs more motor speed or torque
+        than the file allows; names time and motor, for a move the shortest duration. Later, without
+        faults: the true robot leaves its workspace, or the controller meets a singular pose or a
+        joint limit.
     TrueposeError
-        What the path needs is not installed.
+        A package that the path needs is not installed.
 
     Examples
     --------
@@ -277,7 +273,7 @@ def simulate(
     >>> bool(abs(run.error[-1, :3]).max() < 1e-6)
     True
 
-    A robot with the paper's errors that learns on the way:
+    A robot with the paper's errors, calibrated online:
 
     >>> h4 = tp.load("h4")
     >>> true, online = with_paper_errors(h4, seed=1), tp.OnlineCalibrator(h4)
@@ -286,7 +282,7 @@ def simulate(
     >>> bool(abs(run.error[-1, 3]) < abs(usual.error[-1, 3]) / 10), online.lines > 100
     (True, True)
 
-    A law of one's own, a PD on each motor:
+    An own law, a PD on each motor:
 
     >>> def soft(cycle):
     ...     error = cycle.robot.ikm(cycle.x) - cycle.q_e[:4]
@@ -374,7 +370,7 @@ def simulate(
 def _torque_of(
     law: Callable[[ControllerInput], ArrayLike], robot: Robot
 ) -> Callable[..., list[float]]:
-    """Return a law of one's own as the core calls it, on vectors of fixed size."""
+    """Wrap an own law for the core, which calls it with vectors of fixed size."""
     n, e = robot.n, robot.n + robot.r
 
     def call(time: float, *vectors: list[float]) -> list[float]:

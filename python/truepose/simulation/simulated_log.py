@@ -1,8 +1,8 @@
 """Simulated calibration logs, and the error of calibrations on them.
 
-A robot is drawn from its tolerances, sent about its workspace by usual control, and read at rest.
-A tracker, where one looks on, stands somewhere, and sees a marker that sits beside the nacelle's
-reference point. Of a pivot the angles of its axes are measured.
+A robot sampled from its tolerances visits its workspace under the joint law and is read at rest. An
+optional tracker at an unknown place sees a marker beside the platform's reference point; for a
+rotational platform the axis angles are measured instead.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from truepose.simulation.plants.exact import ExactPlant
 
 #: σ of a tracker's coordinates, m: a calibration's default.
 TRACKER = 20e-6
-#: σ of where the tracker stands, m, and of how the marker sits, m: assumed.
+#: σ of the tracker's position, m, and of the marker's offset, m: assumed.
 STANDS, SITS = 2.0, 5e-3
-_DRAWN = 10  # poses drawn for each that is asked for, before giving up
+_DRAWN = 10  # poses sampled per requested one
 
 
 @dataclass(frozen=True)
 class SimulatedLog:
-    """N poses at which a true robot stood still."""
+    """Readings of a true robot at rest at N poses."""
 
     truth: Robot
-    x: Array  #: (N, n) where it was
-    q_e: Array  #: (N, n + r) what it read
-    #: (N, 2 or 3) the marker's x, y (and z) in the tracker's frame, m; of a pivot (N, n), rad
+    x: Array  #: (N, n) true poses
+    q_e: Array  #: (N, n + r) readings
+    #: (N, 2 or 3) the marker's x, y (, z) in the tracker's frame, m; rotational: (N, n), rad
     measured: Array | None
 
 
@@ -49,25 +49,12 @@ def simulate_log(
     effects: Effects | None = None,
     tracker: bool = False,
 ) -> SimulatedLog:
-    """Send a true robot to poses drawn from the workspace, and read it there.
+    """Drive a true robot under the joint law to sampled poses of the workspace, and read it there.
 
-    Parameters
-    ----------
-    robot, truth : Robot
-        What usual control believes, and what is; at their own levels.
-    poses : int
-        How many.
-    seed : int
-        Of the poses, the readings' noise, and where tracker and marker are.
-    effects : Effects, optional
-        Those that matter at rest; the readings' counts alone by default.
-    tracker : bool
-        Whether something outside measures, too.
-
-    Raises
-    ------
-    InputError
-        The file has no workspace, or too little of it can be reached.
+    `robot` is the controller's; both robots keep their levels. `seed` determines the poses, the
+    noise and the places of tracker and marker. `effects` are those at rest, by default quantization
+    alone. `tracker` adds external measurements. Raises InputError if the file has no workspace, or
+    too little of it can be reached.
 
     Examples
     --------
@@ -87,7 +74,7 @@ def simulate_log(
     there = np.flatnonzero(np.isfinite(visit.q_e).all(axis=1))[:poses]
     if len(there) < poses:
         drawn = _DRAWN * poses
-        raise InputError(f"{robot.name}: of {drawn} poses of its workspace it reached {len(there)}")
+        raise InputError(f"{robot.name}: reached {len(there)} of {drawn} poses of its workspace")
     x, measured = visit.x[there], None
     if tracker and robot.spec.mobility == "rotational":
         measured = x + seen.normal(scale=ANGLE_SIGMA, size=x.shape)
@@ -102,7 +89,7 @@ def _drawn(robot: Robot, poses: int, rng: np.random.Generator) -> Array:
 
 
 def _tracked(robot: Robot, frame: Array, rng: np.random.Generator) -> Array:
-    """Return t + R (D + R_nacelle c), with noise; of a plane its two coordinates."""
+    """Return t + R (D + R_nacelle c), with noise; two coordinates for a planar robot."""
     axes = ["xyz".index(name) for name, _ in robot.coordinates if name in "xyz"]
     turn, stands, sits = rng.normal(size=(3, 3)) * [[1.0], [STANDS], [SITS]]
     if len(axes) < 3:
@@ -114,44 +101,34 @@ def _tracked(robot: Robot, frame: Array, rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True)
 class Missed:
-    """How far a calibrated robot is from the true one."""
+    """Errors of a calibrated robot relative to the true one."""
 
-    names: list[str]  #: of the p parameters that were uncertain
-    before: Array  #: (p,) drawn less true
-    after: Array  #: (p,) found less true
-    sigma: Array  #: (p,) σ that the calibration states
+    names: list[str]  #: of the p uncertain parameters
+    before: Array  #: (p,) nominal − true
+    after: Array  #: (p,) calibrated − true
+    sigma: Array  #: (p,) σ stated by the calibration
     nees: float  #: squared error of them all in the metric of the stated covariance; p on average
-    pose: dict[str, Array]  #: where the robot is led to, less where it was sent: see `missed`
+    pose: dict[str, Array]  #: pose errors, see `missed`
 
 
 def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int = 500) -> Missed:
-    """Compare a calibrated robot with the true one.
+    """Compare a calibrated robot `found` with the true one and the nominal `robot`.
 
-    Parameters
-    ----------
-    robot, truth, found : Robot
-        As drawn, as it is, and as a calibration found it.
-    seed, poses : int
-        Poses drawn from the workspace, at which each of three beliefs sends the true robot
-        somewhere: "drawn" and "calibrated" by the motors, "by all readings" as the calibrated
-        robot's estimate closes the loop. `pose` has how far off it then stands, (N, 3): its
-        position, its position less the error at home (which a machine sets to zero, and with it
-        where its base stands), its turn; m and rad, NaN where it does not get.
-
-    Raises
-    ------
-    InputError
-        The robots have other parameters, or `found` is not calibrated.
+    Three models send the true robot to `poses` sampled poses of the workspace: "nominal" and
+    "calibrated, by the motors", and "by all readings", where the calibrated robot's estimate closes
+    the loop. `pose` has the errors, (N, 3): position, position less the error at home (which a
+    machine zeroes, and with it its base's place), rotation; m and rad, NaN where the robot does not
+    arrive. Raises InputError if the robots have other parameters or `found` is not calibrated.
     """
     for other in (truth, found):
         if other.name != robot.name:
-            raise InputError(f"{other.name}: is another robot than {robot.name}")
+            raise InputError(f"{other.name}: must be the same robot as {robot.name}")
     if found.spec.calibration is None:
         raise InputError(f"{found.name}: is not calibrated: its file has no [calibration]")
     robot, truth = (each.with_sensors(*found.sensors) for each in (robot, truth))
     names = knowledge.uncertain(found)
     if not all(r.parameters.keys() >= set(names) for r in (robot, truth)):
-        raise InputError(f"{robot.name}: drawn, true and calibrated have different parameters")
+        raise InputError(f"{robot.name}: nominal, true and calibrated have different parameters")
     drawn, true, after = (
         np.array([r.parameters[name].value for name in names]) for r in (robot, truth, found)
     )

@@ -40,18 +40,16 @@ def visit(
 ) -> tuple[Array, Array, Array]:
     """Drive from pose to pose, in the dynamics, and let each settle.
 
-    Friction and play carry over from one pose to the next. Parameters as of :func:`simulate`; the
-    faults' time is that since the first move began, `duration` and `hold` for each pose.
+    Friction and backlash carry over from one pose to the next. Parameters as for :func:`simulate`;
+    the faults' time counts from the start of the first move, `duration` and `hold` for each pose.
 
     Returns
     -------
-    x : ndarray, shape (N, n)
-        True poses at the end of each hold; NaN where the robot did not get there.
-    q_e : ndarray, shape (N, n + r)
-        Readings there.
+    x, q_e : ndarray, shape (N, n) and (N, n + r)
+        True poses and readings at the end of each hold; NaN where the robot did not arrive.
     status : ndarray of str, shape (N,)
-        "ok"; where the robot rests, but on the way a motor was at its torque limit, "saturated:
-        …", or readings left the controller without an answer, "no answer …"; or why it does not.
+        "ok"; "saturated: …" where the robot rests but a motor was at its torque limit on the way,
+        "no answer …" where the controller had no result on the way; or why the robot does not rest.
 
     Examples
     --------

@@ -14,15 +14,15 @@ from truepose.control.motor_error import law_name
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.robot import Robot
 
-#: What a function may answer with for one name.
+#: Value that a function may return for one name.
 Answer = float | int | str | bool
 Asked = Callable[["Case"], Mapping[str, Answer]]
-#: Columns that every study has beside those of its grid and of its function.
+#: Columns of every study, beside those of its grid and of its function.
 OWN = ("robot", "number", "error")
 
 
 class Values(Mapping[str, Any]):
-    """One point of a grid. Remembers which keys were read."""
+    """One point of a grid; records which keys were read."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self._values = dict(values)
@@ -41,28 +41,28 @@ class Values(Mapping[str, Any]):
 
 @dataclass(frozen=True)
 class Case:
-    """One robot to be asked. Everything random of it comes from its seed."""
+    """One robot of a study; its seed determines everything random."""
 
-    robot: Robot  #: as drawn
+    robot: Robot  #: nominal
     number: int  #: of the true robot, from 0
     values: Mapping[str, Any]  #: of the grid
-    seed: np.random.SeedSequence  #: the same at every point of the grid: like is compared with like
+    seed: np.random.SeedSequence  #: the same at every point of the grid, for paired comparison
 
     @cached_property
     def true(self) -> Robot:
-        """The true robot, drawn from its file's tolerances: one and the same at each access."""
+        """True robot, sampled from its file's tolerances: the same at each access."""
         key = (*self.seed.spawn_key, 0)
         return self.robot.sample(np.random.SeedSequence(self.seed.entropy, spawn_key=key))
 
     @cached_property
     def rng(self) -> np.random.Generator:
-        """The case's random generator, for poses and noise: goes on at each access."""
+        """Random generator of the case, for poses and noise; it continues at each access."""
         return np.random.default_rng(self.seed)
 
 
 @dataclass(frozen=True)
 class Cases:
-    """All cases of a study, each by its index: true robots of a kind follow one another last."""
+    """All cases of a study by index; points of the grid vary fastest, true robots slowest."""
 
     robots: tuple[Robot, ...]
     grid: Mapping[str, Sequence[Any]] = field(default_factory=dict)
@@ -79,7 +79,7 @@ class Cases:
 
     @property
     def each(self) -> int:
-        """How many cases there are for one true robot of each kind."""
+        """Number of cases for one true robot of each kind."""
         return len(self.robots) * int(np.prod([len(v) for v in self.grid.values()], dtype=int))
 
     def __getitem__(self, index: int) -> Case:
@@ -92,13 +92,10 @@ class Cases:
         return Case(self.robots[kind], number, values, seed)
 
     def ask(self, function: Asked, start: int, stop: int) -> list[dict[str, Answer]]:
-        """Ask about some cases. What a robot refuses is a row, too; what else fails names the case.
+        """Evaluate some cases; an error of truepose is a row.
 
-        Raises
-        ------
-        InputError
-            The function fails otherwise, answers with anything but names and numbers, or answers
-            without having read every value of the grid.
+        An InputError names the case where the function fails otherwise, returns anything but names
+        and numbers, or has not read every value of the grid.
         """
         return [self._row(function, self[index], index) for index in range(start, stop)]
 

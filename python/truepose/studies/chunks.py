@@ -1,7 +1,4 @@
-"""Storage of a study: a manifest and Parquet files of its cases.
-
-A file is there whole or not at all, so that a study may be ended at any time and goes on later.
-"""
+"""Storage of a study that can continue later: a manifest, and Parquet files written whole."""
 
 from __future__ import annotations
 
@@ -59,7 +56,7 @@ class Chunks:
         return self.folder / f"chunk-{start:09d}.parquet"
 
     def read(self, start: int, stop: int) -> list[dict[str, asked.Answer]] | None:
-        """Return what is done of these cases, None where they are not, or not all of them."""
+        """Return the stored rows of these cases; None unless all are stored."""
         place = self._place(start)
         if not place.exists():
             return None
@@ -71,7 +68,7 @@ class Chunks:
         return kept[: stop - start] if len(kept) >= stop - start else None
 
     def write(self, start: int, rows: list[dict[str, asked.Answer]]) -> None:
-        """Keep a chunk's rows."""
+        """Store a chunk's rows."""
         names = list(dict.fromkeys(name for row in rows for name in row))
         table = self._arrow.table({name: [row.get(name) for row in rows] for name in names})
         buffer = io.BytesIO()
@@ -80,7 +77,7 @@ class Chunks:
 
 
 def manifest_of(cases: asked.Cases, function: asked.Asked, size: int) -> dict[str, Any]:
-    """What must be the same for chunks to be of one study; the robots' count need not be."""
+    """Return what chunks of one study have in common; the number of robots may differ."""
     try:
         source = getattr(function, "text", None) or inspect.getsource(function)
     except (OSError, TypeError):

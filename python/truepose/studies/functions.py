@@ -20,7 +20,7 @@ from truepose.robot.workspace import workspace
 from truepose.simulation.equilibrium import steady_state
 from truepose.studies.cases import Answer, Asked, Case
 
-#: Poses of a ready question: where a robot is asked, and by default where it is calibrated.
+#: Poses of a built-in function: for its results, and by default for calibration.
 ASKED, LEARNT = 25, 40
 
 
@@ -41,9 +41,9 @@ def rest(case: Case) -> dict[str, Answer]:
 
 
 def calibration(case: Case) -> dict[str, Answer]:
-    """What a robot is off by after it calibrated itself at 40 poses, and the bound of that.
+    """Return the error after a calibration at 40 poses, rms over 25 others, and its bound.
 
-    The grid's key `poses` sets another number of poses; the robot is asked at the same 25 others.
+    The grid's key `poses` sets another number of calibration poses; the 25 others stay the same.
     """
     robot, true, rng = case.robot, case.true, case.rng
     others, noise = _poses(robot, ASKED, rng), rng.integers(2**31, size=2)
@@ -56,12 +56,12 @@ def calibration(case: Case) -> dict[str, Answer]:
 
 
 READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
-#: Keys of a grid that ready questions use, and each key's least whole number.
+#: Grid keys of the built-in functions, and each key's least whole number.
 KEYS: dict[str, dict[str, int]] = {"calibration": {"poses": 1}, "rest": {"law": 0}}
 
 
 def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
-    """Raise InputError where a ready question does not use a key of the grid, or not a value.
+    """Raise InputError for a grid key, or a value, that a built-in function cannot use.
 
     Examples
     --------
@@ -94,7 +94,6 @@ def _poses(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 
 def _rms(robot: Robot, off: Array, of: str) -> dict[str, Answer]:
-    """Of positions, mm, and of angles, degrees, together."""
     angles = np.array([unit == "rad" for _, unit in robot.coordinates])
     answer: dict[str, Answer] = {}
     for which, factor, unit in ((~angles, 1e3, "mm"), (angles, 180 / np.pi, "deg")):
@@ -106,7 +105,7 @@ def _rms(robot: Robot, off: Array, of: str) -> dict[str, Answer]:
 
 @dataclass(frozen=True)
 class OfFile:
-    """A function of a Python file. Its text goes to the workers, which need no such file."""
+    """A function of a Python file. Workers get its text and need no such file."""
 
     path: str
     name: str
@@ -130,7 +129,7 @@ class OfFile:
         return found
 
     def __call__(self, case: Case) -> dict[str, Answer]:
-        """Ask about one case."""
+        """Evaluate one case."""
         return dict(self._function(case))
 
     def __getstate__(self) -> dict[str, str]:
@@ -141,16 +140,16 @@ class OfFile:
 
 
 def function_of(word: str) -> Asked:
-    """Return a ready question by its name, or the function of "file.py:name"."""
+    """Return a built-in function by its name, or the function of "file.py:name"."""
     path, colon, name = word.rpartition(":")
     if not colon:
         if word not in READY:
-            raise InputError(f"{choose('question', word, READY)}, or file.py:function")
+            raise InputError(f"{choose('function', word, READY)}, or file.py:function")
         return READY[word]
     try:
         asked = OfFile(path, name, contents(Path(path)).decode())
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "no text"
         raise InputError(f"{path}: cannot be read: {why}") from None
-    _ = asked._function  # wrong before anything begins
+    _ = asked._function  # fail before the study starts
     return asked

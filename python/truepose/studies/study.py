@@ -1,4 +1,4 @@
-"""Monte Carlo studies: a function of many robots, evaluated in parallel and kept."""
+"""Monte Carlo studies: a function of many robots, evaluated in parallel and stored."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.studies.cases import OWN, Answer, Asked, Cases
 from truepose.studies.chunks import Chunks
@@ -21,11 +23,11 @@ from truepose.studies.workers import On, Workers
 from truepose.threads import cores
 
 
-@dataclass(frozen=True)
-class Study:
-    """Every case's answer, in the order of the cases: the same however many workers there were."""
+@dataclass(frozen=True, repr=False)
+class Study(Shown):
+    """Results of all cases, in their order; independent of the number of workers."""
 
-    columns: dict[str, Array]  #: robot, number, the grid's, the function's; error, "" where none
+    columns: dict[str, Array]  #: robot, number, grid keys, function results; error or ""
     grid: tuple[str, ...]  #: names of the grid
 
     def __len__(self) -> int:
@@ -33,17 +35,16 @@ class Study:
 
     @property
     def failed(self) -> Array:
-        """Cases that a robot refused, (N,) bool."""
+        """Cases that raised an error of truepose, (N,) bool."""
         return self.columns["error"] != ""
 
     @property
     def unanswered(self) -> Array:
-        """Cases without an answer, (N,) bool: refused, or one of their numbers is not finite."""
+        """Cases without an answer, (N,) bool: failed, or with a number that is not finite."""
         return self.failed | ~np.all([self._finite(name) for name in self._numbers], axis=0)
 
     @property
     def _numbers(self) -> list[str]:
-        """Names of the function's columns of numbers."""
         columns = self.columns.items()
         own = (*OWN, *self.grid)
         return [name for name, v in columns if name not in own and v.dtype.kind in "fiub"]
@@ -52,9 +53,9 @@ class Study:
         return ~self.failed & np.isfinite(self.columns[name].astype(float))
 
     def table(self) -> Table:
-        """Rms, median and 95 % of every number, for each robot and point of the grid.
+        """Return rms, median and 95 % of every number, for each robot and point of the grid.
 
-        Cases without an answer are counted, and are no part of the median.
+        Cases without an answer are counted, but not part of these.
         """
         keys = ("robot", *self.grid)
         words = [tuple(str(self.columns[key][k]) for key in keys) for k in range(len(self))]
@@ -75,10 +76,20 @@ class Study:
         title += f"({self.unanswered.sum()} without an answer)"
         return Table("study", title, head, rows)
 
-    def __str__(self) -> str:
-        from truepose.show.terminal import laid_out
-
-        return "\n".join(laid_out(self.table(), 100))
+    def _draw(self, figure: Any) -> None:
+        keys = ("robot", *self.grid)
+        rows = zip(*(self.columns[key] for key in keys), strict=True)
+        words = np.array([" ".join(map(str, row)) for row in rows])
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for name in self._numbers:
+            unit = name.rpartition("_")[2] if "_" in name else "–"
+            for point in dict.fromkeys(words.tolist()):
+                values = self.columns[name][(words == point) & self._finite(name)].astype(float)
+                spread = np.percentile(values, (5, 50, 95)) if len(values) else [np.nan] * 3
+                series = panels.setdefault(f"result ({unit})", {}).setdefault("5, 50, 95 %", {})
+                series[f"{point} {name}"] = np.asarray(spread)
+        for axes in ranges(figure, panels or {"result (–)": {"none": {}}}, "case"):
+            axes.set_xlim(left=0)
 
 
 def monte_carlo(
@@ -98,30 +109,30 @@ def monte_carlo(
     """Evaluate a function over many robots sampled from their tolerances, in parallel.
 
     Each answer depends on its case alone: the same seed gives the same numbers on any number of
-    workers, here or on a cluster. What is done is kept, and a study that was ended goes on from
-    there; with a larger `count` it goes further.
+    workers, here or on a cluster. With `out` an interrupted study continues where it stopped, and
+    a larger `count` extends it.
 
     Parameters
     ----------
     function : callable or str
-        function(case) -> {name: number}, of a :class:`truepose.studies.cases.Case`: ``robot`` as
-        drawn, ``true`` and ``rng`` (each the same object at every access), and ``values``, the
-        point of the grid, of which the function must read every key. Or a ready one's name, "rest"
-        or "calibration", or "file.py:name". Processes must be able to import it; from a file its
-        text goes along.
+        function(case) -> {name: number}, of a :class:`truepose.studies.cases.Case`: nominal
+        ``robot``, ``true`` robot and ``rng`` (the same objects at every access), and ``values``,
+        the point of the grid, of which the function must read every key. Or a built-in, "rest" or
+        "calibration", or "file.py:name". Processes must be able to import a callable; a file's
+        text is sent along.
     robots : Robot, str, or sequence of them
-        Robots as drawn; of each `count` true ones are drawn.
+        Nominal robots; `count` true ones are sampled from each.
     count : int
         True robots of each.
     grid : mapping of sequences, optional
-        Every combination of these values is asked of every true robot. "calibration" uses
-        ``poses``, the number of poses it calibrates on (40 without a grid); "rest" no key.
+        Values whose every combination is evaluated for every true robot. "calibration" uses
+        ``poses``, the number of poses it calibrates on (40 without a grid); "rest" uses ``law``.
     seed : int
-        Of everything random.
+        Seed of everything random.
     out : path, optional
-        Folder that keeps what is done (Parquet, with pyarrow); None: nothing is kept.
+        Folder for the results (Parquet, with pyarrow); None stores nothing.
     chunk : int
-        Cases that a worker does at a time.
+        Cases per task of a worker.
     workers : int, optional
         Processes or threads; all cores by default, 0: here, one case after another.
     on : {"processes", "threads"}
@@ -129,17 +140,13 @@ def monte_carlo(
     cluster : str, dask cluster or client, optional
         Address of a dask scheduler, as ``tcp://host:8786``; its workers do the work.
     progress : callable, optional
-        Is told how many chunks are done, and of how many.
-
-    Returns
-    -------
-    Study
+        Function of the number of chunks done and of their total.
 
     Raises
     ------
     InputError
-        A function, robots or a grid that cannot be asked, a folder of another study, no scheduler,
-        workers of other versions, a function that fails: the case is named.
+        A function, robots or a grid that cannot be used, a folder of another study, no scheduler,
+        workers of other versions, or a function that fails: the case is named.
 
     Examples
     --------

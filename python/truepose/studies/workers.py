@@ -20,12 +20,12 @@ from truepose.exceptions import InputError, choose
 from truepose.plugins import plugins
 
 On = Literal["processes", "threads"]
-#: How often in a row a worker may die before anything more is done.
+#: Deaths of workers in a row, without progress, that end a study.
 DEATHS = 3
 
 
 def versions() -> dict[str, str]:
-    """What decides on a worker's numbers."""
+    """Return the versions that determine a worker's numbers."""
     from importlib.metadata import version
 
     python = ".".join(platform.python_version_tuple()[:2])
@@ -33,7 +33,7 @@ def versions() -> dict[str, str]:
 
 
 def _begin() -> None:
-    """Prepare a worker process: Ctrl-C is left to its parent, and it ends with its parent."""
+    """Prepare a worker process: it ignores Ctrl-C and ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         signal.signal(number, signal.SIG_DFL)  # a fork has its parent's handlers
@@ -48,7 +48,7 @@ def _begin() -> None:
 
 @dataclass
 class Workers:
-    """Runs tasks; one that was lost with its worker is run again."""
+    """Runner of tasks; a task lost with its worker runs again."""
 
     count: int
     on: On = "processes"
@@ -63,7 +63,7 @@ class Workers:
     def each(
         self, function: Callable[..., Any], tasks: dict[Any, tuple[Any, ...]]
     ) -> Generator[tuple[Any, Any], None, None]:
-        """Yield key and function(*task) of every task, as they come; closed, end the workers."""
+        """Yield key and function(*task) of every task as it finishes; closing ends the workers."""
         if self.cluster is None and (self.count == 0 or len(tasks) < 2):
             yield from ((key, function(*task)) for key, task in tasks.items())
             return
@@ -96,7 +96,7 @@ class Workers:
             executor = ThreadPoolExecutor(self.count)
         try:
             yield executor
-        except BaseException:  # Ctrl-C, or a case failed: what still runs is not waited for
+        except BaseException:  # Ctrl-C or a failed case: wait for no other
             for process in list((getattr(executor, "_processes", None) or {}).values()):
                 process.terminate()
             raise

@@ -16,6 +16,7 @@ from truepose.integrations.klipper.assessment import Assessment
 from truepose.integrations.klipper.held_out import ESTIMATE, MEAN
 from truepose.integrations.klipper.printer import MM, TOWERS, probe_offset
 from truepose.show.page import as_uri, render, versions
+from truepose.show.results import figure_of
 
 _COLOURS = {"the file's parameters": "#878787", ESTIMATE: "#2166ac", MEAN: "#762a83"}
 _COLOURS |= {"bed heights alone": "#b2182b", "one common arm": "#1b7837"}
@@ -132,4 +133,5 @@ def _bars(found: Assessment, rows: list, label: str) -> Figure:
 
 def parameters(found: Assessment) -> Figure:
     """Plot every parameter relative to its nominal value, in units of its assumed σ."""
-    return learnt.figure(found.estimate.learnt(found.model.names))
+    values = found.estimate.learnt(found.model.names)
+    return figure_of(lambda figure: learnt.draw(figure, values))

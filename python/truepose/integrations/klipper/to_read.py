@@ -13,7 +13,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.differences import DistanceMeasurements, PlaneContacts
 from truepose.design.candidates import CandidatePoses, reachable
-from truepose.design.poses import PosePlan, plan_poses
+from truepose.design.pose_plan import PosePlan
+from truepose.design.poses import plan_poses
 from truepose.exceptions import InputError
 from truepose.integrations.klipper.assessment import Assessment, drawn_of, fitting
 from truepose.integrations.klipper.config import Config

@@ -71,9 +71,7 @@ def position_error(state: State, law: Law, over: Array) -> float:
 
 def predicted(robot: Robot, over: Array, on: Array) -> float:
     """Return the bound of that error after a calibration at poses `on`: 1 σ, rms, m or rad."""
-    P = accuracy(robot, over, calibrated_on=on, errors="nan")
-    columns = summed(robot).columns
-    return float(np.sqrt(np.nanmean(np.trace(P[:, columns][:, :, columns], axis1=1, axis2=2))))
+    return accuracy(robot, over, calibrated_on=on, errors="nan").rms
 
 
 def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Array, Array | None]:
@@ -123,12 +121,10 @@ def bounds(robot: Robot) -> dict[str, Array]:
     [4.91 0.2  0.75 0.1 ]
     """
     poses = workspace_poses(robot)
-    total = summed(robot).columns
     found = {}
     for how, (learnt, touched) in HOWS.items():
         P = accuracy(robot, poses, poses if learnt else None, robot.home if touched else None)
-        variance = np.diagonal(P, axis1=1, axis2=2).mean(axis=0)
-        found[how] = np.sqrt([*variance, variance[total].sum()])
+        found[how] = np.sqrt((P.sigma**2).mean(axis=0))
     return found
 
 

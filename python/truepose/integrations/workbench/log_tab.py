@@ -17,7 +17,7 @@ from truepose.integrations.workbench.bench import Tab
 from truepose.integrations.workbench.page import Page
 from truepose.integrations.workbench.playback import Playback
 from truepose.integrations.workbench.state import State
-from truepose.show.units import in_print
+from truepose.robot.units import in_print
 
 _LINES = 5  #: rows of a log played per second
 _POSES = 40  #: poses of a simulated log

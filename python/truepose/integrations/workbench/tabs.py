@@ -20,8 +20,8 @@ from truepose.integrations.workbench.state import (
     pose_range,
 )
 from truepose.robot.laws import LAWS
-from truepose.robot.units import reading_units
-from truepose.show.units import PRINT, in_print
+from truepose.robot.units import in_print, reading_units
+from truepose.show.units import PRINT
 
 _STEPS = 400  #: steps of a slider
 

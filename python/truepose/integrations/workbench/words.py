@@ -14,9 +14,9 @@ from truepose.integrations.workbench.state import State
 from truepose.robot.kinematics import Conditioning
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed, unit_of
+from truepose.robot.units import in_print, summed, unit_of
 from truepose.show.table import number
-from truepose.show.units import PRINT, in_print, printed
+from truepose.show.units import PRINT, printed
 
 #: Colours of the fault monitor's status.
 LIGHTS = {"valid": "#5aae61", "suspect": "#e08214", "failed": "#d6604d"}

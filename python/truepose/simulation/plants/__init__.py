@@ -1,4 +1,4 @@
-"""Plants: robots that are not their model, sent from pose to pose."""
+"""Plants: true robots that differ from their model, driven from pose to pose."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from truepose.robot.robot import Robot
 
 
 class Visit(NamedTuple):
-    """A robot that was sent to N poses, at rest at each; NaN where it could not be."""
+    """Results of a robot driven to N poses, at rest at each; NaN where it does not rest."""
 
     q_e: Array  #: (N, n + r) readings at rest
     frame: Array  #: (N, 4, 4) true pose of the body that carries LEDs and tool, base frame
     x: Array  #: (N, n) its coordinates
-    status: Array  #: (N,) str: "ok", or why not
+    status: Array  #: (N,) str: "ok", or the reason of failure
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Describe what a log of the visit holds, see :func:`truepose.logs.writing.columns`."""
+        """Return the columns of a log of the visit, see :func:`truepose.logs.writing.columns`."""
         if robot is None:
             raise InputError("a Visit's log needs its robot: columns(visit, robot)")
         result = numbered(self.q_e) + readings(robot, self.q_e)
@@ -29,7 +29,7 @@ class Visit(NamedTuple):
 
 
 class Plant(Protocol):
-    """A robot that is not its model."""
+    """A true robot that differs from its model."""
 
     truth: Robot  #: its true geometry, cold
 
@@ -44,12 +44,10 @@ class Plant(Protocol):
 
         Parameters
         ----------
-        robot : Robot
-            What the controller believes.
+        robot, controller : Robot, Controller
+            The controller's robot, law and gains.
         x_d : ndarray, shape (N, n)
             Desired poses, in this order.
-        controller : Controller
-            Its law and gains.
         progress : callable
             Called after each pose.
         """

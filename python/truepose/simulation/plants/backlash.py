@@ -1,11 +1,11 @@
 """Backlash of the tool's gear at rest.
 
-Held `a` ahead of the nacelle, -half <= a <= half, the tool stands at t = θ(a) + a, θ(a) being where
-the nacelle then rests. t grows with a where the law answers the encoder by no more than it shows.
-At each pose the tool may thus stand anywhere from t(-half) to t(half): it stays where it was if it
-may, and is taken along to the nearer end if not (the play operator of hysteresis). So both ends,
-once for each pose, say where the tool is at all of them; nothing is iterated along the poses, and
-only where the tool stays, `a` remains to be found.
+Held `a` ahead of the platform, -half <= a <= half, the tool is at t = θ(a) + a, where θ(a) is the
+platform's rest angle. t grows with a if the law corrects the encoder by no more than it shows. At
+each pose the tool may be anywhere from t(-half) to t(half): it stays if it may, otherwise it moves
+to the nearer end (the play operator of hysteresis). Both ends, computed once per pose, thus
+determine the tool at all poses without iteration along them; only where the tool stays, `a` remains
+to be found.
 """
 
 from __future__ import annotations
@@ -21,27 +21,16 @@ _ITERATIONS = 100
 
 
 def follow(lowest: Array, highest: Array, start: float) -> tuple[Array, Array]:
-    """Where the tool stands after each pose, and at which end of its play.
+    """Find the tool's angle after each pose, and at which end of its backlash it is.
 
-    Parameters
-    ----------
-    lowest, highest : ndarray, shape (N,)
-        Where it may stand, rad; NaN where the robot does not rest with it there.
-    start : float
-        Where it stands before, in the middle of its play.
+    The tool begins at `start`, in the middle of its backlash, and may be between `lowest` and
+    `highest`, (N,), rad; NaN where the robot does not rest with the tool there. Returns the angles,
+    (N,), unchanged by poses that are not reached, and the ends, (N,): 1 or -1, ahead or behind by
+    half the backlash; 0, between; NaN, the pose is not reached.
 
-    Returns
-    -------
-    tool : ndarray, shape (N,)
-        Its angle; unchanged by a pose that is not reached.
-    end : ndarray, shape (N,)
-        1 or -1: ahead or behind by half the play; 0: between; NaN: the pose is not reached.
-
-    Notes
-    -----
-    A law that follows the encoder alone has lowest = highest: there the play stays as it was. One
-    that answers by more than the encoder shows has lowest > highest, and rests at either end: that
-    one counts to which it would leave the middle of the play.
+    A law that uses the encoder alone has lowest = highest: the backlash stays as it was. A law that
+    corrects by more than the encoder shows has lowest > highest and rests at either end: the one
+    towards which it would leave the middle.
 
     Examples
     --------
@@ -68,24 +57,12 @@ def follow(lowest: Array, highest: Array, start: float) -> tuple[Array, Array]:
 
 
 def crossing(f: Callable, left: Array, right: Array, at_left: Array, at_right: Array) -> Array:
-    """Find where each of N functions passes zero: false position, after Illinois.
+    """Find zeros of N functions, (N,), by false position (Illinois).
 
-    The zero stays between left and right: it converges for every continuous function, and
-    superlinearly where that is smooth.
-
-    Parameters
-    ----------
-    f : callable
-        f(which, a): values of the functions `which`, indices, at a; NaN where one has none.
-    left, right : ndarray, shape (N,)
-        Between them it passes zero.
-    at_left, at_right : ndarray, shape (N,)
-        Its values there, of opposite signs.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Where |f| is at most `TOLERANCE`; NaN where f has no value on the way.
+    f(which, a) are the values of the functions with indices `which` at a, NaN where undefined.
+    `left` and `right`, (N,), bracket the zeros, with values `at_left`, `at_right` of opposite
+    signs. The result has |f| of at most `TOLERANCE`; NaN where f was undefined on the way.
+    Convergence is certain for continuous functions, superlinear for smooth ones.
 
     Examples
     --------
@@ -99,13 +76,13 @@ def crossing(f: Callable, left: Array, right: Array, at_left: Array, at_right: A
     found, which, before = np.full(len(left), np.nan), np.arange(len(left)), np.full(len(left), -1)
     for _ in range(_ITERATIONS):
         width = values[1] - values[0]
-        flat = np.abs(width) <= TOLERANCE  # any place will do: the middle
+        flat = np.abs(width) <= TOLERANCE  # any point is a zero: the middle
         share = np.where(flat, 0.5, -values[0] / np.where(flat, 1.0, width))
         a = ends[0] + share * (ends[1] - ends[0])
         value = f(which, a)
         there = np.abs(value) <= TOLERANCE
         found[which[there]] = a[there]
-        moved = (np.sign(value) == np.sign(values[1])).astype(int)  # which end a takes the place of
+        moved = (np.sign(value) == np.sign(values[1])).astype(int)  # the end that a replaces
         own = np.arange(len(a))
         values[1 - moved, own] *= np.where(moved == before, 0.5, 1.0)
         ends[moved, own], values[moved, own] = a, value

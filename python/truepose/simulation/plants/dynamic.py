@@ -1,7 +1,7 @@
 """A plant with dynamics, driven from pose to pose.
 
-Friction and backlash carry over from pose to pose; arms and rods deflect; readings are delayed. The
-loops are those of the ideal level: this nacelle does not tilt.
+Friction and backlash carry over from pose to pose; arms and rods deflect; readings are delayed.
+Loops close at the ideal level: the platform does not tilt.
 """
 
 from __future__ import annotations
@@ -30,18 +30,17 @@ class DynamicPlant:
     ----------
     truth : Robot
         The true geometry, cold.
-    effects : Effects, optional
-        Effects that the model omits; none by default.
+    effects, watch : Effects, FaultMonitor, optional
+        Effects that the model omits, and fault monitor of the controller's readings; none by
+        default.
     time : float
-        Since a cold start, s.
+        Time since a cold start, s.
     seed : int
-        Of the effects' phases and the readings' noise.
+        Seed of the effects' phases and the readings' noise.
     duration, hold : float
-        Of a move, and after it, s.
-    watch : FaultMonitor, optional
-        Of the controller's readings; nothing by default.
+        Time of a move, and after it, s.
     faults : sequence of Fault
-        Readings that lie; their time is that since the first move began.
+        Faulty readings; their time counts from the start of the first move.
 
     Examples
     --------
@@ -64,7 +63,7 @@ class DynamicPlant:
         faults: Sequence[Fault] = (),
         watch: FaultMonitor | None = None,
     ):
-        in_core(truth, faults, math.inf)  # whatever the controller's period
+        in_core(truth, faults, math.inf)  # for any control period
         self.truth, self.time, self.seed = truth, time, seed
         self.duration, self.hold, self.faults = duration, hold, tuple(faults)
         self.watch = watch
@@ -93,5 +92,5 @@ class DynamicPlant:
         )
         for _ in x:
             progress()
-        status[np.char.startswith(status, SATURATED)] = "ok"  # arrived all the same
+        status[np.char.startswith(status, SATURATED)] = "ok"  # arrived despite saturation
         return Visit(q_e, frames(self.truth, x), x, status)

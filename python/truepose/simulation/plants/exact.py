@@ -1,8 +1,8 @@
 """A plant at exact static equilibrium.
 
-Nothing loads the motors (or integral action carries the load): the motor error of the law
-vanishes. Of the effects of :class:`truepose.Effects` the geometry takes part, and the play of the
-tool's gear. Friction, compliance, delay and ripple need forces and time.
+Without load on the motors (or with integral action) the law's motor error is zero. Of
+:class:`truepose.Effects` only geometry and the tool gear's backlash act: friction, compliance,
+delay and ripple need forces and time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.plants import Visit, backlash
 
-#: Groups of effects that statics know.
+#: Groups of effects that act at rest.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
 
 
@@ -37,15 +37,15 @@ class ExactPlant:
     effects : Effects
         Those of `EFFECTS`; any other must be off.
     level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself: the nacelle then tilts. By default
+        One rod per chain, or every rod: the platform then tilts. By default
         :attr:`Robot.highest_level`.
     time : float
-        Since a cold start, s.
+        Time since a cold start, s.
     seed : int
-        Of the encoders' eccentricity and the readings' noise.
+        Seed of the encoders' eccentricity and the readings' noise.
     faults : sequence of Fault
-        Readings that lie, of a kind that means something at rest: bias, jump, sign, gain, swap.
-        One that would make the robot run away leaves it without a pose at rest.
+        Faulty readings, of a kind defined at rest: bias, jump, sign, gain, swap. A fault that makes
+        the robot run away leaves it without a pose at rest.
 
     Examples
     --------
@@ -77,9 +77,9 @@ class ExactPlant:
         truth.is_full(self.level)
         self.faults = tuple(faults)
         self._lying = in_core(truth, self.faults, None)
-        self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
+        self.robot = effects.geometry(truth, time, seed)  #: at that time
         self._exact = self.robot.with_level(self.level).without_quantization()
-        #: Which readings the play of the tool's gear enters, and by which gain.
+        #: Gain of each reading on the tool gear's backlash.
         self._geared = np.zeros(truth.n + truth.r)
         for k, name in enumerate(truth.sensors):
             sensor = next(s for s in truth.spec.sensor if s.name == name)
@@ -93,7 +93,7 @@ class ExactPlant:
         controller: Controller,
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
-        """Rest at each pose, in their order; the tool's gear keeps its play on the way.
+        """Rest at each pose, in their order; the tool gear keeps its backlash on the way.
 
         See :class:`truepose.simulation.plants.Plant`.
         """
@@ -134,7 +134,7 @@ class ExactPlant:
         return exact + ahead[:, None] * self._geared
 
     def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
-        """Poses, how far the tool is ahead of the nacelle there (rad), statuses: see `play`."""
+        """Return poses, the tool's lead on the platform (rad), and statuses: see `backlash`."""
         half = 0.5 * self.effects.tool_backlash
         sides = np.array([-half, half])
         (low, status), (high, other) = (rest(slice(None), np.full(count, a)) for a in sides)
@@ -158,7 +158,7 @@ class ExactPlant:
     def _settle(
         self, robot: Robot, x_d: Array, controller: Controller, ahead: Array
     ) -> tuple[Array, Array]:
-        """Find where the motor error vanishes while the tool stands ahead of the nacelle."""
+        """Find where the motor error is zero with the tool ahead of the platform."""
         settings = controller.settings(robot, robot.home)
         believed, known = knowledge.for_law(robot, controller.built_in)
         off = ahead[:, None] * self._geared

@@ -5,26 +5,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
-from truepose.robot.robot import Robot
+from truepose.robot.kinematics import Kinematics
+from truepose.robot.parts import Part, parts_of
 from truepose.show.colours import COLOURS
-from truepose.show.parts import Part, parts_of
 
 if TYPE_CHECKING:
     from matplotlib.ticker import MaxNLocator
 
 
-def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
-    """Draw a robot's motors or rails, arms, rods (in pairs where they are), bars, nacelle, tool.
+_MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
+
+
+def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> None:
+    """Draw a robot's motors or rails, arms, rods (in pairs where they are), platform, sensors.
 
     Planar robots are drawn in their plane.
 
     Parameters
     ----------
+    figure : Figure or SubFigure
     robot : Robot
     x : array_like, shape (n,), optional
         Pose; home by default.
@@ -33,7 +37,9 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
     points = robot.skeleton(x)
     planar = robot.spec.mobility.startswith("planar")
     parts = parts_of(robot, points, x)
-    figure = Figure(figsize=(6.4, 5.0) if planar else (7.2, 5.0))
+    if isinstance(figure, Figure):
+        figure.set_layout_engine("none")
+        figure.set_size_inches(6.4 if planar else 7.2, 5.0)
     if planar:
         axes = figure.add_axes((0.12, 0.12, 0.66, 0.83))
         _show_plane(axes, parts)
@@ -60,8 +66,8 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
             path_effects=[withStroke(linewidth=3, foreground="white")],
         )
     handles, labels = axes.get_legend_handles_labels()
+    labels = ["platform" if label == "nacelle" else label for label in labels]
     figure.legend(handles, labels, loc="upper right", fontsize=9, frameon=False, handlelength=1.6)
-    return figure
 
 
 def _on(rail: Array, base: Array) -> bool:
@@ -92,8 +98,11 @@ def _show_plane(axes: Any, parts: list[Part]) -> None:
         joint = "o" if part in ("arm", "rod", "leg") or len(where) == 1 else None
         if part == "nacelle" and len(where) > 3:
             axes.fill(x, y, color=COLOURS[part], alpha=0.18, lw=0)
-        if part == "motor":
-            axes.plot(x[:1], y[:1], "o", ms=13, color=COLOURS[part], label=label, zorder=5)
+        if part in _MARKS:
+            mark, size = _MARKS[part]
+            at = 1 if np.allclose(where[0], where[-1]) or part == "motor" else 2
+            style = {"marker": mark, "ms": 1.6 * size, "ls": ":", "zorder": 5}
+            axes.plot(x[:at], y[:at], color=COLOURS[part], label=label, **style)
             continue
         style = {"ls": "--"} if part == "base" else {"solid_capstyle": "round"}
         marker = "o" if part == "nacelle" and len(where) == 1 else joint
@@ -116,8 +125,11 @@ def _show_space(axes: Any, parts: list[Part]) -> None:
             axes.add_collection3d(
                 Poly3DCollection([xyz], facecolor=COLOURS[part], alpha=0.25, edgecolor="none")
             )
-        if part == "motor" and np.allclose(where[0], where[-1]):
-            axes.plot(*xyz[:1].T, "o", ms=8, color=COLOURS[part], label=label)
+        if part == "sensor" or (part == "motor" and np.allclose(where[0], where[-1])):
+            mark, size = _MARKS[part]
+            at = 1 if np.allclose(where[0], where[-1]) else 2
+            style = {"marker": mark, "ms": size, "ls": ":", "zorder": 15}
+            axes.plot(*xyz[:at].T, color=COLOURS[part], label=label, **style)
             continue
         colour = COLOURS[part]
         axes.plot(*xyz.T, color=colour, lw=width, label=label, solid_capstyle="round")

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.robot.frames import frames
+from truepose.robot.kinematics import Kinematics
 from truepose.robot.passive import passive_axes
-from truepose.robot.robot import Robot
 
 Part = tuple[str, Array, float]  #: name, points (k, 3) in metres, line width
 
 
-def parts_of(robot: Robot, points: Array, x: Array) -> list[Part]:
-    """Motors or rails, arms, rods (in pairs where they are), bars, passive axes, nacelle, tool.
+def parts_of(robot: Kinematics, points: Array, x: Array) -> list[Part]:
+    """Motors or rails, arms, rods (in pairs where they are), bars, axes, nacelle, tool, sensors.
 
     Parameters
     ----------
@@ -24,10 +25,11 @@ def parts_of(robot: Robot, points: Array, x: Array) -> list[Part]:
     """
     planar = robot.spec.mobility.startswith("planar")
     axes = passive_axes(robot.core, x)
-    return [*_driven(robot, points, planar), *_nacelle(robot, points, planar, axes)]
+    carried = _nacelle(robot, points, planar, axes)
+    return [*_driven(robot, points, planar), *carried, *_sensors(robot, points, axes, x)]
 
 
-def _driven(robot: Robot, points: Array, planar: bool) -> list[Part]:
+def _driven(robot: Kinematics, points: Array, planar: bool) -> list[Part]:
     """The parts from the base to the nacelle: rails, carriages, motors, arms, legs, rods."""
     spec = robot.spec
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
@@ -69,10 +71,10 @@ def _driven(robot: Robot, points: Array, planar: bool) -> list[Part]:
     return parts
 
 
-def _nacelle(robot: Robot, points: Array, planar: bool, axes: Array) -> list[Part]:
+def _nacelle(robot: Kinematics, points: Array, planar: bool, axes: Array) -> list[Part]:
     """Bars where the nacelle is articulated, else a polygon through the rods' ends; and a tool.
 
-    A pivot's polygon has a corner on its last axis.
+    The polygon of a rotational platform has a corner on its last axis.
     """
     spec = robot.spec
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
@@ -96,6 +98,35 @@ def _nacelle(robot: Robot, points: Array, planar: bool, axes: Array) -> list[Par
         stands = spec.mobility in ("spatial", "rotational") and centre[2] > points[:, 0, 2].max()
         away = np.array([0.0, 0.0, 1.0 if stands else -1.0])
         parts.append(("tool", np.array([centre, centre + 0.14 * size * away]), 4.0))
+    return parts
+
+
+def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> list[Part]:
+    """Sensors in use: what they measure along, or the joint in which they are."""
+    frame = frames(robot, x)
+    R, place = frame[:3, :3], frame[:3, 3]
+    parts: list[Part] = []
+    for sensor in robot.spec.used:
+        mounted = {core: np.array(getattr(sensor, key)) for core, key in sensor.mounting.items()}
+        line = [points[:, 2].mean(axis=0)]  # the platform: an angle of it
+        if "origin" in mounted:
+            origin, line = mounted["origin"], [place + R @ mounted["target"]]
+            if sensor.kind == "distance":
+                line = [origin, *line]
+            else:
+                u = mounted["direction"] / np.linalg.norm(mounted["direction"])
+                across = R @ mounted["normal"] if "normal" in mounted else u
+                far = (line[0] - origin) @ across / (u @ across)
+                line = [line[0] - far * u, *line] if across is u else [origin, origin + far * u]
+        elif (chain := getattr(sensor, "chain", None)) is not None:
+            P, B, A, _ = points[chain - 1]
+            at = A if getattr(sensor, "side", "base") == "platform" else B
+            line = {"rod_length": [B, A], "motor_encoder": [P]}.get(sensor.kind, [at])
+        elif (axis := getattr(sensor, "axis", None)) is not None and sensor.kind == "axis_angle":
+            line = [axes[axis - 1, 0]]
+        elif bar := getattr(sensor, "bar", None):
+            line = [next(points[k, 3] for k, c in enumerate(robot.spec.chain) if c.bar == bar)]
+        parts.append(("sensor", np.array([line[0], line[-1]]), 2.0))
     return parts
 
 

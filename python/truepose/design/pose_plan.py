@@ -1,0 +1,130 @@
+"""The result of a plan of calibration poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.design.candidates import Step
+from truepose.design.tour import tour
+from truepose.robot.robot import Robot
+from truepose.robot.units import by_unit, coordinate_axes, label, summed
+from truepose.show.charts import lines
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PosePlan(Shown):
+    """Poses to measure, by marginal gain, and the predicted accuracy after each. n steps."""
+
+    robot: Robot  #: as it is known before
+    steps: list[Step]  #: each the one that buys most after those before it
+    sigma: Array
+    #: (n + 1, c + 1) promised σ of each coordinate and of the position (of a pivot the turn: the
+    #: same of its angles, rad, here and below), root mean square over
+    #: `over`, after 0, 1, … n steps; m, rad
+    random: Array  #: (20,) promised σ of the position after n random ones of the candidates
+    everything: float  #: and after all candidates
+    candidates: int  #: among which it chose
+    left_out: int  #: where the machine cannot be
+    over: Array  #: (T, c) poses that the accuracy is asked for
+    target: float | None = None  #: that was asked for, m
+    seen: bool = False  #: whether σ is of the pose in the tracker's frame
+
+    @property
+    def needed(self) -> int | None:
+        """How many steps reach the target; None where none was given, or these do not."""
+        if self.target is None:
+            return None
+        reached = np.flatnonzero(self.sigma[:, -1] <= self.target)
+        return int(reached[0]) if len(reached) else None
+
+    @cached_property
+    def poses(self) -> Array:
+        """Where to stand, (m, c), on a near-shortest tour from home and back."""
+        return self._stops[0]
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Which step each of :attr:`poses` is of."""
+        return self._stops[1]
+
+    @cached_property
+    def _stops(self) -> tuple[Array, list[int]]:
+        stops = [(x, k) for k, step in enumerate(self.steps) for x in step.poses]
+        way = tour(self.robot, np.array([x for x, _ in stops]).reshape(-1, self.robot.n))
+        x = np.array([stops[k][0] for k in way]).reshape(-1, self.robot.n)
+        return x, [stops[k][1] for k in way]
+
+    @property
+    def gain(self) -> float:
+        """Promised σ of the position over that of the median of random sets."""
+        return float(self.sigma[-1, -1] / np.median(self.random))
+
+    def table(self) -> Table:
+        """Return one row a pose, the most useful first: place on the tour, and σ after it."""
+        robot, total = self.robot, summed(self.robot)
+        axes = coordinate_axes(robot)
+        places = dict(zip(self.order, range(1, len(self.order) + 1), strict=True))
+        rows = []
+        for k, sigma in enumerate(self.sigma):
+            x = self.steps[k - 1].poses[0] if k else [None] * robot.n
+            cells = [
+                number(None if v is None else axis.factor * float(v))
+                for v, axis in zip(x, axes, strict=True)
+            ]
+            place = Cell(str(places[k - 1]) if k else "", places[k - 1] if k else None)
+            last = number(total.factor * float(sigma[-1]))
+            rows.append([Cell(str(k) if k else "before", k), *cells, place, last])
+        of = " as the tracker sees it" if self.seen else ""
+        title = f"Poses to measure, {label(robot, robot.sensors)}, and the predicted σ{of}"
+        header = ["pose", *(axis.label for axis in axes), "on the tour", total.label]
+        return Table("plan", title, header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        robot, total, count = self.robot, summed(self.robot), len(self.steps)
+        axes = coordinate_axes(robot)
+        way = np.vstack([robot.home, self.poses, robot.home])
+        panels = by_unit(axes, way, "coordinate")
+        figure.set_size_inches(6.4, 6.6 + 1.8 * len(panels))
+        upper, middle, lower = figure.subfigures(3, 1, height_ratios=[2.6, 4, 1.8 * len(panels)])
+        sigma = {"planned": total.factor * self.sigma[:, -1]}
+        (promise,) = lines(
+            upper, range(count + 1), {f"σ of the {total.label}": sigma}, "poses measured", ".-"
+        )
+        if count:
+            low, median, high = total.factor * np.quantile(self.random, [0, 0.5, 1])
+            span = [[median - low], [high - median]]
+            promise.errorbar([count], [median], span, fmt="o", color="C1", label="random poses")
+        asked = {f"all {self.candidates}": (self.everything, "0.5"), "target": (self.target, "C3")}
+        for name, (value, colour) in asked.items():
+            if value is not None:
+                promise.axhline(total.factor * value, color=colour, lw=0.9, ls=":", label=name)
+        promise.set_ylim(bottom=0)
+        promise.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
+        tour = middle.subplots()
+        stops = way * [axis.factor for axis in axes]
+        tour.plot(*stops.T[:2], color="0.75", lw=0.8)
+        third = stops[1:-1, min(2, robot.n - 1)]
+        dots = tour.scatter(*stops[1:-1].T[:2], c=third, zorder=2, s=22)
+        tour.plot(*stops[0, :2], "k+", ms=10, mew=1.5)
+        cell = 0.05 * max(float(np.ptp(stops[:, :2], axis=0).max()), 1e-9)
+        there: dict[tuple[float, ...], list[str]] = {}  # those of about one place have one label
+        for k, place in enumerate(stops[1:-1], 1):
+            there.setdefault(tuple(cell * np.round(place[:2] / cell)), []).append(str(k))
+        for at, numbers in there.items():
+            words = {"xytext": (4, 4), "textcoords": "offset points", "fontsize": 7}
+            tour.annotate(", ".join(numbers), at, **words)
+        if robot.n > 2:
+            middle.colorbar(dots, ax=tour, label=axes[2].label)
+        tour.set(xlabel=axes[0].label, ylabel=axes[1].label)
+        tour.set_title("Tour in its order (+: home)", fontsize=9)
+        tour.margins(0.12)
+        lines(lower, range(len(way)), panels, "place on the tour (0 and last: home)", ".-")
+        title = f"{robot.name}: {label(robot, robot.sensors)}"
+        figure.suptitle(title, fontsize=10, parse_math=False)

@@ -1,0 +1,199 @@
+"""Predicted errors of sensor sets: as built under each control law, and self-calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, Level, numbers_of
+from truepose.calibration.bound import accuracy, state_of
+from truepose.exceptions import InputError
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+from truepose.robot.units import label, summed
+from truepose.robot.workspace import workspace_grid
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT
+
+#: Laws of a robot as built, and the numbers of poses that it calibrates itself on, to compare.
+LAWS, POSES = ("joint", "tej", "estimated"), (10, 40, 160)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """σ over P poses: root mean squares, m and rad; one row a sensor set, NaN where a set fails."""
+
+    robot: Robot
+    sets: list[tuple[str, ...]]
+    poses: Array  #: (P, n)
+    left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
+    calibrated: bool
+    sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
+
+
+def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
+    """Sets worth comparing: none, those in use, these with each other one, with each group, all.
+
+    A group is all other sensors of one kind: an elbow is seldom bought alone.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> sensor_sets(tp.load("3rrr"))
+    [(), ('theta',)]
+    >>> sensor_sets(tp.load("delta"))[-2:]
+    [('elbow1', 'elbow2', 'elbow3'), ('z_telemeter', 'elbow1', 'elbow2', 'elbow3')]
+    """
+    spare = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
+    kinds = dict.fromkeys(spare.values())
+    groups = [tuple(name for name in spare if spare[name] == kind) for kind in kinds]
+    added = [(), *((name,) for name in spare), *groups, tuple(spare)]
+    most = min(_core.max_sensors, _core.max_readings - robot.n)
+    sets = [(), *(robot.sensors + names for names in added)]
+    return list(dict.fromkeys(names for names in sets if len(names) <= most))
+
+
+def predict(
+    robot: Robot,
+    sets: Sequence[Sequence[str]] | None = None,
+    poses: ArrayLike | None = None,
+    *,
+    calibrated: bool = False,
+    reference_pose: ArrayLike | None = None,
+    level: Level | None = None,
+) -> Prediction:
+    """Bound of several sensor sets over the same poses.
+
+    Parameters
+    ----------
+    robot : Robot
+    sets : sequence of names, optional
+        By default :func:`sensor_sets`.
+    poses : array_like, shape (P, n), optional
+        By default those of :func:`workspace_grid` that every set's readings determine.
+    calibrated : bool
+        Also what remains after self-calibration over these poses.
+    reference_pose : array_like, shape (n,), optional
+        Also what remains once the robot has been read at this pose, which is known from outside.
+    level : {"ideal", "full"}, optional
+        By default :attr:`Robot.highest_level`.
+
+    Raises
+    ------
+    InputError, PoseError
+        An unknown sensor or level; a given pose that cannot be reached.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.design.prediction import predict
+    >>> found = predict(tp.load("h4"), [["theta"], ["theta", "z_telemeter"]], calibrated=True)
+    >>> for what, sigma in found.sigma.items():
+    ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
+    as built [7.47 5.02]
+    self-calibrated [1.07 0.59]
+    """
+    sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
+    candidates = [robot.with_sensors(*names) for names in sets]
+    left_out = 0
+    if poses is None:
+        grid = workspace_grid(robot)
+        bounds = [accuracy(c, grid, level=level, errors="nan") for c in candidates]
+        good = np.isfinite(bounds).all(axis=(0, 2, 3))
+        if not good.any():
+            raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+        poses, left_out = grid[good], int((~good).sum())
+    poses = np.atleast_2d(numbers_of(poses, "poses"))
+    sigma = {}
+    for learnt in (False, True)[: 1 + calibrated]:
+        for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
+            rows = []
+            for candidate in candidates:
+                visited = poses if learnt else None
+                found = accuracy(candidate, poses, visited, touched, level)
+                rows.append(np.sqrt((found.sigma**2).mean(axis=0)))
+            sigma[state_of(visited, touched)] = np.array(rows)
+    return Prediction(robot, sets, poses, left_out, calibrated, sigma)
+
+
+def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None = None) -> float:
+    """Predict the position error of the static equilibrium under a law: its rms over poses.
+
+    To first order: the law's cross-sensitivity times the errors that tolerances (or a
+    calibration's covariance) and counts leave in the readings; with the mean of tolerances that
+    are not centred, which the law does not know. Of a rotational platform the turn.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    poses : array_like, shape (P, n)
+        Desired poses.
+    law : {"joint", "tej", "cartesian", "weighted", "estimated"}
+    level : {"ideal", "full"}, optional
+        By default :attr:`Robot.highest_level`.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.design.prediction import steady_state_error
+    >>> h4, x = tp.load("h4"), [[0.05, 0, -0.4, 0.2], [0, 0.05, -0.45, -0.3]]
+    >>> [round(1e3 * steady_state_error(h4, x, law), 2) for law in ("joint", "tej")]  # mm
+    [9.37, 9.31]
+    """
+    names, every = knowledge.uncertain(robot), list(robot.parameters)
+    H_xi = robot.linearize(poses, "nan", level)[1][..., [every.index(name) for name in names]]
+    off = [[robot.parameters[name].mean - robot.parameters[name].value] for name in names]
+    S = robot.cross_sensitivity(poses, law, "nan")
+    of_readings = [H_xi @ knowledge.root(robot, names), H_xi @ off]
+    roots = S @ np.concatenate(of_readings, axis=-1)
+    roots = np.concatenate([roots, S * knowledge.reading_sigma(robot)], axis=-1)
+    return float(np.sqrt(np.nanmean((roots[:, summed(robot).columns] ** 2).sum(axis=(1, 2)))))
+
+
+def overview(found: Prediction, level: Level | None = None) -> Table:
+    """Compare laws as built and self-calibration on few poses: the position's rms error.
+
+    One row a sensor set, after the motors alone the most accurate first. The poses of the
+    calibration are chosen at random from those of the prediction (seed 0).
+    """
+    robots = [found.robot.with_sensors(*names) for names in found.sets]
+    chosen = np.random.default_rng(0).permutation(found.poses)
+    total, columns = summed(found.robot), {}
+    for law in LAWS:
+        columns[law] = [
+            steady_state_error(r, found.poses, law, level) if r.r or law == "joint" else np.nan
+            for r in robots
+        ]
+    for n in (n for n in POSES if n <= len(chosen)):
+        columns[f"{n} poses"] = [
+            accuracy(r, found.poses, chosen[:n], level=level).rms if r.r else np.nan for r in robots
+        ]
+    last = np.array(list(columns.values())[-1])
+    rows = []
+    for k in sorted(range(len(robots)), key=lambda k: (len(found.sets[k]) > 0, last[k])):
+        named = Cell(label(found.robot, found.sets[k]), ",".join(found.sets[k]) or "none")
+        sizes = (total.factor * values[k] for values in columns.values())
+        rows.append([named, *(number(v if np.isfinite(v) else None) for v in sizes)])
+    unit = PRINT[total.unit][1]
+    title = f"1σ of the {total.name}, rms: as built, by law; self-calibrated on N poses"
+    return Table("overview", title, ["sensors", *(f"{name} ({unit})" for name in columns)], rows)
+
+
+def best(table: Table) -> list[str]:
+    """Say which law and sensors of an :func:`overview` are best as built, and after calibration."""
+    records, said = table.records(), []
+    for names, how in (
+        (table.header[1 : 1 + len(LAWS)], "As built, best: {} law"),
+        (table.header[1 + len(LAWS) :][-1:], "Self-calibrated on {}"),
+    ):
+        sizes = [(r[c], c, k) for c in names for k, r in enumerate(records) if r[c] is not None]
+        if sizes:
+            size, name, k = min(sizes)
+            word, unit = name[:-1].split(" (")
+            said.append(f"{how.format(word)}, {table.rows[k][0]}: {number(size)} {unit} (1σ).")
+    return said

@@ -1,0 +1,67 @@
+"""Messages of the troubleshooting page: each is raised as the page quotes it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import truepose as tp
+from truepose.commands.cli import app
+
+PAGE = Path(__file__).parents[2] / "docs" / "troubleshooting.md"
+QUOTED = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def robot_file(tmp_path, old: str, new: str):
+    path = tmp_path / "robot.toml"
+    tp.load("h4").save(path)
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    raise tp.RobotFileError(CliRunner().invoke(app, ["check", str(path)]).output)
+
+
+def log(column: str, change) -> None:
+    h4 = tp.load("h4")
+    box = h4.spec.workspace
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (50, h4.n))
+    readings = dict(zip(h4.readings, h4.read(poses, 0).T, strict=True))
+    tp.calibrate(h4, readings | {column: change(readings[column])})
+
+
+def motors_alone(_):
+    delta = tp.load("delta")
+    columns = np.tile(delta.ikm(delta.home)[:, None], (1, 9))
+    tp.calibrate(delta, dict(zip(delta.readings, columns, strict=True)))
+
+
+def law_without_sensor(_):
+    delta = tp.load("delta")
+    tp.steady_state(delta, delta, delta.home, "tej")
+
+
+CAUSES = {
+    "unknown key": lambda folder: robot_file(folder, "arm = 0.26", "arn = 0.26"),
+    "did you mean mm": lambda folder: robot_file(folder, "arm = 0.26", "arm = 260"),
+    "unreachable": lambda _: tp.load("h4").ikm([0, 0, -2, 0]),
+    "needs a redundant sensor": law_without_sensor,
+    "in degrees": lambda _: log("q1", np.degrees),
+    "sign": lambda _: log("q1", np.negative),
+    "stuck": lambda _: log("theta", lambda column: np.full_like(column, 0.1)),
+    "take all their readings": motors_alone,
+    "would need": lambda _: tp.simulate(tp.load("h4"), duration=0.02),
+    "cannot hold": lambda _: tp.Controller.for_robot(tp.load("h4"), period=0.02),
+}
+
+
+def test_the_page_has_every_cause_once():
+    assert len(QUOTED) == len(CAUSES)
+
+
+@pytest.mark.parametrize("words", CAUSES)
+def test_a_message_is_raised_as_the_page_quotes_it(words, tmp_path):
+    (quoted,) = (message for message in QUOTED if words in message)
+    with pytest.raises(tp.TrueposeError, match=re.escape(quoted).replace("…", "(?s:.*)")):
+        CAUSES[words](tmp_path)
