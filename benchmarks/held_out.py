@@ -177,7 +177,7 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--drawn", type=int, default=1000, help="hexapods, drawn")
+    parser.add_argument("--drawn", type=int, default=1000, help="number of sampled hexapods")
     parser.add_argument("--picture", type=Path, help="picture of the first seed's errors to write")
     arguments = parser.parse_args()
     seeds, shown = range(arguments.seeds), {}

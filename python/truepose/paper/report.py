@@ -162,7 +162,7 @@ def describe(section: twin.Section) -> dict[str, float]:
 
 
 def _save(figure: Figure, path: Path) -> str:
-    """Save as SVG, PNG and CSV; return the SVG as a data URI."""
+    """Save a figure as SVG, PNG and CSV; return the SVG as a data URI."""
     drawn = files.picture(figure, ".svg")
     path.with_suffix(".svg").write_bytes(drawn)
     path.with_suffix(".png").write_bytes(files.picture(figure, ".png"))

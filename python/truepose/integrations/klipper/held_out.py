@@ -24,7 +24,7 @@ class HeldOut:
     """Leave-one-out errors of one calibration method; NaN: no prediction."""
 
     name: str
-    heights: Array  #: (H,) predicted less read, m
+    heights: Array  #: (H,) predicted − read, m
     distances: Array  #: (D,)
 
 
