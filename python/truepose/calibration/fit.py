@@ -40,7 +40,7 @@ class Calibration(Shown):
     >>> from truepose.paper import article
     >>> h4 = tp.load("h4")
     >>> tp.calibrate(h4, with_paper_errors(h4, seed=1).read(article.table2()))
-    h4 calibrated on 625 of 625 lines of theta, full level, 13 iterations
+    h4 calibrated on 625 of 625 lines of theta, full level, 6 iterations
     55 uncertain parameters: 4 identified, 22 barely, 29 not identified
     residuals with the poses fitted, rms: 0.94 of their σ
     """
