@@ -145,6 +145,9 @@ bench: build/dev/build.ninja
 bench-peers: bench $(VENV)/installed
 	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
+	@if [ -e deploy/linuxcnc/truepose_kins.so ]; then cc -O2 -rdynamic benchmarks/linuxcnc_forward.c \
+	  tests/linuxcnc/stub_hal.c -ldl -lm -o build/dev/forward && build/dev/forward 15; \
+	else echo "bench-peers: without genhexkins; first make linuxcnc"; fi
 
 # One question while one works: its C++ test, header-only at -O1, or the module so and one file of pytest.
 dev: build/quick/build.ninja

@@ -1,11 +1,11 @@
-"""Cost that Python adds to the core, and gain of more processor cores. Batches of 1e5 poses.
+"""Overhead of Python over the core, and speed-up by processor cores, for batches of 1e5 poses.
 
     cmake --preset dev && cmake --build --preset dev --target benchmark_core
     python benchmarks/batches.py --core build/dev/benchmarks/benchmark_core
 
-CPU time per pose of robots/stewart and robots/h4 in their workspaces, called from Python on one
-core, beside the same functions of the core on the same kind of coordinates in C++ (the benchmark's
-own 6-UPS and H4); then the wall time on every core that this process may use.
+CPU time per pose of robots/stewart and robots/h4 in their workspaces, from Python on one core, with
+the same functions in C++ on the same kind of coordinates (the benchmark's own 6-UPS and H4); then
+the wall time on every core available to this process.
 """
 
 import argparse
@@ -49,7 +49,7 @@ def fastest(call, clock):
 
 
 def in_cpp(program):
-    """Fastest time of every row of the C++ benchmark, µs."""
+    """Return the fastest time of every row of the C++ benchmark, µs."""
     rows = json.loads(subprocess.run([program, "--json"], check=True, capture_output=True).stdout)
     return {row["name"]: 1e6 * row["minimum_s"] for row in rows}
 
@@ -59,7 +59,7 @@ def main():
     parser.add_argument("--core", required=True, help="path of benchmark_core")
     cpp = in_cpp(parser.parse_args().core)
     cores = os.sched_getaffinity(0)
-    table = Table(title=f"µs a pose, fastest of {REPEATS}")
+    table = Table(title=f"µs per pose, fastest of {REPEATS}")
     for head in ("", "C++", "Python, 1 core", "ratio", f"{len(cores)} cores, wall", "speed-up"):
         table.add_column(head, justify="left" if not head else "right")
     for name in IN_CPP:

@@ -1,4 +1,4 @@
-"""CPU time and memory to compile against truepose, over `#include <Eigen/Dense>`.
+"""CPU time and memory to compile against truepose, relative to `#include <Eigen/Dense>`.
 
 Usage: python benchmarks/compile_time.py [--compiler clang++-22] [--repeats 3]
 """

@@ -2,10 +2,10 @@
 
 delayed_sensors.py [--robots 100] [--jobs 2]
 
-100 pictures a second, 8 ms old when they arrive. Every robot is drawn from the tolerances; those
-that are calibrated calibrated themselves, with the camera, at 100 poses. Each goes from pose to
-pose: with the camera, without it, with a prompt one, and with its pictures taken as if they showed
-where it is now. The error of a run is that of its pose, rms, an angle counting as 0.1 m times it.
+The camera takes 100 pictures per second with 8 ms latency. Every robot is sampled from the
+tolerances. Calibrated ones calibrated themselves with the camera at 100 poses. Each follows poses
+with the camera, without it, without its latency, and with its latency ignored. The error of a run
+is the rms of its pose, with angles multiplied by 0.1 m.
 """
 
 import argparse
@@ -19,7 +19,7 @@ import truepose as tp
 
 PERIOD, AGE = 0.01, 0.008  #: s
 SETS = {"θ": ["theta"], "z": ["z_telemeter"], "θ, z": ["theta", "z_telemeter"]}
-LENGTH = 0.1  #: m, by which an angle counts as a way in the error of a pose
+LENGTH = 0.1  #: m, factor of an angle in the error of a pose
 CALIBRATED_ON, VISITED, MOVE = 100, 5, 0.3  #: poses; s
 COLUMNS = ("without", "with", "with over without", "worst run", "its position")
 COLUMNS += ("prompt over without", "worst run", "its position", "as if now")
@@ -27,7 +27,7 @@ WAYS = ("with", "without", "prompt", "as if now")
 
 
 def timed(robot: tp.Robot, period: float = PERIOD, age: float = AGE) -> tp.Robot:
-    """Return the robot, its sensors in use slow and late."""
+    """Return the robot with this period and latency of its sensors in use."""
     sensors = tuple(
         s.model_copy(update={"sample_period": period, "latency": age})
         if s.name in robot.sensors
@@ -39,13 +39,13 @@ def timed(robot: tp.Robot, period: float = PERIOD, age: float = AGE) -> tp.Robot
 
 
 def poses(robot: tp.Robot, count: int, *seed: int) -> np.ndarray:
-    """Return random ones of the workspace."""
+    """Return random poses of the workspace."""
     box = robot.spec.workspace
     return np.random.default_rng(seed).uniform(box.minimum, box.maximum, (count, robot.n))
 
 
 def drawn(sensors: list[str], calibrated: bool, effects: tp.Effects, seed: int) -> tuple:
-    """Return what a controller believes, and the robot that is there."""
+    """Return the controller's model and the true robot."""
     robot = timed(tp.load("h4").with_sensors(*sensors).expected())
     truth = robot.sample(seed)
     if calibrated:
@@ -57,10 +57,10 @@ def drawn(sensors: list[str], calibrated: bool, effects: tp.Effects, seed: int) 
 
 
 def driven(believed: tp.Robot, truth: tp.Robot, seed: int, **run) -> np.ndarray:
-    """Return rms errors of a run: of pose and position, mm, of the angle, degrees; or NaN."""
+    """Return the rms errors of a run: pose and position, mm, angle, degrees; NaN if it ended."""
     try:
         run = tp.simulate(believed, truth, seed=seed, **run)
-    except tp.PoseError:  # it has left its workspace
+    except tp.PoseError:  # left its workspace
         return np.full(3, np.nan)
     square = (run.error**2).mean(axis=0)
     position = square[:3].sum()
@@ -69,7 +69,7 @@ def driven(believed: tp.Robot, truth: tp.Robot, seed: int, **run) -> np.ndarray:
 
 
 def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> np.ndarray:
-    """Return the errors of one robot, each way."""
+    """Return the errors of one robot in each case."""
     robot, truth = drawn(SETS[which], calibrated, effects, seed)
     path = tp.simulation.Waypoints(poses=poses(robot, VISITED, seed, 2), duration=MOVE)
     kind = timed(tp.load("h4").with_sensors(*SETS[which]))
@@ -82,7 +82,7 @@ def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> np.ndar
         "as if now": (prompt, truth),
     }
     run = {"path": path, "effects": effects}
-    blind = replace(controller, law="joint")  # of the motors alone
+    blind = replace(controller, law="joint")  # motors only
     return np.array(
         [
             driven(*pairs[way], seed, controller=controller if pairs[way][0].r else blind, **run)
@@ -92,7 +92,7 @@ def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> np.ndar
 
 
 def row(ran: np.ndarray) -> list[str]:
-    """Figures of one case: of robots, ways, and pose, position, angle."""
+    """Return one case's cells; axes of `ran`: robots, cases, and pose, position, angle."""
     rms = np.sqrt((ran[:, :3] ** 2).mean(axis=0))
     worst = (ran[:, [0, 2]] / ran[:, [1]]).max(axis=0)
     lost = int(np.isnan(ran[:, 3, 0]).sum())

@@ -3,11 +3,11 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/design.py [--robots h4 delta stewart]
         [--candidates 20] [--of 5]
 
-The sensors of each robot's file, and copies of them as coarse by 2 to 10 times or as fine, until
-there are so many; prices drawn evenly from 50 to 400, a budget of five times their median. Printed:
-as built, referenced at home, and self-calibrated on ten poses, the sets that were compared, the
-processor's seconds, whether the best is proven or else the gap, by what greedy choices with
-exchange miss it, sets in a minute.
+Candidates are the sensors of each robot's file and copies with 2 to 10 times the noise or equal
+noise. Prices are sampled uniformly from 50 to 400; the budget is five times their median. Printed
+as built, referenced at home, and self-calibrated on ten poses: number of sets, processor time in s,
+whether the best is proven or else the gap, the miss of greedy choices with exchange, and sets
+per minute.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from truepose.design.worth import Worth
 
 
 def crowded(robot: tp.Robot, count: int, rng: np.random.Generator) -> tp.Robot:
-    """Return the robot with copies of its sensors, their counts or steps others."""
+    """Return the robot with copies of its sensors of other counts or noise."""
     sensors = list(robot.spec.sensor)
     for k in range(count - len(sensors)):
         of = sensors[k % len(robot.spec.sensor)]

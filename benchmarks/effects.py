@@ -1,6 +1,6 @@
-"""Tables of docs/effects.md: how much of self-calibration's gain each effect removes.
+"""Tables of docs/effects.md: loss of self-calibration's gain by each effect.
 
-effects.py [--robots 16] [--seed 0]      # a minute a robot on one core
+effects.py [--robots 16] [--seed 0]      # a minute per robot on one core
 """
 
 import argparse
@@ -14,7 +14,7 @@ from truepose.show.table import markdown
 
 
 def ranked(lines: list[Line]) -> str:
-    """The effects in the order of their effect, alone and from all of them."""
+    """Return the effects ordered by their loss, alone and among all."""
     by = {line.case: line for line in lines}
     rows = []
     for group in Effects.groups():
@@ -30,7 +30,7 @@ def ranked(lines: list[Line]) -> str:
 
 
 def takes(line: Line, less: Line) -> tuple[float, float, float]:
-    """How far one line's rms is above another's, mm, and its 90 % interval."""
+    """Return the difference of two rms, mm, and its 90 % interval."""
     more = over_robots(line.calibrated) - over_robots(less.calibrated)
     return float(more), *line.interval(less)
 

@@ -4,8 +4,8 @@ fault_monitor.py alarms [--robots 100] [--seconds 10] [--jobs 2]   # healthy rob
 fault_monitor.py rates [--robots 100] [--seconds 10] [--jobs 2]    # normal noise: false-alarm rate
 fault_monitor.py faults [--robots 30] [--rest] [--jobs 2]          # every kind, above its limit
 
-Every robot is drawn from the tolerances, every rod by itself; those that are calibrated calibrated
-themselves on what they read at 100 poses.
+Every robot is sampled from the tolerances, each rod on its own. Calibrated ones calibrated
+themselves on readings at 100 poses.
 """
 
 import argparse
@@ -19,29 +19,29 @@ import truepose as tp
 from truepose.faults.monitor import first
 from truepose.robot.units import reading_units
 
-CHANCES = (1e-3, 1e-4, 1e-5, None)  #: a cycle; None: one false alarm in 1000 hours
+CHANCES = (1e-3, 1e-4, 1e-5, None)  #: false alarms per cycle; None: one in 1000 hours
 SETS = {
     "h4 θ": ("h4", ["theta"]),
     "h4 θ, z": ("h4", ["theta", "z_telemeter"]),
     "h4 θ, elbows": ("h4", ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]),
 }
-#: Other robots with as many redundant sensors as their faults are promised for.
+#: Other robots with enough redundant sensors for stated detectability.
 MORE = {
     "delta z, elbows": ("delta", ["z_telemeter", "elbow1", "elbow2", "elbow3"]),
     "stewart z, U-joints": ("stewart", ["z_telemeter", *(f"u_joint{k}" for k in range(1, 7))]),
 }
 SOFT = {"frequency": 40.0, "velocity_bandwidth": 300.0}  #: stable with compliant arms and a delay
 POSES = 100  #: of a calibration
-MOST = 0.1  #: limit, rad or m, from which on a reading is taken as not watched by the others
-SETTLING = 33  #: cycles of a watch that has begun
-PIECE = 200  #: cycles of a path that are watched anew
-AT_REST = ("bias", "jump", "spike", "dropout", "drift")  #: a robot at rest shows these alone
-TIMES = 1.5  #: the limit that a fault has
-AT = 0.25  #: s, of moves that take 0.3 s each
+MOST = 0.1  #: detectability, rad or m, beyond which the others do not monitor a reading
+SETTLING = 33  #: start-up cycles of the fault monitor
+PIECE = 200  #: cycles of a path per restart of the fault monitor
+AT_REST = ("bias", "jump", "spike", "dropout", "drift")  #: kinds that are detectable at rest
+TIMES = 1.5  #: size of a fault over its detectability
+AT = 0.25  #: s, start of a fault; moves take 0.3 s each
 
 
 def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -> tuple:
-    """What a controller believes, and the robot that is there."""
+    """Return the controller's model and the true robot."""
     name, sensors = (SETS | MORE)[which]
     robot = tp.load(name).with_sensors(*sensors).expected()
     truth = robot.sample(seed).at_highest_level
@@ -54,18 +54,18 @@ def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -
 
 
 def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
-    """Random ones of the workspace."""
+    """Return random poses of the workspace."""
     box = robot.spec.workspace
     return np.random.default_rng([seed, 1]).uniform(box.minimum, box.maximum, (count, robot.n))
 
 
 def way(robot: tp.Robot, seconds: float, seed: int, each: float) -> tp.simulation.Waypoints:
-    """From pose to pose for some seconds."""
+    """Return a path from pose to pose for some seconds."""
     return tp.simulation.Waypoints(poses=poses(robot, int(seconds / each) + 2, seed), duration=each)
 
 
 def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
-    """Of one healthy robot: cycles that are not valid, at each chance; cycles."""
+    """Count cycles, and those with an alarm at each chance, of one healthy robot."""
     effects = tp.Effects()
     robot, truth = drawn(which, seed, calibrated, effects)
     control = tp.Controller(law="joint", **SOFT)
@@ -84,7 +84,7 @@ def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
 
 
 def rates(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
-    """Of one healthy robot whose readings have normal noise: pieces of a path with an alarm."""
+    """Count pieces of a path, and those with an alarm, of one healthy robot with normal noise."""
     robot, truth = (normal(one) for one in drawn(which, seed, calibrated, None))
     try:
         path = way(robot, seconds, seed, 0.7)
@@ -100,7 +100,7 @@ def rates(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
 
 
 def normal(robot: tp.Robot) -> tp.Robot:
-    """The robot with normal noise of the same σ instead of counts."""
+    """Return the robot with normal noise of the same σ instead of counts."""
     sigma = dict(zip(robot.readings, robot.reading_sigma.tolist(), strict=True))
     spec = robot.spec
     chains = [
@@ -117,7 +117,7 @@ def normal(robot: tp.Robot) -> tp.Robot:
 
 
 def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.faults.Fault]]:
-    """Every kind, just above its limit where it has one."""
+    """Return faults of every kind, just above their detectability where there is one."""
     c = robot.readings.index(reading)
     units = reading_units(robot)
     alike = [name for name, unit in zip(robot.readings, units, strict=True) if unit == units[c]]
@@ -144,7 +144,7 @@ def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.
 
 
 def faults(which: str, rest: bool, seed: int) -> list[tuple]:
-    """What a watch makes of every fault of one calibrated robot, in motion or at rest."""
+    """Return the fault monitor's results on every fault of one calibrated robot."""
     robot, truth = drawn(which, seed, True, None)
     if rest:
         path = tp.simulation.Waypoints(
@@ -162,7 +162,7 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
         return []
     for c, reading in enumerate(robot.readings):
         limit = float(np.median(limits.detected[:, c]))
-        if not limit < MOST:  # nobody could see a bias of it
+        if not limit < MOST:  # a bias of it is undetectable
             continue
         for kind, fault in faults_of(robot, reading, limit).items():
             if rest and kind not in AT_REST:
@@ -171,7 +171,7 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
                 robot, truth, law, path=path, seed=seed, faults=fault, watch=tp.FaultMonitor()
             )
             lines = slice(None, min(len(run.x), len(healthy.x)))
-            moves = ~run.stops[lines]  # it leaves its path where it must stop
+            moves = ~run.stops[lines]  # a stop leads off the path
             turning = np.array([unit == "rad" for _, unit in robot.coordinates])
             off = np.abs(run.x[lines] - healthy.x[lines])[moves]
             turned = off[:, turning].max() if turning.any() else 0.0
@@ -202,7 +202,7 @@ def print_alarms(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None
 
 
 def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
-    heads = ["sensors", "robots", "cycles", *(f"found over allowed at {c:g}" for c in CHANCES[:-1])]
+    heads = ["sensors", "robots", "cycles", *(f"over allowed at {c:g}" for c in CHANCES[:-1])]
     row(*heads)
     row("---", *["---:"] * (len(heads) - 1))
     for which in SETS:
@@ -212,7 +212,7 @@ def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
             pieces = sum(one["pieces"] for one in found)
             cells = []
             for chance in CHANCES[:-1]:
-                # Of pieces with an alarm: after the first one a piece tells nothing more.
+                # Count pieces with an alarm, as alarms after the first are not independent.
                 share = sum(one["found"][chance] for one in found) / pieces
                 rate = -np.log1p(-min(share, 1 - 1e-9)) / (PIECE - SETTLING)
                 cells.append(f"{rate / chance:.2g} ({round(share * pieces)})")
@@ -224,10 +224,10 @@ def print_faults(pool: ProcessPoolExecutor, robots: int, rest: bool) -> None:
     heads = [
         "sensors",
         "fault",
-        "found",
+        "detected",
         "median, 99 % (ms)",
-        "named, unnamed, wrong",
-        "off (mm, °)",
+        "isolated, not isolated, wrong",
+        "error (mm, °)",
     ]
     row(*heads)
     row("---", "---", *["---:"] * (len(heads) - 2))

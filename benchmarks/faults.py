@@ -2,9 +2,9 @@
 
 faults.py [--moves 30] [--seed 0] [--calibrated]      # minutes on one core
 
-The H4 as drawn, so that nothing else is wrong, makes the paper's move and others between poses of
-Table 2; at a random moment of each one reading begins to lie. Until 0.3 s after the move. Or the
-controller believes in what it learnt of that robot at Table 2's poses, and knows how well.
+The nominal H4 without other errors makes the paper's move and others between poses of Table 2. At a
+random time in each, one reading becomes faulty; errors count until 0.3 s after the move. With
+--calibrated the controller's model is calibrated at Table 2's poses, with its covariance.
 """
 
 import argparse

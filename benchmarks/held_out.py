@@ -1,14 +1,12 @@
-"""Prints the tables of docs/guides/hexapod.md: does a real hexapod's calibration hold where it was
-not taken?
+"""Tables of docs/guides/hexapod.md: held-out errors of a real hexapod's calibration.
 
 held_out.py [--seeds 20] [--drawn 1000] [--picture held-out.svg]      # three minutes on one core
 
-Jugglebot's 108 poses (robots/jugglebot/log.csv) in ninths: each is predicted by its motors and by
-what the other eight taught, and compared with what motion capture saw. Then its motors are homed
-anew, each zero up to 20 mm off, and found again from ten poses. The model, its tolerances and the σ
-of the measurements stand in the robot's file and here; nothing was chosen by these tables. Last
-come hexapods drawn from the same tolerances, anywhere in a tracker's sight: do their errors keep to
-the σ that are stated of them?
+Jugglebot's 108 poses (robots/jugglebot/log.csv) are split into ninths. Each ninth is predicted from
+its motors by a calibration on the other eight, and compared with motion capture. Then its motors
+are homed again with zeros off by up to 20 mm, and calibrated from ten poses. Model, tolerances and
+σ of the measurements are in the robot's file and here; none was tuned on these tables. Finally
+hexapods sampled from the same tolerances, anywhere in a tracker's view, test the stated σ.
 """
 
 import argparse
@@ -28,11 +26,11 @@ from truepose.robot import frames
 #: σ of motion capture, m and rad: assumed.
 SIGMA = np.array([0.5e-3] * 3 + [np.radians(0.1)] * 3)
 SHIFT, FEW = 0.02, 10
-#: Poses of a drawn hexapod that are measured, and others, predicted.
+#: Numbers of measured poses and of predicted ones per sampled hexapod.
 POSES, OTHERS = 60, 20
 DRAWN = {"chain*.base.*": 0, "chain*.anchor.*": 0, "chain*.encoder_offset": 1e-7, "chain*.gain": 0}
 MODELS = {
-    "as drawn, registered": DRAWN,
+    "nominal, registered": DRAWN,
     "geometry": {"chain*.encoder_offset": 0, "chain*.gain": 0},
     "geometry, offsets": {"chain*.gain": 0},
     "geometry, offsets, gains": {},
@@ -40,44 +38,44 @@ MODELS = {
 
 
 class Misses(NamedTuple):
-    """What was predicted less what was seen, (N, 6), m and rad, and the covariance stated."""
+    """Predicted minus measured poses, (N, 6), m and rad, and the stated covariance."""
 
     off: np.ndarray
     covariance: np.ndarray
 
     @property
     def position(self) -> np.ndarray:
-        """DistanceMeasurements, mm."""
+        """Position errors, mm."""
         return 1e3 * np.linalg.norm(self.off[:, :3], axis=1)
 
     @property
     def angle(self) -> np.ndarray:
-        """Angles, degrees."""
+        """Angle errors, degrees."""
         return np.degrees(np.linalg.norm(self.off[:, 3:], axis=1))
 
     @property
     def nees(self) -> np.ndarray:
-        """Squared misses in units of the stated ones, per coordinate: 1 where that is honest."""
+        """Normalised squared errors per coordinate; 1 if the stated covariance is correct."""
         solved = np.linalg.solve(self.covariance, self.off[..., None])[..., 0]
         return (self.off * solved).sum(axis=1) / self.off.shape[1]
 
 
 def learn(robot: tp.Robot, q: np.ndarray, seen: np.ndarray) -> tp.calibration.Calibration:
-    """Fit to these lines."""
+    """Calibrate on these rows."""
     return tp.calibrate(robot, q, measured=seen, measured_sigma=SIGMA)
 
 
 def predict(
     fit: tp.calibration.Calibration, robot: tp.Robot, q: np.ndarray, seen: np.ndarray
 ) -> Misses:
-    """Predict what is seen of a robot at these readings, in the frames that a fit has found."""
+    """Predict the measurements at these readings, in the frames that the fit estimated."""
     x = robot.fkm(q)
     stated = fit.accuracy_seen(x) + np.diag(SIGMA**2)
     return Misses(fit.registration.see(robot, x, seen).residual, stated)
 
 
 def with_tolerances(robot: tp.Robot, sigma: dict[str, float]) -> tp.Robot:
-    """Return a robot with these tolerances in the place of its own, 0: known."""
+    """Return the robot with these tolerances instead of its own; 0: known."""
     tolerances = dict(robot.spec.tolerances)
     for name, value in sigma.items():
         tolerances[name] = tolerances[name].model_copy(update={"sigma": value})
@@ -87,7 +85,7 @@ def with_tolerances(robot: tp.Robot, sigma: dict[str, float]) -> tp.Robot:
 def ninths(
     robot: tp.Robot, q: np.ndarray, seen: np.ndarray, rng: np.random.Generator
 ) -> Iterator[Misses]:
-    """Each ninth of the log, predicted by the rest."""
+    """Yield the errors of each ninth of the log, predicted from the rest."""
     order = rng.permutation(len(q))
     for k in range(9):
         out = order[k::9]
@@ -99,14 +97,14 @@ def ninths(
 def homed(
     robot: tp.Robot, q: np.ndarray, seen: np.ndarray, rng: np.random.Generator
 ) -> tuple[Misses, Misses, Misses]:
-    """A ninth of the log, by the rest, before the motors were homed anew; by ten poses; by all."""
+    """Return errors of a ninth predicted from the rest: before homing, by ten poses, by all."""
     order = rng.permutation(len(q))
     out, kept = order[::9], np.setdiff1d(order, order[::9])
     fit = learn(robot, q[kept], seen[kept])
     few = rng.choice(kept, FEW, replace=False)
     moved = q + rng.uniform(-SHIFT, SHIFT, q.shape[1])
     alone = learn(tp.calibration.rehomed(fit.robot, SHIFT), moved[few], seen[few])
-    both = tp.calibrate(  # the tracker stands where it stood
+    both = tp.calibrate(  # the tracker has not moved
         robot,
         np.vstack([q[kept], moved[few]]),
         measured=np.vstack([seen[kept], seen[few]]),
@@ -121,7 +119,7 @@ def homed(
 
 
 def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
-    """Draw a hexapod, tracker and marker, calibrate, look elsewhere: NEES/48 of ξ; the misses."""
+    """Sample and calibrate a hexapod; return NEES/48 of ξ and errors at other poses."""
     rng, box = np.random.default_rng((0, seed)), robot.spec.workspace
     true = robot.sample(seed)
     x = rng.uniform(box.minimum, box.maximum, (POSES + OTHERS, 6))
@@ -141,7 +139,7 @@ def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
 
 
 def placed(moved: np.ndarray) -> np.ndarray:
-    """Frames that are moved, m, and turned, rotation vectors; (N, 6) -> (N, 4, 4)."""
+    """Return frames shifted (m) and rotated (rotation vectors); (N, 6) -> (N, 4, 4)."""
     frame = np.tile(np.eye(4), (len(moved), 1, 1))
     frame[:, :3, :3] = [frames.rotation(v) for v in moved[:, 3:]]
     frame[:, :3, 3] = moved[:, :3]
@@ -149,29 +147,29 @@ def placed(moved: np.ndarray) -> np.ndarray:
 
 
 def over_bound(each: list[Misses]) -> np.ndarray:
-    """Rms error over the stated σ, of x, y, z, rx, ry, rz."""
+    """Return the rms error over the stated σ, of x, y, z, rx, ry, rz."""
     off = np.concatenate([m.off for m in each])
     stated = np.concatenate([np.diagonal(m.covariance, axis1=1, axis2=2) for m in each])
     return np.sqrt((off**2).mean(axis=0) / stated.mean(axis=0))
 
 
 def picture(misses: dict[str, Misses]) -> Figure:
-    """Every pose's miss, the smallest first: as drawn, and calibrated without that pose."""
+    """Plot the sorted errors of all poses: nominal, and calibrated without the pose."""
     figure = Figure(figsize=(7.2, 3.2), layout="constrained")
     position, angle = figure.subplots(1, 2)
-    for name, colour in (("as drawn, registered", "#b3261e"), (list(MODELS)[-1], "#1455a4")):
+    for name, colour in (("nominal, registered", "#b3261e"), (list(MODELS)[-1], "#1455a4")):
         for axes, values in ((position, misses[name].position), (angle, misses[name].angle)):
             axes.plot(np.arange(1, len(values) + 1), np.sort(values), color=colour, label=name)
     for axes, what in ((position, "position, mm"), (angle, "orientation, °")):
-        axes.set_xlabel("poses, the smallest miss first")
-        axes.set_ylabel(f"miss of a pose left out: {what}")
+        axes.set_xlabel("poses, smallest error first")
+        axes.set_ylabel(f"error of a held-out pose: {what}")
         axes.set_ylim(0)
     position.legend(frameon=False)
     return figure
 
 
 def rms(values: np.ndarray) -> float:
-    """Root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
@@ -179,15 +177,15 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--drawn", type=int, default=1000, help="hexapods, drawn")
-    parser.add_argument("--picture", type=Path, help="of the first seed's misses, to write")
+    parser.add_argument("--drawn", type=int, default=1000, help="number of sampled hexapods")
+    parser.add_argument("--picture", type=Path, help="picture of the first seed's errors to write")
     arguments = parser.parse_args()
     seeds, shown = range(arguments.seeds), {}
     robot = tp.load("jugglebot")
     log = logs.read(robot, robotfile.shipped()["jugglebot"].parent / "log.csv")
     q, seen = log.readings, log.measured
 
-    table = Table("left out by ninths", "position rms, mm", "at most", "angle rms, °", "at most",
+    table = Table("held-out ninths", "position rms, mm", "at most", "angle rms, °", "at most",
                   "NEES/6")  # fmt: skip
     for name, sigma in MODELS.items():
         model = with_tolerances(robot, sigma)
@@ -213,10 +211,10 @@ def main() -> None:
     ratios = np.array([[rms(m.position) / rms(before.position) for m in after]
                        for before, *after in trials])  # fmt: skip
     print(
-        f"homed anew, each zero up to {1e3 * SHIFT:.0f} mm off, then {FEW} poses; position rms of "
-        "a ninth left out over that before:"
+        f"homed again, each zero off by up to {1e3 * SHIFT:.0f} mm, then {FEW} poses; position rms "
+        "of a held-out ninth over that before:"
     )
-    for name, ratio in zip(("what was learnt, and the ten", "all lines together"), ratios.T,
+    for name, ratio in zip(("prior calibration and the ten", "all rows together"), ratios.T,
                            strict=True):  # fmt: skip
         print(f"{name}: {np.median(ratio):.2f} (median of {len(seeds)}; {ratio.min():.2f} to "
               f"{ratio.max():.2f})")  # fmt: skip
@@ -224,7 +222,7 @@ def main() -> None:
     if arguments.drawn:
         nees, each = zip(*(drawn(robot, seed) for seed in range(arguments.drawn)), strict=True)
         apart = np.sqrt(2 / (48 * len(nees)))
-        print(f"{len(nees)} hexapods drawn, {POSES} poses each: NEES/48 of the parameters "
+        print(f"{len(nees)} sampled hexapods, {POSES} poses each: NEES/48 of the parameters "
               f"{np.mean(nees):.3f} (1 ± {apart:.3f}); {OTHERS} other poses each, rms over the "
               "bound, x y z rx ry rz: " + " ".join(f"{v:.2f}" for v in over_bound(each))
               + f"; NEES/6 {np.mean([m.nees.mean() for m in each]):.2f}; "

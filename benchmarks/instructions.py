@@ -1,14 +1,13 @@
-"""Counts the instructions of every call of each f_… function: their median, and the worst.
+"""Instruction counts of every call of each f_… function: median and worst.
 
     instructions.py EXECUTABLE --compiler "g++ 12.2.0"            # compare with instructions.json
     instructions.py EXECUTABLE --compiler "g++ 12.2.0" --update   # write the counts there
 
-The median is of usual inputs, the worst of these and of hostile ones. Fails when either grew by
-over 5 %, or a worst is more than it may be over a median (GOALS).
+The median is over usual inputs, the worst over these and hostile ones. The script fails if either
+grew by over 5 %, or if a worst exceeds its limit relative to a median (GOALS).
 
-Needs valgrind. Counts are exact, hence independent of how busy the machine is; they depend on the
-compiler and its libm, so each compiler has its own list, and one without a list passes, with a
-warning.
+Needs valgrind. Counts are exact and independent of the machine's load. They depend on compiler and
+libm, so each compiler has its own list; one without a list passes with a warning.
 """
 
 import argparse
@@ -22,7 +21,7 @@ import tempfile
 
 KNOWN = pathlib.Path(__file__).with_name("instructions.json")
 TOLERANCE = 0.05
-#: Functions whose worst is at most so many times a median: that of the second.
+#: Limits of a function's worst relative to the median of the second function.
 GOALS = {
     "f_control_joint": (5, "f_control_joint"),
     "f_control_tej": (5, "f_control_tej"),
@@ -38,7 +37,7 @@ Counts = dict[str, dict[str, int]]
 
 
 def count(executable: str) -> Counts:
-    """Median and worst of every function f_…, callees included."""
+    """Return median and worst of every function f_…, callees included."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "callgrind.out"
         run = subprocess.run(
@@ -57,7 +56,7 @@ def count(executable: str) -> Counts:
         usual: dict[str, list[int]] = {}
         hostile: dict[str, list[int]] = {}
         name = ""
-        with out.open() as lines:  # one part a call, which says what it counted, and how much
+        with out.open() as lines:  # one part per call with function and count
             for line in lines:
                 if found := re.match(r"desc: Trigger: Client Request: (f_\w+)(!?)", line):
                     name, calls = found[1], hostile if found[2] else usual
@@ -74,7 +73,7 @@ def count(executable: str) -> Counts:
 
 
 def compare(counts: Counts, before: Counts) -> bool:
-    """Print a table. Whether something grew, came or went."""
+    """Print a table; return whether a count grew, or a function was added or removed."""
     failed = False
     for name in sorted(counts | before):
         cells = []
@@ -108,11 +107,11 @@ def main() -> int:
         print(f"wrote {len(counts)} counts of {options.compiler} to {KNOWN.name}")
         before = counts
     elif not before:
-        print(f"WARNING: no counts are known for {options.compiler}; nothing was compared.")
+        print(f"WARNING: no counts are stored for {options.compiler}; nothing was compared.")
         print("Known compilers:", ", ".join(known) or "none")
     failed = compare(counts, before)
     if failed:
-        print("A count grew by over 5 %, or a function came or went. If that is meant: --update.")
+        print("A count grew by over 5 %, or a function was added or removed. Accept with --update.")
     for name, (times, of) in GOALS.items():
         share = counts[name]["worst"] / counts[of]["median"]
         if share > times:

@@ -2,10 +2,10 @@
 
     python benchmarks/margins.py [--robots h4 …] [--rates 1 2 …] [--seeds 3]    # ten minutes
 
-Prints the gains and margins at the first rate, then how the robots rest at each: µm, °, and % of
-the torque limit, bold where that is no rest. Each seed is a robot drawn from the tolerances of its
-file, and the effects' phases; it makes its default move and holds the end for 2 s. Rest: over the
-last 0.2 s no coordinate moves by more than 50 µm or 0.05°, peak to peak, and no motor's torque by
+Prints gains and margins at the first rate, then the residual motion at each rate: µm, °, % of the
+torque limit; bold if not at rest. Each seed is a robot sampled from its file's tolerances, and
+phases of the effects. It makes its default move and holds the end for 2 s. At rest means: in the
+last 0.2 s no coordinate moves by more than 50 µm or 0.05° peak to peak, and no motor's torque by
 more than 2 % of its limit, rms about its mean.
 """
 
@@ -23,7 +23,7 @@ HOLD, LAST = 2.0, 0.2  # s
 
 
 def chosen(robot: tp.Robot, law: str, period: float) -> tp.Controller | None:
-    """Return the controller that is chosen, or none where that is refused."""
+    """Return the chosen controller, or None if none has the margins."""
     try:
         return tp.Controller.for_robot(robot, law=law, period=period)
     except tp.InputError as refused:
@@ -32,7 +32,7 @@ def chosen(robot: tp.Robot, law: str, period: float) -> tp.Controller | None:
 
 
 def bears(robot: tp.Robot, controller: tp.Controller) -> str:
-    """Gains, and margins: of all motors at once, then the least of any one alone."""
+    """Return gains and margins: of all motors together, then the least of any single one."""
     found = tp.control.stability_margins(robot, controller)
     together, *each = found.loops
     cells = [f"{controller.frequency:.0f}, {controller.velocity_bandwidth:.0f}"]
@@ -46,7 +46,7 @@ def bears(robot: tp.Robot, controller: tp.Controller) -> str:
 
 
 def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
-    """Drive robots that are drawn, and look at the end of the hold."""
+    """Simulate sampled robots and return their motion at the end of the hold."""
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
     found = []
     for seed in range(seeds):
@@ -89,7 +89,7 @@ def main() -> None:
             held.append(f"| {name} | {law} | " + " | ".join(cells) + " |")
             print(held[-1], flush=True)
     kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles | one motor or reading"
-    print(f"\n| robot | law | poles, filter (rad/s) | {kept} | hunting |")
+    print(f"\n| robot | law | poles, filter (rad/s) | {kept} | limit cycle |")
     print("|---|---|---:|---:|---:|---:|", *loops, sep="\n")
     rates = " | ".join(f"{rate:g} kHz" for rate in asked.rates)
     print(f"\n| robot | law | {rates} |")

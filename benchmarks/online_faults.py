@@ -2,9 +2,9 @@
 
 online_faults.py [--robots 4] [--lines 10000]      # a minute on one core
 
-Every robot is drawn from its tolerances and read at 200 random poses; from the 51st on one reading
-is wrong. Errors are those of the filter's robot from readings without fault, position rms over
-poses, against the bound that the filter states after 50 lines. Then clean lines alone.
+Every robot is sampled from its tolerances and read at 200 random poses; from the 51st on one
+reading is faulty. Errors are position rms over poses, by the filter's robot and fault-free
+readings, relative to the bound that the filter states after 50 rows. Then fault-free rows only.
 """
 
 import argparse
@@ -31,7 +31,7 @@ CASES = {
 
 
 def poses(robot: tp.Robot, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Table 2's for the H4, off by up to 5 mm and 5 mrad; the middle of other workspaces."""
+    """Return Table 2's poses for the H4, offset by up to 5 mm, 5 mrad; else central poses."""
     if robot.name == "h4":
         table = article.table2()
         return table[rng.choice(len(table), count)] + rng.uniform(-5e-3, 5e-3, (count, 4))
@@ -43,7 +43,7 @@ def poses(robot: tp.Robot, count: int, rng: np.random.Generator) -> np.ndarray:
 def faults(
     q_e: np.ndarray, motors: int, sigma: np.ndarray, rng: np.random.Generator
 ) -> Iterator[tuple[str, int, np.ndarray]]:
-    """Every kind in every reading, in several sizes (σ, degrees or parts)."""
+    """Yield every kind in every reading, in several sizes (σ, degrees or shares)."""
     count = LINES - START
     since = np.arange(1, count + 1) / count
     for c in range(q_e.shape[1]):
@@ -69,7 +69,7 @@ def faults(
 
 
 def study(name: str, sensors: list[str], level: str, robots: int) -> dict[str, list[tuple]]:
-    """Error over bound, lines until it stopped or None, and reading, of every run of every kind."""
+    """Return error over bound, rows until a stop or None, and reading, of all runs by kind."""
     robot = tp.load(name).with_sensors(*sensors)
     width, sigma = POSITIONS[name], knowledge.reading_sigma(robot)
     runs = defaultdict(list)
@@ -99,7 +99,7 @@ def study(name: str, sensors: list[str], level: str, robots: int) -> dict[str, l
 
 
 def row(kind: str, runs: list[tuple]) -> str:
-    """One kind: rms over robots of the worst reading, how often and how soon it stopped."""
+    """Return a table row: rms over robots of the worst reading, number and delay of stops."""
     by_reading = defaultdict(list)
     for ratio, _, c in runs:
         by_reading[c].append(ratio)
@@ -110,7 +110,7 @@ def row(kind: str, runs: list[tuple]) -> str:
 
 
 def clean(name: str, sensors: list[str], level: str, lines: int) -> str:
-    """Clean lines alone: left out, stopped, and the information that the gate costs."""
+    """Return results on fault-free rows: excluded, stopped, information lost by the gate."""
     robot = tp.load(name).with_sensors(*sensors)
     rng = np.random.default_rng(1)
     true = robot.sample(1)
@@ -124,19 +124,19 @@ def clean(name: str, sensors: list[str], level: str, lines: int) -> str:
             left_out, stopped = online.left_out, online.stopped
     lost = 100 * (1 - np.exp(volume[1] - volume[0]))
     told = stopped or "never stopped"
-    return f"{left_out} of {lines} left out, {lost:.3f} % of information lost, {told}"
+    return f"{left_out} of {lines} excluded, {lost:.3f} % of information lost, {told}"
 
 
 def main() -> None:
     """Print one table for each case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", type=int, default=4)
-    parser.add_argument("--lines", type=int, default=10_000, help="clean ones in a row")
+    parser.add_argument("--lines", type=int, default=10_000, help="number of fault-free rows")
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
     options = parser.parse_args()
     for label in options.cases:
-        print(f"\n{label}: clean lines: {clean(*CASES[label], options.lines)}\n")
-        print("| fault from line 51 on | error over bound | stopped | lines until then (most) |")
+        print(f"\n{label}: fault-free rows: {clean(*CASES[label], options.lines)}\n")
+        print("| fault from row 51 on | error over bound | stopped | rows until then (most) |")
         print("|---|---:|---:|---:|")
         for kind, runs in study(*CASES[label], options.robots).items():
             print(row(kind, runs), flush=True)

@@ -1,11 +1,11 @@
 """Tables of docs/path-accuracy.md: H4s on a circle and a square.
 
-path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, the geometry known exactly
-path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, beside rest;
-                                                     # --without friction leaves an effect out
-path_accuracy.py iso [--robots 20]                   # AT and RT, at three speeds, as --full does
+path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, exactly known geometry
+path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, compared with rest;
+                                                     # --without friction omits an effect
+path_accuracy.py iso [--robots 20]                   # AT and RT at three speeds, as with --full
 
-Every robot is drawn from the tolerances, every rod by itself. Half an hour on one core for all.
+Every robot is sampled from the tolerances, each rod on its own. All take half an hour on one core.
 """
 
 import argparse
@@ -21,12 +21,12 @@ from truepose.show.table import markdown
 from truepose.simulation.visit import visit
 
 RUNS = 3  #: of each robot at 2 Hz
-PLACES = 24  #: on the circle, at which a robot rests
-MOTORS = tp.Effects().without("eccentricity", "thermal")  #: what motors can see
+PLACES = 24  #: poses at rest on the circle
+MOTORS = tp.Effects().without("eccentricity", "thermal")  #: effects that motors observe
 WARM = 7200.0  #: s
-TIMES = 1.2  #: rms at 0.1 Hz over rms at rest, the goal
-RMS, MOST = 0.3, 0.5  #: mm, the goal of contouring with all effects that motors can see
-#: Effects, whether with gains that bear them, and how long the robot was on.
+TIMES = 1.2  #: goal of rms at 0.1 Hz over rms at rest
+RMS, MOST = 0.3, 0.5  #: mm, goals of contouring with effects that motors observe
+#: Effects, whether the gains are stable under them, and time since start-up, s.
 CASES = {
     "ideal: no effects, no counts, nominal gains": (None, False, 0.0),
     "all effects but eccentricity and warm-up": (MOTORS, True, 0.0),
@@ -43,7 +43,7 @@ def circle(frequency: float, turns: float) -> tp.simulation.Circle:
 
 
 def contour(seed: int) -> dict:
-    """One robot whose controller knows its geometry: rms and largest, m, by case and law."""
+    """Return rms and largest error, m, by case and law, of one robot of known geometry."""
     truth = tp.load("h4").sample(seed).at_highest_level
     found = {}
     for law in LAWS:
@@ -65,7 +65,7 @@ def contour(seed: int) -> dict:
 
 
 def slow(without: list[str], seed: int) -> dict:
-    """One calibrated robot: rms at rest on the circle (NaN: it rests nowhere) and at 0.1 Hz, m."""
+    """Return the rms of one calibrated robot at rest on the circle (or NaN) and at 0.1 Hz, m."""
     effects = tp.Effects().without(*without)
     robot = tp.load("h4")
     truth, believed = following.drawn(robot, effects, 0, seed)
@@ -91,7 +91,7 @@ def row(*cells: object) -> None:
 
 
 def print_contour(robots: list[dict]) -> None:
-    """Print the largest rms and error of all robots, the median rms, and who is beyond the goal."""
+    """Print the largest rms and error, the median rms, and the robots beyond the goal."""
     row("case", *(f"{law} (mm)" for law in LAWS))
     row("---", *["---:"] * len(LAWS))
     for case in CASES:
@@ -110,7 +110,7 @@ def print_contour(robots: list[dict]) -> None:
 
 
 def print_slow(robots: list[dict]) -> None:
-    """Print medians over the robots that rest, and how many follow worse than `TIMES` that."""
+    """Print medians over the robots with a steady state, and how many exceed `TIMES`."""
     heads = ["law", "rest, rms (mm)", "0.1 Hz, rms (mm)", "ratio: median", "largest"]
     heads += [f"above {TIMES:g}", "added in quadrature, largest (mm)"]
     row(*heads)
@@ -124,7 +124,7 @@ def print_slow(robots: list[dict]) -> None:
         ratio = moving / rest
         beyond = f"{(ratio > TIMES).sum()} of {len(rest)}"
         if lost := len(robots) - len(rest):
-            beyond += f" ({lost} more without an answer at rest)"
+            beyond += f" ({lost} more without a steady state)"
         more = np.sqrt(np.maximum(moving**2 - rest**2, 0)).max()
         cells = np.median(rest), np.median(moving), np.median(ratio), ratio.max()
         row(law, *(f"{cell:.3g}" for cell in cells), beyond, f"{more:.2g}")

@@ -1,4 +1,4 @@
-"""Speed beside Pinocchio and MuJoCo on the same problem, in one run.
+"""Speed compared with Pinocchio and MuJoCo on the same problem, in one run.
 
     pip install ".[peers]" && python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 
@@ -7,11 +7,11 @@ and ±15° in each component of the rotation vector. Inverse: leg lengths and J;
 from the lengths, from a seed 1 mm and 1 mrad away in every coordinate and from home, until no loop
 is open by more than 1e-12 m.
 
-Neither peer has a forward model of a closed loop. Each gets the tree that its manual asks for
-(a free platform, six legs of two hinges and a slide, six points to be joined) and Newton's method
-in numpy on its own residuals and Jacobian: what a user of its Python interface would write. The
-times are therefore those of Python, except truepose's: batched from Python, on every core, and
-from C++ on one (the benchmark's own 6-UPS, ±60 mm and ±0.15 rad).
+Neither peer has a forward model of a closed loop. Each gets the tree of its manual (free platform,
+six legs of two hinges and a slide, six points to join) and Newton's method in numpy on its own
+residuals and Jacobian, as a user of its Python interface would write it. Times are thus those of
+Python, except truepose's: batched from Python on every core, and from C++ on one (the benchmark's
+own 6-UPS, ±60 mm and ±0.15 rad).
 """
 
 import argparse
@@ -29,7 +29,7 @@ COLUMNS = ("IK + J", "FK from 1 mm, 1 mrad", "FK from home")
 
 
 def rotation(w):
-    """exp of a rotation vector (Rodrigues)."""
+    """Return exp of a rotation vector (Rodrigues)."""
     W = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
     t2 = w @ w
     t = np.sqrt(t2)
@@ -38,7 +38,7 @@ def rotation(w):
 
 
 def quaternion(R):
-    """(w, x, y, z) of a rotation by less than 180°."""
+    """Return (w, x, y, z) of a rotation by less than 180°."""
     w = 0.5 * np.sqrt(1 + np.trace(R))
     axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return np.array([w, *axis / (4 * w)])
@@ -61,7 +61,7 @@ class Legs:
 
 
 class Peer:
-    """Newton on a peer's own residuals. Velocities: 6 of the platform, then 3 of each leg."""
+    """Newton's method on a peer's residuals. Velocities: 6 of the platform, then 3 per leg."""
 
     slides = 6 + 3 * np.arange(6) + 2
 
@@ -76,14 +76,14 @@ class Peer:
         raise RuntimeError(f"{self.name}: no solution in 50 steps")
 
     def inverse(self, pose):
-        """Leg lengths and J of the platform's twist, for a pose."""
+        """Return leg lengths and J of the platform's twist at a pose."""
         self.place(pose)
         A = self.newton(np.arange(6, 24))
         rates = np.linalg.solve(A[:, 6:], -A[:, :6])
         return self.lengths(), np.linalg.inv(rates[self.slides - 6])
 
     def forward(self, lengths, seed=None):
-        """Platform and hinges that hold the lengths, from a seed prepared by seed_at, or home."""
+        """Return platform and hinges for the lengths, from a seed by seed_at, or from home."""
         self.start(seed, lengths)
         self.newton(np.setdiff1d(np.arange(24), self.slides))
         return self.position()
@@ -214,7 +214,7 @@ class MuJoCo(Peer):
 
 
 def median_time(calls):
-    """Median of the times of single calls, s."""
+    """Return the median time of single calls, s."""
     times = []
     for call in calls:
         start = time.perf_counter()
@@ -225,7 +225,7 @@ def median_time(calls):
 
 def measure_peer(peer, robot, x, near):
     q, J = robot.ikm(x), robot.jacobian(x)
-    for k in (0, len(x) // 2):  # the same robot, the same answers
+    for k in (0, len(x) // 2):  # check that the results agree
         lengths, peer_J = peer.inverse(x[k])
         assert np.abs(lengths - q[k]).max() < 1e-10
         assert abs(abs(np.linalg.det(peer_J)) / abs(np.linalg.det(J[k])) - 1) < 1e-8

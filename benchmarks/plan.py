@@ -3,20 +3,18 @@
     python benchmarks/plan.py [--robots h4 …] [--poses 10 30] [--sets 200] [--drawn 0] # 5 minutes
     python benchmarks/plan.py --logged 15                                              # 1 minute
 
-σ of the position (mm), root mean square over a grid of the workspace, that calibrations promise on
-planned poses of 2000 candidates, and on as many drawn evenly from the workspace box: median of the
-sets, 5 to 95 % of them, how many of them the plan beats; and how long the plan took. With --drawn N
-also what N robots, drawn from their tolerances, err by once each has calibrated itself on the
-planned poses and on one random set: root mean square in mm over the same, beside the promise, and
-how many estimates had no answer.
+σ of the position (mm), root mean square over a grid of the workspace, predicted after calibration
+on planned poses of 2000 candidates and on random sets from the workspace box: median and 5 to 95 %
+of the sets, how many of them the plan beats, and the time of the plan. With --drawn N also the rms
+error in mm of N robots sampled from their tolerances, each calibrated on the planned poses and on
+one random set, relative to the prediction, and the number of failed estimates.
 
---logged N plans on a real log instead: N of Jugglebot's 108 poses, by the robot file and the σ of
-benchmarks/held_out.py; where they are, the motors and the drawing say. Gains and all else are
-learnt from these poses alone, the rest of the log is predicted, and compared with what motion
-capture saw: root mean square, over the median of as much learnt from 60 random poses, and how
-many random sets of N it beats. Once of all 108, and the median (lowest to highest) of 20 plans
-among 81 of them, drawn anew each time: how much of it is luck. Asked for the position in the
-base's frame, and for what the tracker sees; over the workspace, and over the log's own poses.
+--logged N plans on a real log: N of Jugglebot's 108 poses, with the robot file and the σ of
+benchmarks/held_out.py; poses follow from the motors and the nominal robot. All parameters are
+estimated from these poses only. The rest of the log is predicted and compared with motion capture:
+rms, relative to the median with 60 random poses, and how many random sets of N it beats. Once from
+all 108, and the median (lowest to highest) of 20 plans among 81 sampled ones. Plans are for the
+position in the base's frame, and for the tracker's; over the workspace, and over the log's poses.
 """
 
 import argparse
@@ -33,7 +31,7 @@ COUNT = 2000
 
 
 def cases(names: list[str]) -> list[tp.Robot]:
-    """Each robot with the sensors in use, or its first, and with all of them."""
+    """Return each robot with the sensors in use, or its first, and with all of them."""
     found = []
     for name in names:
         robot = tp.load(name)
@@ -45,7 +43,7 @@ def cases(names: list[str]) -> list[tp.Robot]:
 
 
 def position(robot: tp.Robot, squares: np.ndarray) -> float:
-    """Root mean square of the position, mm, of squares (…, c) of each coordinate."""
+    """Return the rms of the position, mm, from squares (…, c) of each coordinate."""
     linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
     return 1e3 * float(np.sqrt(squares[..., linear].sum(axis=-1).mean()))
 
@@ -65,14 +63,14 @@ def random_sets(robot: tp.Robot, count: int, sets: int) -> list[np.ndarray]:
 def erred(
     robot: tp.Robot, over: np.ndarray, visited: np.ndarray, robots: int
 ) -> tuple[float, int, int]:
-    """Position error of drawn robots calibrated at these poses, mm; estimates lost, and asked."""
+    """Return the position error of sampled calibrated robots, mm; failed estimates, and all."""
     at, squares, lost, asked = over[:: max(len(over) // 60, 1)], [], 0, 0
     for seed in range(robots):
         true = robot.sample(seed)
         true = true.with_level(true.highest_level)
         fit = tp.calibrate(robot, true.read(visited, seed))
         readings = true.read(at, seed + 10**6, "nan")
-        reached = np.isfinite(readings).all(axis=1)  # by the true robot
+        reached = np.isfinite(readings).all(axis=1)  # reachable for the true robot
         x = fit.robot.estimate(readings[reached], guess=at[reached], errors="nan").x
         good = np.isfinite(x).all(axis=1)
         squares.append((x - at[reached])[good] ** 2)
@@ -81,7 +79,7 @@ def erred(
 
 
 def logged(count: int, sets: int) -> None:
-    """Plan on Jugglebot's log, and predict the rest of it."""
+    """Plan on Jugglebot's log, and predict the rest."""
     robot = tp.load("jugglebot")
     log = logs.read(robot, robotfile.shipped()["jugglebot"].parent / "log.csv")
     q, seen = log.readings, log.measured
@@ -105,14 +103,14 @@ def logged(count: int, sets: int) -> None:
     print(f"60 random poses: {sixty:.2f} mm (median of {sets}); {count} random ones: median "
           f"{middle:.3f} of that, a tenth below {tenth:.3f}")  # fmt: skip
     among = [rng.permutation(len(q))[:81] for _ in range(20)]
-    head = ["asked for", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat"]
+    head = ["minimised", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat"]
     print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
     for of_tracker in (False, True):
         for name, over in (("the workspace", None), ("the log's poses", x)):
             one = planned(np.arange(len(q)), of_tracker, over)
             many = np.array([planned(own, of_tracker, over) for own in among])
             ratio = np.quantile(many, [0.5, 0, 1]) / sixty
-            cells = ["what is seen" if of_tracker else "the position", name, f"{one / sixty:.3f}"]
+            cells = ["measured pose" if of_tracker else "the position", name, f"{one / sixty:.3f}"]
             cells += [f"{100 * (few > one).mean():.0f} %"]
             cells += ["{:.3f} ({:.3f} to {:.3f})".format(*ratio)]
             cells += [f"{100 * (few > many[:, None]).mean():.0f} %"]
@@ -131,7 +129,7 @@ def main() -> None:
         logged(asked.logged, asked.sets)
         return
     head = ["robot, sensors", "poses", "before", "planned", "random", "5 to 95 %", "beats", "s"]
-    head += ["planned: drawn robots", "random: drawn robots"] * bool(asked.drawn)
+    head += ["planned: sampled robots", "random: sampled robots"] * bool(asked.drawn)
     print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
     for robot in cases(asked.robots):
         for count in asked.poses:
@@ -151,8 +149,8 @@ def main() -> None:
                 for visited, promise in ((poses, after), (sets[0], others[0])):
                     real, lost, tried = erred(robot, plan.over, visited, asked.drawn)
                     cells.append(
-                        f"{real:.3g} ({real / promise:.2f} of the promise; "
-                        f"{lost} of {tried} without an answer)"
+                        f"{real:.3g} ({real / promise:.2f} of the prediction;  "
+                        f"{lost} of {tried} failed)"
                     )
             print("| " + " | ".join(cells) + " |", flush=True)
 

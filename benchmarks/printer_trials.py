@@ -16,16 +16,16 @@ from truepose.integrations.klipper.noise import ERROR, fitted, judge, spread
 from truepose.integrations.klipper.printer import MM, Printer, Readings, options, printer_of
 from truepose.integrations.klipper.prints import disc, without_rigid
 
-#: Where Klipper probes by default: in the middle, and at six points on shares of the radius.
+#: Klipper's default probing points: the centre, and six points at shares of the radius.
 _PROBED = (0.95, 0.90, 0.85, 0.70, 0.75, 0.80)
-#: Its printed object: pillars on a hexagon, ridges on a pillar's inner and outer side, m.
+#: Klipper's printed object: pillars on a hexagon, ridges on a pillar's inner and outer side, m.
 _PILLAR, _RIDGE = 65 * MM, 4.5 * MM
-#: Height at which the probe finds the bed, m.
+#: Height at which the probe triggers, m.
 _HEIGHT = 16 * MM
 
 
 def drawn(kinematics: str) -> Printer:
-    """Return a printer as it may be drawn, with one reading that says nothing."""
+    """Return a nominal printer with one uninformative reading."""
     values = {"delta_radius": 160.0, "arm_length": 345.0, "position_endstop": 418.0}
     angles, radius = (210.0, 330.0, 90.0), 140
     if kinematics != "delta":  # as in Klipper's config/example-rotary-delta.cfg
@@ -45,16 +45,13 @@ def drawn(kinematics: str) -> Printer:
 
 
 def poses(radius: float, more: int = 0) -> tuple[Array, Array]:
-    """Where Klipper has the nozzle: probed points (7, 3), ends of 12 distances (12, 2, 3).
-
-    And more points, spread over the bed.
-    """
+    """Return nozzle positions: probed points (7 + more, 3), ends of 12 distances (12, 2, 3)."""
     turn = np.pi / 2 + np.pi / 3 * np.arange(6)
     ring = radius * np.array(_PROBED) * np.stack([np.cos(turn), np.sin(turn)])
     probed = np.concatenate([np.zeros((1, 2)), ring.T, radius * spread(more)[:, :2]])
     turn = np.radians([210.0, 270.0, 330.0, 30.0, 90.0, 150.0])
     to = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    size = min(1.0, 0.9 * radius / (_PILLAR + _RIDGE))  # smaller beds have a smaller object
+    size = min(1.0, 0.9 * radius / (_PILLAR + _RIDGE))  # smaller object for smaller beds
     inner = np.stack([_RIDGE * to, (_PILLAR + _RIDGE) * to], axis=1)
     along = np.roll(to, -2, axis=0)
     outer = _PILLAR * to[:, None] + np.stack([_RIDGE * along, (_PILLAR + _RIDGE) * along], axis=1)
@@ -66,7 +63,7 @@ def poses(radius: float, more: int = 0) -> tuple[Array, Array]:
 
 
 class Truth(NamedTuple):
-    """A printer as it is, and what was read of it."""
+    """A sampled printer, and its readings."""
 
     p: Array
     shrinkage: float
@@ -75,14 +72,14 @@ class Truth(NamedTuple):
 
 
 def made(model: Model, printer: Printer, assumed: Assumed, seed: int, more: int = 0) -> Truth:
-    """Draw a printer, probe it, print on it and measure that."""
+    """Sample a printer, probe its bed, and measure its print."""
     rng = np.random.default_rng(seed)
     p = printer.values + assumed.of(printer.names) * rng.standard_normal(len(printer.names))
     kappa, width = np.array([assumed.shrinkage, assumed.width]) * rng.standard_normal(2)
     touched, ends = poses(printer.radius, more)
     noise = assumed.height * rng.standard_normal(len(touched))
     at_bed = np.round(model.steps(p, touched + noise[:, None] * [0, 0, 1]))
-    at_ends = model.steps(p, ends)  # as Klipper computes them; the motors stop at whole steps
+    at_ends = model.steps(p, ends)  # as computed by Klipper, in whole steps
     there = model.positions(p, np.round(at_ends))
     lengths = np.linalg.norm(there[:, 0] - there[:, 1], axis=1)
     read = (1 - kappa) * lengths + width + assumed.distance * rng.standard_normal(len(ends))
@@ -99,15 +96,15 @@ def made(model: Model, printer: Printer, assumed: Assumed, seed: int, more: int 
 
 
 class Trial(NamedTuple):
-    """How one estimate did, and what was said of the readings."""
+    """Result of one estimate, and of the readings' test."""
 
-    inside: Array  #: (3,) share within 1.96 σ: of the unknowns; of x and y, of z over the bed
+    inside: Array  #: (3,) share within 1.96 σ of unknowns, of x and y, and of z over the bed
     error: Array  #: (3,) mean square error of x, y, z over the bed, m²
-    bound: Array  #: (3,) that it promised
-    rejected: bool  #: whether the readings, which are right, were rejected
-    judges: bool  #: whether half of the heights would show an error of 0.3 mm
-    shows: bool  #: whether one height, drawn by chance, would show it
-    found: bool  #: whether they are rejected with that error in it
+    bound: Array  #: (3,) predicted, of `error`
+    rejected: bool  #: whether the fault-free readings were rejected
+    judges: bool  #: whether an error of 0.3 mm is detectable in half of the heights
+    shows: bool  #: whether it is detectable in one random height
+    found: bool  #: whether the readings with that error are rejected
 
 
 def trials(
@@ -119,15 +116,10 @@ def trials(
     noise: tuple[float, float] | None = None,
     more: int = 0,
 ) -> Iterator[Trial | None]:
-    """Draw printers, estimate each, compare with what it is; None of one without an estimate.
+    """Sample printers, estimate each, and compare with the truth; yield None if estimation failed.
 
-    Parameters
-    ----------
-    noise : tuple of float, optional
-        Least and greatest σ of heights and distances, m: each printer's is drawn between, evenly
-        in its logarithm. By default the assumed ones.
-    more : int
-        How many heights there are beside Klipper's seven.
+    `noise` is the least and greatest σ of heights and distances, m, sampled log-uniformly for each
+    printer; default the assumed ones. `more` heights are added to Klipper's seven.
     """
     printer, assumed = drawn(kinematics), assumed or Assumed()
     model = Model(printer)

@@ -1,7 +1,7 @@
 """Calibrations of many sampled robots against their bound.
 
-Every robot goes where usual control puts it, is read in counts and noise, and calibrates itself on
-its own readings; what it then believes is compared with the truth, and with the bound.
+Every robot moves under joint control, is read with counts and noise, and calibrates itself on these
+readings. The estimates are compared with the truth, and with the bound.
 """
 
 from __future__ import annotations
@@ -24,39 +24,39 @@ from truepose.robot.robot import Robot
 
 @dataclass(frozen=True)
 class Trials:
-    """R robots at P poses of the calibration, H others and the reference-pose; n coordinates.
+    """R robots at P calibration poses, H others and the reference pose; n coordinates.
 
     Errors are along the free twist, m and rad.
     """
 
     robot: Robot
-    usual: Array  #: (R, P, n) of usual control: true − desired
-    error: Array  #: (R, P, n) of the calibration's poses: believed less true
-    held_out: Array  #: (R, H, n) of estimates at poses it has not seen
-    stated: Array  #: (R, H, n) σ that those estimates claim
-    touched_off: Array  #: (R, H, n) of those estimates, once one pose more was known from outside
-    bound: Array  #: (P, n, n) covariance, predicted
-    bound_touched: Array  #: (H, n, n) covariance, predicted, the reference-pose pose known
-    xi_nees: Array  #: (R,) normalised squared error of ξ; its mean is to be `parameters`
-    x_nees: Array  #: (R, H) of the estimates; their mean is to be n
+    usual: Array  #: (R, P, n) of joint control: true − desired
+    error: Array  #: (R, P, n) at the calibration's poses: estimated − true
+    held_out: Array  #: (R, H, n) of estimates at other poses
+    stated: Array  #: (R, H, n) stated σ of those estimates
+    touched_off: Array  #: (R, H, n) of those estimates, referenced at one known pose
+    bound: Array  #: (P, n, n) predicted covariance
+    bound_touched: Array  #: (H, n, n) predicted covariance after referencing
+    xi_nees: Array  #: (R,) normalised squared error of ξ; expected mean `parameters`
+    x_nees: Array  #: (R, H) of the estimates; expected mean n
     parameters: int  #: p
 
     @property
     def coverage(self) -> Array:
-        """How many of the estimates' 95 % intervals hold the truth, by coordinate, (n,)."""
+        """Return the share of 95 % intervals that contain the truth, by coordinate, (n,)."""
         return (np.abs(self.held_out) < 1.96 * self.stated).mean(axis=(0, 1))
 
     @property
     def linear(self) -> Array:
-        """Which coordinates are lengths, (n,)."""
+        """Return which coordinates are lengths, (n,)."""
         return np.array([unit == "m" for _, unit in self.robot.coordinates])
 
     def squares(self, error: Array) -> Array:
-        """Mean square position error of every robot, m², (R,)."""
+        """Return the mean square position error of every robot, m², (R,)."""
         return (error[..., self.linear] ** 2).sum(axis=-1).mean(axis=-1)
 
     def position(self, bound: Array) -> float:
-        """Mean square position error that a bound allows, m²."""
+        """Return the mean square position error of a bound, m²."""
         return float(np.diagonal(bound, axis1=1, axis2=2)[:, self.linear].sum(axis=1).mean())
 
 
@@ -79,20 +79,17 @@ def run(
     Parameters
     ----------
     robot : Robot
-        The nominal robot with the sensors in use; the true ones are drawn from its tolerances.
+        Nominal robot with the sensors in use; true ones are sampled from its tolerances.
     poses, held_out : array_like, shape (P, n) and (H, n)
-        Where the robots calibrate themselves, and where they only estimate.
+        Calibration poses, and poses that are only estimated.
     reference_pose : array_like, shape (n,)
-        A pose at which something outside tells the robot where it stands.
+        Pose that is known from outside.
     count, seed : int
-        Robots; the first ones do not depend on `count`.
+        Number of robots and their seed; the first ones do not depend on `count`.
     level, true_level : {"ideal", "full"}, optional
-        Of the calibration, and of the robots that are read; by default :attr:`Robot.highest_level`.
+        Level of calibration and true robots, default :attr:`Robot.highest_level`.
     model_error, loss
-        As of :func:`truepose.calibrate`.
-    progress : callable
-        Called after each robot.
-
+        As in :func:`truepose.calibrate`.
     Examples
     --------
     >>> import numpy as np, truepose as tp
@@ -157,7 +154,7 @@ def run(
 
 
 def difference(robot: Robot, x: Array, reference: Array) -> Array:
-    """X less a reference nearby, along the free twist: a rotation as its small vector in the base.
+    """Return x − reference along the free twist; rotations as small vectors in the base frame.
 
     Examples
     --------
@@ -177,7 +174,7 @@ def difference(robot: Robot, x: Array, reference: Array) -> Array:
 
 
 def _nees(error: Array, covariance: Array) -> Array:
-    """Squared error in the metric of its covariance, solved in units of σ."""
+    """Return the squared error in the metric of its covariance, solved in units of σ."""
     sigma = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     correlation = covariance / (sigma[..., :, None] * sigma[..., None, :])
     scaled = (error / sigma)[..., None]

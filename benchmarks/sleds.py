@@ -1,10 +1,10 @@
 """Coverage of sleds' stated σ: the table of docs/guides/maslow.md.
 
-Sleds drawn from what `truepose maslow` assumes of belts, anchors 20 mm about a frame, 48 poses read
-with σ = 0.5 mm. 1 ± is for NEES over its twelve unknowns; the rms of each anchor's error over its
-σ. A strain is 3 σ at most, lest the poses cannot be ordered in sides. Then, of as many more sleds
-of 88 poses as --quarters says, how far anchors from disjoint quarters of the poses scatter, in
-units of σ: what the guide's real log is to be compared with.
+Sleds are sampled from the assumptions of `truepose maslow`, anchors 20 mm about a frame, and read
+at 48 poses with σ = 0.5 mm. Printed are NEES over the twelve unknowns with its scatter (1 ±), and
+the rms of each anchor's error over σ. Strains are 3 σ at most, so poses can be assigned to sides.
+Then --quarters sleds of 88 poses: scatter of anchors over disjoint quarters of the poses, in units
+of σ, for comparison with the guide's real log.
 
 sleds.py [--sleds 1000] [--quarters 200] [--seed 0]     # some minutes
 """
@@ -23,7 +23,7 @@ READING = 5e-4
 def drawn(
     rng: np.random.Generator, columns: int = 8, rows: int = 6
 ) -> tuple[np.ndarray, dict[str, float]]:
-    """What a sled reads, and what is true of it."""
+    """Return a sled's readings, and its true unknowns."""
     anchors = {name: v + 0.02 * rng.standard_normal() for name, v in FRAME.items()}
     offsets = belts.OFFSET * rng.standard_normal(4)
     strains = belts.STRAIN * np.clip(rng.standard_normal(3), -3, 3)

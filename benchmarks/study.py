@@ -1,8 +1,8 @@
-"""Speed of a study on two processes over one, here and on a dask cluster.
+"""Speed-up of a Monte Carlo study by two processes, locally and on a dask cluster.
 
 study.py [--robots 200]        # two minutes on two cores
 
-Ratios of one process' time to two, and seconds of one core per robot: self-calibration of an H4.
+Ratios of the time of one process to two, and core seconds per robot: self-calibration of an H4.
 """
 
 import argparse
@@ -23,7 +23,7 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=200)
     count = parser.parse_args().robots
     one, two = (seconds(count=count, workers=k) for k in (1, 2))
-    print(f"processes: two are {one / two:.2f} times as fast as one; {one / count:.2f} s a robot")
+    print(f"processes: two are {one / two:.2f} times as fast as one; {one / count:.2f} s per robot")
     from distributed import LocalCluster
 
     times = []

@@ -1,9 +1,9 @@
-"""Stability limit of the loop in MuJoCo: how far the H4 swings after a move (docs/mujoco.md).
+"""Stability limit of the loop in MuJoCo: motion of the H4 after a move (docs/mujoco.md).
 
     swing.py [--seed 0]
 
-A true H4 with the paper's errors under nominal controllers (1 kHz): the nacelle's motion from
-0.1 s to 0.2 s after a move, peak to peak, the largest of Table 2's first, middle and last pose.
+A true H4 with the paper's errors under nominal controllers (1 kHz): peak-to-peak motion of the
+nacelle from 0.1 s to 0.2 s after a move, the largest of Table 2's first, middle and last pose.
 """
 
 import argparse
@@ -27,12 +27,12 @@ CASES = {
 
 
 class Watched(_Drive):
-    """A drive that keeps where the nacelle was in every cycle: D, and θ in degrees."""
+    """A drive that records the nacelle's pose in every cycle: D, and θ in degrees."""
 
     seen: list[np.ndarray]
 
     def go(self, x_d, time):
-        """Forget the last move, then go."""
+        """Clear the record, then go."""
         self.seen = []
         return super().go(x_d, time)
 
@@ -43,7 +43,7 @@ class Watched(_Drive):
 
 
 def swing(truth, effects, controller, timestep=TIMESTEP):
-    """Millimetres and degrees, peak to peak."""
+    """Return the peak-to-peak motion, mm and degrees."""
     plant = MujocoPlant(truth, effects, hold=0.2, longest=0.2, timestep=timestep)
     drive = Watched(plant, tp.load("h4"), controller, 0, 0.0)
     poses = table2()
@@ -57,7 +57,7 @@ def swing(truth, effects, controller, timestep=TIMESTEP):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=0, help="of the true robot's errors")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the true robot's errors")
     seed = parser.parse_args().seed
     (truth,) = draw_robots(tp.load("h4"), 1, seed)
     print("| gains | poles, filter, rad/s |", " | ".join(CASES), "|")

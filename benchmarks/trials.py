@@ -1,7 +1,7 @@
 """Tables of docs/accuracy.md: calibrations of many H4s against their bound.
 
-Of real robots, every rod by itself, at the defaults; of robots on paper, one rod a chain, with a
-calibration that may rely on it; and of both under the ideal level, what it leaves out counted.
+Real robots with each rod on its own, at the defaults; ideal robots with one rod per chain, with a
+calibration that assumes this; and both with the ideal level and its model error.
 
 trials.py [--robots 400] [--jobs 2]     # ten minutes on two cores
 """
@@ -26,18 +26,18 @@ KINDS = {
     "real, ideal level": {"level": "ideal", "true_level": "full"},
     "on paper, ideal level": {"level": "ideal", "true_level": "ideal"},
 }
-POSES = (50, 150, 625)  #: of the calibration, in the table of intervals
+POSES = (50, 150, 625)  #: calibration poses in the table of intervals
 TOUCH_OFF = (0.0, 0.0, -0.4, 0.0)
 
 
 def ratios(error: np.ndarray, bound: np.ndarray) -> str:
-    """Root mean square over the bound's, one a coordinate."""
+    """Return the rms over the bound's, per coordinate."""
     rms = np.sqrt((error**2).mean(axis=(0, 1)) / np.einsum("kii->ki", bound).mean(axis=0))
     return " ".join(f"{v:.2f}" for v in rms)
 
 
 def cells(ran: trials.Trials) -> list[str]:
-    """Figures of one case, mm."""
+    """Return the cells of one case, mm."""
     usual, own, held, touched = (
         1e3 * np.sqrt(ran.squares(e).mean())
         for e in (ran.usual, ran.error, ran.held_out, ran.touched_off)
@@ -68,7 +68,7 @@ COVERED = tuple(f"{poses} poses: x, y, z, θ" for poses in POSES)
 
 
 def one(task: tuple[str, str, int, int]) -> trials.Trials:
-    """Run the trials of one kind of robot with one set of sensors."""
+    """Run the trials of one kind of robot with one sensor set."""
     kind, sensors, poses, robots = task
     h4, table, rng = tp.load("h4"), article.table2(), np.random.default_rng(5)
     box = h4.spec.workspace

@@ -1,9 +1,8 @@
-"""Prints how soon the workbench answers: workbench.py [--repeats 200].
+"""Response time of the workbench: workbench.py [--repeats 200].
 
-A drag: from the frame that a hand has dragged the nacelle to, to all that the page then says and
-draws (pose, motors, the laws at rest, the ellipsoid, the map of conditioning), handed to viser. The
-start: from `truepose workbench` to the page being served, in a process of its own. Where others use
-the machine as well the processor's time says more than the clock's.
+Drag: from a dragged frame of the nacelle to the complete update of the page (pose, motors, steady
+states, ellipsoid, conditioning map) in viser. Start: from `truepose workbench` to the served page,
+in a separate process. On a shared machine processor time is more reliable than wall time.
 """
 
 import argparse
@@ -25,14 +24,14 @@ ROBOTS = ("h4", "delta", "stewart", "hexa")
 
 
 def free() -> int:
-    """Return a port that nobody listens on."""
+    """Return a free port."""
     with socket.socket() as trial:
         trial.bind(("127.0.0.1", 0))
         return trial.getsockname()[1]
 
 
 def drags(name: str, repeats: int) -> np.ndarray:
-    """Seconds of clock and processor of some drags about home, all that can be shown on."""
+    """Return wall and processor time of some drags about home with everything shown, s."""
     robot = tp.load(name)
     page = serve.open_page(robot, port=free())
     with page.doing():
@@ -52,7 +51,7 @@ def drags(name: str, repeats: int) -> np.ndarray:
 
 
 def start(name: str) -> tuple[float, float]:
-    """Seconds until a command of its own says where its page is, and those of the processor."""
+    """Return wall and processor time until a new process prints the page's address, s."""
     words = ["workbench", name, "--no-browser", "--port", str(free())]
     program = f"import sys; sys.argv[1:] = {words}; from truepose.commands.cli import main; main()"
     begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -16,7 +16,7 @@ def show(name, run):
     print(f"{name:18} end: {position:6.3f} mm, {theta:7.3f} degrees; θ's peak {peak:.3f}")
 
 
-# The controller believes in `nominal`; the dynamics, gravity and encoders are those of `true`.
+# The controller's model is `nominal`; dynamics, gravity and encoders are those of `true`.
 show("ideal robot", tp.simulate(nominal.without_quantization()))
 for law in ("joint", "tej", "cartesian"):
     run = tp.simulate(nominal, true, law)

@@ -1,4 +1,4 @@
-"""Table 3 for one robot: 625 poses, settled under joint and under TEJ control."""
+"""Table 3 for one robot: 625 poses, at steady state under joint and TEJ control."""
 
 import truepose as tp
 from truepose.paper import article, experiment
@@ -19,4 +19,4 @@ for row, quantity in enumerate(article.QUANTITIES):
         print(line)
 
 ratio = result.ratio("theta", "sum_sq")[0]
-print(f"the TEJ leaves {ratio:.4f} of θ's sum of squares, where the sensor is perfect")
+print(f"the TEJ leaves {ratio:.4f} of θ's sum of squares with a perfect sensor")

@@ -1,4 +1,4 @@
-"""A robot is a file. Here a Delta: three arms, three translations, no redundant sensor."""
+"""A robot file of your own: a Delta with three arms, three translations, no redundant sensor."""
 
 import tempfile
 from pathlib import Path

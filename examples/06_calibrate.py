@@ -6,14 +6,14 @@ import truepose as tp
 from truepose.paper import with_paper_errors
 
 drawn = tp.load("h4").with_sensors("theta", "z_telemeter")
-real = with_paper_errors(drawn, seed=2)  # a robot that nobody knows
+real = with_paper_errors(drawn, seed=2)  # a robot of unknown geometry
 box = drawn.spec.workspace
 x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (60, 4))
 
 log = dict(
     zip(drawn.readings, real.extended_positions(x).T, strict=True)
 )  # q1 … q4, theta, z_telemeter
-log["theta"][17] += 0.1  # a gross error, to be found
+log["theta"][17] += 0.1  # a gross error, to be detected
 
 fit = tp.calibrate(drawn, log, loss="student")
 print(*fit.notes, sep="\n")

@@ -1,8 +1,8 @@
-"""Stability limit of a controller on a robot that is not rigid. The exact plant, softened.
+"""Stability limit of a controller on a robot that is not rigid.
 
-Highest natural frequency of the PD (rad/s) at which the robot still comes to rest after a move, for
+Highest natural frequency of the PD (rad/s) at which the robot comes to rest after a move, for some
 laws and velocity filters, with none, one or all of the effects that the model omits. Then the gains
-that are chosen by the loop's margins, without any trial.
+chosen by stability margins, without simulation.
 """
 
 import numpy as np
@@ -19,20 +19,20 @@ CASES = {
     "both": tp.Effects().only("delay", "compliance"),
     "all": tp.Effects(),
 }
-SWING = 0.2e-3  # m, peak to peak at the end: more is a limit cycle, less the hunting of counts
+SWING = 0.2e-3  # m, peak to peak at the end: more is a limit cycle of the loop, less one of counts
 
 
 def swing(robot, controller, effects):
-    """Peak-to-peak motion of the nacelle in the last 0.1 s of a long hold, m."""
+    """Return the peak-to-peak motion of the nacelle in the last 0.1 s of a long hold, m."""
     try:
         run = tp.simulate(robot, robot, controller, effects=effects, hold=0.8)
-    except tp.PoseError:  # swung out of its workspace
+    except tp.PoseError:  # left its workspace
         return np.inf
     return np.ptp(run.x[-100:, :3], axis=0).max()
 
 
 def margin(robot, law, effects, bandwidth):
-    """Return the last frequency before the first that does not come to rest."""
+    """Return the highest frequency up to which the robot comes to rest."""
     last = None
     for frequency in FREQUENCIES:
         controller = tp.Controller(law=law, frequency=frequency, velocity_bandwidth=bandwidth)

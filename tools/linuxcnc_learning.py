@@ -1,8 +1,8 @@
-"""Learning inside LinuxCNC: an H4 of its file's tolerances works, rests, and is known better.
+"""Online calibration inside LinuxCNC: an H4 sampled from its file's tolerances calibrates itself.
 
 Run as ``python tools/linuxcnc_learning.py``; `make linuxcnc` does. Prints tables of
-docs/linuxcnc.md: errors before and after, in the session that learns and in the next one; what a
-cycle that learns costs; how drives' commands step meanwhile, and when one of two sensors fails.
+docs/linuxcnc.md: errors before and after, in the session that calibrates and in the next; time of
+its cycles; steps of the drives' commands meanwhile, and when one of two sensors fails.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ from truepose.arguments import Array
 from truepose.integrations.linuxcnc.configuration import corrections
 from truepose.paper import article
 
-SEED, ASKED, LEARNT_AT = 0, 12, 60  # the machine; poses where errors are asked, and of learning
+SEED, ASKED, LEARNT_AT = 0, 12, 60  # seed of the machine; poses for errors, and for calibration
 LAWS = ("tej", "estimated")
-CYCLES = 75_000  # which include all that learn
-#: θ's error afterwards, as a share of that under the TEJ law.
+CYCLES = 75_000  # enough to include all that calibrate
+#: Largest error of θ afterwards, relative to that under the TEJ law.
 GAINS = 0.5
 
 
 def pin(name: str, value: int) -> str:
-    """Return a line of a job that sets a pin of truepose_tej."""
+    """Return a job's line that sets a pin of truepose_tej."""
     return f"setp truepose_tej.{name} {value}"
 
 
 def accepted(robot: tp.Robot) -> dict[str, float]:
-    """Return the pin of a robot that learns: robot.ini says its value beside that without."""
+    """Return the pin for online calibration, whose value robot.ini has in a comment."""
     learnt = corrections(robot, tp.Controller())[1].max()
     return {"truepose_tej.largest-correction": float(np.degrees(learnt))}
 
 
 def visits(x_d: Array) -> list[str]:
-    """Return lines that go to poses under one law after the other."""
+    """Return lines that go to the poses under each law."""
     return [line for law in LAWS for line in (pin("law", LAWS_OF[law]), *map(g0, x_d))]
 
 
 def off(found: dict[str, Any], x_d: Array, first: int) -> list[tuple[float, float]]:
-    """Return each law's mean errors, in ° and mm, of the visits from the `first` pose on."""
+    """Return each law's mean errors, in ° and mm, of the visits from pose `first` on."""
     rest = np.array(found["rest"])[first : first + len(LAWS) * len(x_d)]
     errors = rest.reshape(len(LAWS), len(x_d), 4) - x_d * [1e3, 1e3, 1e3, np.degrees(1)]
     theta = np.abs(errors[..., 3]).mean(axis=1)
@@ -64,11 +64,11 @@ def off(found: dict[str, Any], x_d: Array, first: int) -> list[tuple[float, floa
 
 
 def costs(tej: Array, motion: Array, lines: Array) -> None:
-    """Print what cycles take that learn, and those after them, by motion's median."""
+    """Print the time of cycles that calibrate, and of those after, relative to motion's median."""
     learns = np.flatnonzero(np.diff(lines) == 1) + 1
     kinds = {
-        "that learns": tej[learns],
-        "after it, which asks for σ": tej[learns[learns + 1 < len(tej)] + 1],
+        "that calibrates": tej[learns],
+        "after it, which computes σ": tej[learns[learns + 1 < len(tej)] + 1],
     }
     print("\n| cycle of truepose_tej / motion-controller | median | worst |\n|---|---|---|")
     for name, times in kinds.items():
@@ -77,7 +77,7 @@ def costs(tej: Array, motion: Array, lines: Array) -> None:
 
 
 def learning() -> bool:
-    """Learn in one session, go on in the next; print what it is worth."""
+    """Calibrate in one session, continue in the next, and print the errors."""
     robot = tp.load("h4")
     true = robot.sample(SEED)
     table2 = np.random.default_rng(0).permutation(article.table2())
@@ -109,23 +109,23 @@ def learning() -> bool:
     for name, errors in rows.items():
         print(f"| {name} |" + "|".join(f" {a:.3f}, {b:.2f} " for a, b in errors) + "|")
     lines, left_out, fault, *sigma = one["pins"].values()
-    print(f"\n{lines} lines counted, {left_out} did not; σ of the pose:", np.round(sigma, 3))
+    print(f"\n{lines} rows used, {left_out} excluded; σ of the pose:", np.round(sigma, 3))
     costs(*map(np.array, one["times"].values()))
     better = after[0][0] < GAINS * before[0][0] and again[0][0] < GAINS * before[0][0]
     return bool(lines > LEARNT_AT / 2 and not fault and better)
 
 
 def steps() -> bool:
-    """Print how drives' commands step where a robot is learnt, and where sensors of two fail."""
+    """Print steps of drives' commands during calibration, and when one, then both sensors fail."""
     robot = tp.load("h4").with_sensors("theta", "z_telemeter")
     events: dict[str, list[Any]] = {
         "nothing": [],
-        "the robot is learnt": [("truepose_tej.learn", 1)],
-        "laws go by the exported robot": [("truepose_tej.use-learnt", 0)],
-        "and by the learnt one again": [("truepose_tej.use-learnt", 1)],
-        "readings are watched": [("truepose_tej.watch", 1)],
-        "one of two sensors falls silent": [("truepose_plant.sensor.1.fault", 1)],
-        "the other one as well": [("truepose_plant.sensor.0.fault", 1)],
+        "online calibration starts": [("truepose_tej.learn", 1)],
+        "laws use the exported model": [("truepose_tej.use-learnt", 0)],
+        "laws use the identified model again": [("truepose_tej.use-learnt", 1)],
+        "the fault monitor starts": [("truepose_tej.watch", 1)],
+        "one of two sensors drops out": [("truepose_plant.sensor.1.fault", 1)],
+        "the other one drops out too": [("truepose_plant.sensor.0.fault", 1)],
     }
     names = ("lines", "law-in-effect", "sensor.0.failed", "sensor.1.failed", "fault-code")
     noted = [f"truepose_tej.{name}" for name in names]

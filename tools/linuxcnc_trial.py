@@ -1,7 +1,7 @@
 """The paper inside LinuxCNC: the H4 homes and runs G-code under four laws.
 
-Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. The machine is simulated: one
-of its rods is 3 mm longer than its controller knows. Prints the table of docs/linuxcnc.md.
+Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. In the simulated machine one rod is
+3 mm longer than in the controller's model. Prints the table of docs/linuxcnc.md.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
 LAWS = ("joint", "tej", "weighted", "estimated")
-CYCLES, LASTS = 5000, 30  # of which a median is taken; s that each law runs at least
+CYCLES, LASTS = 5000, 30  # cycles of a median; least time of each law, s
 CLOCKS = ("truepose_tej.time", "motion-controller.time")
-ROD = 0.003  # by which a rod is longer, m
+ROD = 0.003  # error of a rod, m
 RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
-TURN = 3.0  # by which theta goes past its index, degrees
+TURN = 3.0  # motion of theta past its index, degrees
 INTERFACE = Path(__file__).with_name("linuxcnc_ui.py")
 
 
 def g0(x: Array) -> str:
-    """Return the G-code that goes to a pose."""
+    """Return the G-code of a move to a pose."""
     words = zip("XYZC", [*(1e3 * x[:3]), np.degrees(x[3])], strict=True)
     return "G0 " + " ".join(f"{letter}{value:.9f}" for letter, value in words)
 
 
 def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
-    """Return what the headless user interface is to do."""
+    """Return the job of the headless user interface."""
     home = tp.load("h4").home
     turned = [np.array([*home[:3], np.radians(turn)]) for turn in (TURN, -TURN, 0)]
     start = np.array([RADIUS, 0.0, HEIGHT, 0.0])
@@ -63,12 +63,12 @@ def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
     }
 
 
-ARRIVES = 0.005  #: mm, of robots as they are exported: a tenth of a count
+ARRIVES = 0.005  #: mm, largest error of exported robots: a tenth of a count
 LAWS_OF = {"joint": 0, "tej": 1, "cartesian": 2, "weighted": 3, "estimated": 4}
 
 
 def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dict[str, Any]:
-    """Run LinuxCNC in a folder with its configuration; return what its interface found."""
+    """Run LinuxCNC with the configuration in a folder; return the results of its interface."""
     shutil.copy(INTERFACE, folder / "ui.py")
     (folder / "ui.py").chmod(0o755)
     ini = folder / "robot.ini"
@@ -96,20 +96,20 @@ def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dic
 
 
 def configured(folder: Path, robot: tp.Robot, true: tp.Robot, law: str) -> Path:
-    """Write a configuration into a folder that everybody may enter."""
+    """Write a configuration into a folder with access for everybody."""
     folder.mkdir()
     for name, contents in to_configuration(
         robot, tp.Controller(law=law), tp.FaultMonitor(), true
     ).items():
         data = contents.encode() if isinstance(contents, str) else contents
         (folder / name).write_bytes(data)
-    ini = folder / "robot.ini"  # the paper's move begins below the file's workspace
+    ini = folder / "robot.ini"  # the paper's move starts below the file's workspace
     ini.write_text(ini.read_text().replace("MIN_LIMIT = -450", "MIN_LIMIT = -520"))
     return folder
 
 
 def samples(folder: Path, depth: int, kinds: str, *nets: str) -> None:
-    """Let HAL's sampler look at nets in each cycle, once it is enabled."""
+    """Add HAL's sampler of nets in each cycle, disabled at first."""
     with (folder / "robot.hal").open("a") as hal:
         hal.write(f"loadrt sampler depth={depth} cfg={kinds}\naddf sampler.0 servo-thread\n")
         hal.write("setp sampler.0.enable 0\n")
@@ -117,13 +117,13 @@ def samples(folder: Path, depth: int, kinds: str, *nets: str) -> None:
 
 
 def machines() -> tuple[tp.Robot, tp.Robot]:
-    """Return the H4 as its controller knows it, and as it is."""
+    """Return the controller's H4 and the true one."""
     robot = tp.load("h4")
     return robot, robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
 
 
 def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
-    """Run all laws; return what each was off, and what LinuxCNC said."""
+    """Run all laws; return the errors of each, and LinuxCNC's messages."""
     robot, true = machines()
     table2 = article.table2()
     some = table2[np.random.default_rng(0).choice(len(table2), poses, replace=False)]
@@ -142,7 +142,7 @@ def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
 
 
 def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
-    """Return errors in mm and degrees."""
+    """Return the errors in mm and degrees."""
     shown = np.array([1e3, 1e3, 1e3, np.degrees(1)])
     rest = np.array(found["rest"])
     off = rest - x_d * shown
@@ -166,7 +166,7 @@ def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
 
 
 def steps() -> dict[str, float]:
-    """Run the TEJ law; return the largest change a cycle of a drive's command, °/s."""
+    """Run the TEJ law; return the largest change per cycle of a drive's command, °/s."""
     robot, true = machines()
     law, sensor = "truepose_tej.law", "truepose_plant.sensor.0.fault"
     events = {
@@ -174,16 +174,16 @@ def steps() -> dict[str, float]:
         "TEJ to Cartesian": [(law, 2)],
         "Cartesian to joint": [(law, 0)],
         "joint to TEJ": [(law, 1)],
-        "θ's encoder falls silent": [(sensor, 1)],
-        "it is heard again, and the fault reset": [(sensor, 0), ("truepose_tej.reset", 1)],
-        "readings are watched": [("truepose_tej.reset", 0), ("truepose_tej.watch", 1)],
+        "θ's encoder drops out": [(sensor, 1)],
+        "it reads again, and the fault is reset": [(sensor, 0), ("truepose_tej.reset", 1)],
+        "the fault monitor starts": [("truepose_tej.reset", 0), ("truepose_tej.watch", 1)],
         "θ's encoder jumps by 5°": [(f"{sensor}-size", 5), (sensor, 3)],
-        "it is right again; machine off and on": [(sensor, 0), None],
-        "a motor's encoder falls silent": [("truepose_plant.1.fault", 1)],
+        "it is healthy again; machine off and on": [(sensor, 0), None],
+        "a motor's encoder drops out": [("truepose_plant.1.fault", 1)],
     }
     found = stepped(robot, true, events)
     if not any("amplifier fault" in line for line in found["said"]):
-        raise SystemExit(f"steps: a motor's encoder was silent, LinuxCNC said {found['said']}")
+        raise SystemExit(f"steps: a motor's encoder dropped out, LinuxCNC said {found['said']}")
     return {name: found["steps"][name] for name in list(events)[:-1]}
 
 
@@ -194,7 +194,7 @@ def stepped(
     noted: Sequence[str] = (),
     pins: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Let events happen to a machine at rest under the TEJ law; return what was found."""
+    """Apply events to a machine at rest under the TEJ law; return the results."""
     what = job("tej", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
     what["pins"] |= {"truepose_tej.watch": 0} | dict(pins)
     what |= {
@@ -216,19 +216,19 @@ def stepped(
 
 
 def tell_steps(found: dict[str, float]) -> None:
-    """Print how drives' commands step."""
-    print("\n| what happens, at rest | most that a drive's command changes in a cycle, °/s |")
+    """Print the steps of drives' commands."""
+    print("\n| event, at rest | largest change of a drive's command per cycle, °/s |")
     print("|---|---|")
     for name, change in found.items():
         if name:
             print(f"| {name} | {change:.2f} |")
 
 
-SWITCHED = 20  #: times, off and on or by an emergency stop
+SWITCHED = 20  #: times, off and on, or by an emergency stop
 
 
 def switching() -> bool:
-    """Switch off and on under the TEJ law; print how far the platform walks."""
+    """Switch off and on under the TEJ law; print the drift of the platform."""
     robot, true = machines()
     asked = [f"truepose_tej.{name}" for name in ("law-in-effect", "fault-code", "chi2")]
     what = job("tej", np.zeros((0, 4)), False)
@@ -263,11 +263,11 @@ def switching() -> bool:
 
 
 WALKS = 0.01  #: °, without counts
-AWAY, CONTRADICTS = 20, 6  #: where it is homed but does not belong, °, and the fault-code of that
-SAME = 1e-3  #: inches and degrees
+AWAY, CONTRADICTS = 20, 6  #: wrong homing pose, °, and its fault-code
+SAME = 1e-3  #: tolerance, inches and degrees
 STOCK = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TURNS = (0, 40, 60, 80, 85, 89)
-#: Kinematics are switched: 1 and 2 are identity, where X is the first leg, and 0 the hexapod's.
+#: Switchable kinematics: 1 and 2 are identity, where X is the first leg; 0 is the hexapod's.
 SWITCHES = (
     "G0 Z25 C10",
     "M429",
@@ -282,7 +282,7 @@ KINDS = [f"kinstype.is-{kind}" for kind in range(3)]
 
 
 def hexapod() -> bool:
-    """Run LinuxCNC's own hexapod on its own kinematics and on ours; say what each displays."""
+    """Run LinuxCNC's hexapod on its own kinematics and on truepose's; compare the displays."""
     if not STOCK.is_dir():
         print("\nhexapod: SKIPPED, LinuxCNC's sample configurations are not installed")
         return True
@@ -338,13 +338,13 @@ def hexapod() -> bool:
         places = " ".join(f"{x}{v + 0:.3f}" for x, v in zip("XYZABC", values.round(3), strict=True))
         print(f"| {line} | {kind} | {places} |")
     apart = np.abs(shown - stock)[first:].max()
-    print(f"\nApart by at most {apart:.1e}")
+    print(f"\nLargest difference {apart:.1e}")
     right = np.abs(shown[:first, [2, 5]] - np.column_stack([np.full(first, 25), TURNS])).max()
     return bool(right < SAME and apart < SAME and kinds == expected and said)
 
 
 def others() -> dict[str, float]:
-    """Run robots of other kinds as they are exported; return how far each is off at most, mm."""
+    """Run exported robots of other kinds; return the largest error of each, mm."""
     off = {}
     with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
         Path(work).chmod(0o755)
@@ -367,7 +367,7 @@ def others() -> dict[str, float]:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=30, help="of Table 2")
+    parser.add_argument("--poses", type=int, default=30, help="number of Table 2's poses")
     parser.add_argument("--unquantized", action="store_true", help="encoders without counts")
     asked = parser.parse_args()
     if shutil.which("linuxcnc") is None:
@@ -382,7 +382,7 @@ def main() -> int:
         "θ at the end of the paper's move, °": ("move", ".3f"),
         "θ on a circle of 100 mm, worst, °": ("circle", ".3f"),
         "its radius, worst, mm": ("radial", ".2f"),
-        "from where `tp.steady_state` says, worst, µm": ("from_settle", ".1f"),
+        "difference from `tp.steady_state`, worst, µm": ("from_settle", ".1f"),
         f"truepose_tej / motion-controller, medians of {CYCLES} cycles": ("time", ".2f"),
     }
     print("| |" + "|".join(f" {law} " for law in LAWS) + "|\n|---|" + "---|" * len(LAWS))
@@ -400,7 +400,7 @@ def main() -> int:
     healthy = switching() and healthy
     healthy = hexapod() and healthy
     off = others()
-    print("\nOther robots, as exported, where they were sent to, but for (mm):", off)
+    print("\nOther exported robots, largest error (mm):", off)
     return 0 if healthy and max(off.values()) < ARRIVES else 1
 
 

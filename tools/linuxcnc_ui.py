@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""LinuxCNC's user interface while nobody looks: homes, runs what job.json says, notes what is true.
+"""LinuxCNC's headless user interface: home, run job.json, record the results.
 
-Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; needs nothing of truepose.
+Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; does not need truepose.
 """
 
 import itertools
@@ -15,12 +15,12 @@ import hal
 import linuxcnc
 
 HERE = Path(__file__).resolve().parent
-SETTLES, PATIENCE = 0.4, 20.0  # s: of servo cycles, and at most of a wall's clock
-LOOKS = 1.2  # s, for a step of a drive's command
+SETTLES, PATIENCE = 0.4, 20.0  # s: settling in servo cycles, and timeout in wall time
+LOOKS = 1.2  # s, window for a step of a drive's command
 
 
 class Machine:
-    """What LinuxCNC is asked and told."""
+    """Command and status of LinuxCNC."""
 
     def __init__(self, joints):
         self.command, self.state, self.errors = (
@@ -32,7 +32,7 @@ class Machine:
         self.said = []
 
     def wait(self, holds, what):
-        """Wait, and hear meanwhile."""
+        """Wait until `holds` is true, collecting messages."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             self.state.poll()
@@ -43,7 +43,7 @@ class Machine:
         raise TimeoutError(what)
 
     def hear(self):
-        """Note all that LinuxCNC says."""
+        """Collect LinuxCNC's messages."""
         while error := self.errors.poll():
             self.said.append(error[1])
 
@@ -54,13 +54,13 @@ class Machine:
         self.home()
 
     def become(self, wanted):
-        """Go to a state, and wait until it is."""
+        """Request a state and wait for it."""
         self.command.wait_complete()  # commands that come too early are lost
         self.command.state(wanted)
         self.wait(lambda: self.state.task_state == wanted, f"the machine is not in state {wanted}")
 
     def off_and_on(self, stopped=False):
-        """Switch the machine off, by an emergency stop if wanted, and on again."""
+        """Switch the machine off, optionally by an emergency stop, and on again."""
         self.command.state(linuxcnc.STATE_ESTOP if stopped else linuxcnc.STATE_OFF)
         self.wait(lambda: self.state.task_state != linuxcnc.STATE_ON, "the machine stays on")
         if stopped:
@@ -69,7 +69,7 @@ class Machine:
         self.become(linuxcnc.STATE_ON)
 
     def home(self):
-        """Home all joints where they are."""
+        """Home all joints at their positions."""
         self.command.mode(linuxcnc.MODE_MANUAL)
         self.command.wait_complete()
         self.command.teleop_enable(0)
@@ -80,24 +80,24 @@ class Machine:
         self.command.wait_complete()
 
     def begin(self, line):
-        """Give a line of G-code."""
+        """Send a line of G-code."""
         self.command.mdi(line)
         time.sleep(0.02)
 
     def still(self):
-        """Say whether all is done; raise where the machine went off."""
+        """Return whether the line is done; raise if the machine went off."""
         if self.state.task_state != linuxcnc.STATE_ON:
             raise RuntimeError("the machine went off")
         return self.state.interp_state == linuxcnc.INTERP_IDLE and self.state.inpos
 
     def go(self, line, each=None):
-        """Run a line to its end; `each` is called on the way."""
+        """Run a line to its end, calling `each` meanwhile."""
         self.begin(line)
         self.wait(lambda: (each and each(), self.still())[1], line)
         self.settle()
 
     def settle(self, seconds=SETTLES):
-        """Let the drives come to rest: so many s of servo cycles in which no command moves."""
+        """Wait until no drive's command moves for some seconds of servo cycles."""
         last, end = None, 0.0
 
         def rests():
@@ -112,7 +112,7 @@ class Machine:
 
 
 def value(name):
-    """Return a pin's value, all digits."""
+    """Return a pin's value with all digits."""
     return hal.get_value(name)
 
 
@@ -122,17 +122,17 @@ def truth(joints):
 
 
 def setp(pin, wanted):
-    """Set a pin that nothing writes to."""
+    """Set an unconnected pin."""
     halcmd("setp", pin, str(wanted))
 
 
 def halcmd(*words):
-    """Tell HAL."""
+    """Send a command to HAL."""
     subprocess.run(["halcmd", *words], check=True)
 
 
 def clocks(cycles, names, meanwhile):
-    """Return what each function took in so many cycles in a row, HAL's sampler beside them."""
+    """Return the time of each function in consecutive cycles, by HAL's sampler."""
     with (HERE / "clocks").open("w+") as samples:
         sampler = subprocess.Popen(["halsampler", "-n", str(cycles)], stdout=samples)
         setp("sampler.0.enable", 1)
@@ -145,10 +145,7 @@ def clocks(cycles, names, meanwhile):
 
 
 def steps(events, machine, looks):
-    """Return the largest change, from one cycle to the next, of a drive's command.
-
-    ``looks`` is called after each event.
-    """
+    """Return the largest change per cycle of a drive's command; call `looks` after each event."""
     with (HERE / "samples").open("w+") as samples:
         sampler = subprocess.Popen(["halsampler", "-t"], stdout=samples)
         setp("sampler.0.enable", 1)
@@ -177,7 +174,7 @@ def steps(events, machine, looks):
 def switched(wanted, machine, joints):
     """Return true and displayed poses at rest, at first and after each switching off and on.
 
-    Emergency stops alternate with it. Then the machine is homed where it does not belong.
+    Every second time by an emergency stop. Then the machine is homed at a wrong pose.
     """
     found = {"true": [], "shown": []}
     for counts in wanted["counts"]:
@@ -210,7 +207,7 @@ def switched(wanted, machine, joints):
 
 
 def run(job, machine):
-    """Do the job; return what was found."""
+    """Do the job; return the results."""
     joints, true = job["joints"], job["true"]
     found = {"rest": [], "path": [], "shown": [], "noted": []}
     for pin, wanted in job["pins"].items():
@@ -264,11 +261,11 @@ def run(job, machine):
 
 
 def main():
-    """Do the job of job.json, and leave found.json."""
+    """Do the job of job.json, and write found.json."""
     job = json.loads((HERE / "job.json").read_text())
-    own = hal.component("truepose_ui")  # whoever reads pins must be one
+    own = hal.component("truepose_ui")  # only a component can read pins
     own.ready()
-    halcmd("loadrt", "integ")  # of 1: s of servo cycles
+    halcmd("loadrt", "integ")  # integrates 1: time in servo cycles, s
     halcmd("addf", "integ.0", "servo-thread")
     setp("integ.0.in", 1)
     machine = Machine(job["joints"])

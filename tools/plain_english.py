@@ -1,26 +1,26 @@
-"""Check of headings, module lines and expressions: subjects are stated, banned words are absent."""
+"""Check of headings, module lines and expressions against the rules of plain English."""
 
 import re
 import subprocess
 import sys
 from pathlib import Path
 
-#: What a file's first line begins with, by the file's ending.
+#: Start of a file's first line, by the file's ending.
 OPENING = {"py": '"""', "hpp": "//", "cpp": "//", "h": "/*", "c": "/*"}
 #: Other files that people read.
 READ = {"md", "toml", "txt", "j2"}
-#: Expressions that a hurried reader reads twice, or that make machines into persons.
+#: Expressions that are hard to read, or personify machines.
 BANNED = re.compile(
     r"\b(lies|cries wolf|swings? up|gives? way|touched off|touch off|betray(s|ed)|rehearse|stances?"
     r"|forgets|spoils|of what|what of it|less desired|not friction's|as drawn leaves)\b",
     re.IGNORECASE,
 )
-#: The list itself, and lists of old names.
+#: Files that are exempt: this list, and lists of old names.
 LISTS = ("tools/plain_english.py", "tests/python/test_docs.py", "docs/renames.csv")
 
 
 def questions(text: str, ending: str) -> list[int]:
-    """Return the lines, from 1, of headings and of a first line that ask."""
+    """Return the line numbers of questions in headings and in a module's first line."""
     lines = text.splitlines()
     if ending == "md":
         return [k for k, line in enumerate(lines, 1) if re.match(r"#+ .*\?\s*$", line)]
@@ -29,13 +29,13 @@ def questions(text: str, ending: str) -> list[int]:
 
 
 def banned(text: str) -> list[tuple[int, str]]:
-    """Return lines, from 1, and the banned expressions in them; code in a page is not read."""
+    """Return line numbers and banned expressions, except in code."""
     lines = enumerate(text.splitlines(), 1)
     return [(k, m[0]) for k, line in lines for m in BANNED.finditer(re.sub(r"`[^`]*`", "", line))]
 
 
 def main() -> int:
-    """Print every question and every banned expression; 1 if there is one."""
+    """Print every question and banned expression; return 1 if there is one."""
     listed = subprocess.run(["git", "ls-files"], capture_output=True, text=True, check=True).stdout
     found = []
     for file in listed.splitlines():

@@ -1,8 +1,7 @@
 """Reference vectors for every build of the core, seeded.
 
-Run as ``python tools/reference_vectors.py [HEADER]`` after the model has changed on purpose; by
-default it writes tests/reference/vectors.h, which agree.c compares with what the C interface
-answers.
+Run as ``python tools/reference_vectors.py [HEADER]`` after an intended change of the model. It
+writes tests/reference/vectors.h by default; agree.c compares it with the C interface's results.
 """
 
 from __future__ import annotations
@@ -17,24 +16,24 @@ from truepose.arguments import Array
 from truepose.deploy.c_tables import identifier, to_c
 
 PATH = Path(__file__).parents[1] / "tests" / "reference" / "vectors.h"
-#: One of each mobility (pivots of two axes for all), and of each actuator.
+#: One robot of each mobility (with two axes for all rotational ones), and of each actuator.
 ROBOTS = ("five-bar", "3rrr", "linear-delta", "h4", "stewart", "g1-ankle")
 POSES, SEED = 6, 20261122
 
 
 def robot_of(name: str) -> tp.Robot:
-    """Return a robot as small machines have it: the ideal level, the file's sensors.
+    """Return a robot as on small machines: ideal level, the file's sensors.
 
-    The ankle's file has all of its sensors to choose from, and uses none: here its roll encoder.
+    The ankle's file lists its sensors without using any; its roll encoder is used here.
     """
     robot = tp.load(name).with_level("ideal")
     return robot.with_sensors("roll_encoder") if name == "g1-ankle" else robot
 
 
 def vectors_of(robot: tp.Robot, source: np.random.Generator) -> dict[str, Array]:
-    """Return what a robot answers at drawn poses, an array for each question.
+    """Return results of a robot at random poses, one array per quantity.
 
-    `q_e` are readings that disagree a little, as a real robot's do.
+    The readings `q_e` are slightly inconsistent, as on a real robot.
     """
     box = robot.spec.workspace
     assert box is not None

@@ -1,8 +1,8 @@
-"""Draw which rooms of the package import which, from the code.
+"""Picture of the imports between the rooms of the package, from the code.
 
-Run as ``python tools/rooms.py [PICTURE]``; `make pictures` does. A dependency matrix: rooms in the
-order of the import contract in pyproject.toml, so that an import of a higher room would stand below
-the diagonal, in red.
+Run as ``python tools/rooms.py [PICTURE]``; `make pictures` does. Rooms of the dependency matrix are
+in the order of the import contract in pyproject.toml: an import of a higher room would be below the
+diagonal, in red.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from truepose import files
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "truepose"
-#: Modules that every room may use, shown as one.
+#: Modules available to every room, shown as one.
 BASE = ("files", "headers", "plugins", "threads", "arguments", "exceptions")
 
 
 def floors() -> list[list[str]]:
-    """Rooms of each floor, the top one first, as the contract has them."""
+    """Return the rooms of each floor, top first, from the contract."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
     return [[room.strip(" ()") for room in layer.split("|")] for layer in layers]
 
 
 def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
-    """Count the modules of each room, and the imports from one room of another."""
+    """Count the modules of each room, and the imports between rooms."""
     graph = grimp.build_graph(PACKAGE, cache_dir=None)
     room = {name: name.split(".")[1] for name in graph.modules if "." in name}
     room = {name: "base" if own in BASE else own for name, own in room.items()}
@@ -45,7 +45,7 @@ def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
 
 
 def draw() -> Figure:
-    """Draw the matrix: a row imports from the columns that have a number."""
+    """Draw the matrix: numbers in a row are imports from the columns' rooms."""
     modules, arrows = imports()
     listed = [room for floor in floors() for room in floor if room not in (*BASE, "__main__")]
     listed.append("base")

@@ -2,8 +2,8 @@
 
     python tools/try_wheel.py dist/truepose-*.whl
 
-Looks for the versions that the wheel is for, on the path and among pyenv's. Each gets the wheel in
-an environment of its own and a copy of some of the tests; a version that is not found is named.
+Finds the wheel's Python versions on the path and among pyenv's. Each gets a new environment with
+the wheel and a copy of some of the tests; missing versions are reported.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SOURCE = Path(__file__).parents[1]
 
 
 def find(version: str) -> str | None:
-    """Return an interpreter of this version that runs."""
+    """Return a working interpreter of this version."""
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     candidates = [shutil.which(f"python{version}"), sys.executable]
     candidates += sorted(map(str, pyenv.glob(f"{version}.*/bin/python3")), reverse=True)
@@ -34,7 +34,7 @@ def find(version: str) -> str | None:
 
 
 def works(python: str, wheel: Path) -> bool:
-    """Install the wheel into an environment of its own and run the tests there."""
+    """Install the wheel into a new environment and run the tests there."""
     with tempfile.TemporaryDirectory(prefix="truepose-wheel-") as name:
         folder = Path(name)
         subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
@@ -55,7 +55,7 @@ def works(python: str, wheel: Path) -> bool:
 
 
 def main() -> int:
-    """Try the wheel that is named, and say on which versions it was."""
+    """Test the wheel, and print the result for each version."""
     wheel = Path(sys.argv[1]).resolve()
     said = {}
     for version in VERSIONS:

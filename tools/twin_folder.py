@@ -1,4 +1,4 @@
-"""Generation of everything shipped of the twins. All of it, made from nothing.
+"""Generation of the shipped twins: all files of their folder.
 
 Run as ``python tools/twin_folder.py FOLDER``.
 """
@@ -23,18 +23,18 @@ from truepose.threads import each
 from twin_search import Found, search, unknowns
 
 SEEDS = 10
-FAR = 4  #: a standard normal number that nobody expects
+FAR = 4  #: limit of plausible standard normal numbers
 
 
 def main(folder: Path, seeds: int = SEEDS) -> None:
-    """Search the twins, write the best one and what can be said of all of them."""
+    """Search the twins; write the best one, and statistics of all."""
     robot = load("h4")
     found = list(each(lambda seed: search(robot, seed), range(seeds)))
     write(folder, robot, found)
 
 
 def best(found: list[Found]) -> Found:
-    """Choose the twin that misses the fewest entries; of these, the likeliest beforehand."""
+    """Return the twin that misses the fewest entries; of these, the most likely by the prior."""
     return min(found, key=lambda f: ((f.misses > 1).sum(), (f.u**2).sum()))
 
 
@@ -53,7 +53,7 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
 
 
 def robot_file(robot: Robot, of: Twin) -> str:
-    """Write the true robot as what it departs by from the drawn one."""
+    """Return the true robot's file: its differences from nominal."""
     drawn = robot.parameters
     document = tomlkit.document()
     document.add(tomlkit.comment("A true robot, not one to control: see README.md."))
@@ -70,7 +70,7 @@ def robot_file(robot: Robot, of: Twin) -> str:
 
 
 def setup_file(of: Twin) -> str:
-    """Write what stands beside the robot: :func:`truepose.paper.twin.shipped` reads it."""
+    """Return the file of vision system and gear, for :func:`truepose.paper.twin.shipped`."""
     document = tomlkit.document()
     document.add(tomlkit.comment("The vision system and the gear of the twin; m, rad, pixels."))
     document["seed"] = of.seed
@@ -86,7 +86,7 @@ def setup_file(of: Twin) -> str:
 
 
 def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Control, Run]]) -> str:
-    """Say what the twin is, what it reaches, and how far the ten are apart."""
+    """Return the text on the twin: results, and differences between all twins."""
     own = runs[found.index(chosen)]
     shown = [tables.twin_table3(own, "exact", reading) for reading in READINGS]
     setup = report.describe(twin.Section(chosen.twin, {}, []))
@@ -137,7 +137,7 @@ def _unlikely(robot: Robot, chosen: Found) -> str:
 
 
 def spread(found: list[Found]) -> Table:
-    """Each entry over the twins, smallest to largest."""
+    """Return each entry over the twins, smallest to largest."""
     printed, rows = article.table3_as_printed(), []
     for at, key, label in cells():
         row = [label]
@@ -151,7 +151,7 @@ def spread(found: list[Found]) -> Table:
 
 
 def apart(found: list[Found]) -> Table:
-    """How far the twins' geometries are apart, beside what was known before."""
+    """Return the scatter of the twins' geometries, and the prior σ."""
     rows = []
     for name, unit, scale in (
         ("rod", "mm", 1e3),
@@ -176,7 +176,7 @@ def apart(found: list[Found]) -> Table:
 
 
 def nuisances(found: list[Found]) -> Table:
-    """What is not geometry, of each twin."""
+    """Return the parameters of each twin that are not geometry."""
     rows = []
     for f in found:
         told = report.describe(twin.Section(f.twin, {}, []))
@@ -189,7 +189,7 @@ def nuisances(found: list[Found]) -> Table:
 
 
 def gains(runs: list[dict[Control, Run]]) -> Table:
-    """What each control makes of all twins: median, smallest to largest."""
+    """Return the results of each control over all twins: median, smallest to largest."""
     rows = []
     for control in CONTROLS:
         true = [tables.true_rms(ran[control]) for ran in runs]

@@ -1,8 +1,8 @@
-"""Search for robots that could have given the paper's Table 3. A search.
+"""Search for robots that could have given the paper's Table 3.
 
-The printed numbers do not determine a robot. Each seed draws one from what is known beforehand,
-and moves it as little as needed until its experiment gives the printed table: randomised maximum
-a posteriori. Ten seeds, ten twins; how far they are apart says what the numbers leave open.
+The printed numbers do not determine a robot. Each seed samples one from the prior, and moves it as
+little as needed until its experiment gives the printed table: randomised maximum a posteriori. The
+scatter of ten seeds' twins shows what the numbers leave undetermined.
 """
 
 from __future__ import annotations
@@ -25,41 +25,41 @@ from truepose.paper.virtual_experiment import Reading, Run
 from truepose.paper.vision import Setup
 from truepose.robot.robot import Robot
 
-#: What the search aims at, as a part of that: σ of its residuals.
+#: σ of the residuals, relative to the tolerance of a twin.
 _AIM = 0.15
-#: Prior of quantities that neither the paper nor the robot's file names; all assumed.
+#: Assumed priors of quantities that neither the paper nor the robot's file names.
 REGISTRATION_TURN = math.radians(0.2)  #: σ of each component, rad
 REGISTRATION_SHIFT = 3e-3  #: σ of each component, m
-#: Logarithms of other quantities, over their defaults: σ of the vision's noise (a factor of
-#: two) and of the gear's play (1.5); how far the LEDs may be from the nacelle's axis (40 to 80 mm).
+#: σ of logarithms relative to their defaults: the vision's noise (a factor of two) and the gear's
+#: backlash (1.5); range of the LEDs' distance from the nacelle's axis (40 to 80 mm).
 NUISANCES = {
     "vision.noise": (math.log(2.0), None),
     "vision.leds": (0.0, (math.log(0.5), 0.0)),
     "tool.backlash": (math.log(1.5), None),
 }
-#: Steps; of these, at first, some that see little but the averages, whose signs then agree; linear
-#: steps within one; the largest change of an unknown in it.
+#: Steps; initial steps mostly on the averages, until their signs agree; linear steps within one;
+#: largest change of an unknown per step.
 _OUTER, _ROUGH, _INNER, _LARGEST = 30, 6, 40, 1.0
-_SMOOTH = 0.3  #: width of the smoothed extremes over what an entry may be off by
+_SMOOTH = 0.3  #: width of the smoothed extremes over an entry's tolerance
 
 
 class Unknown(NamedTuple):
-    """Something the search may move: a standard normal number u, and what it does."""
+    """An unknown of the search: a standard normal number u, and the parameters it moves."""
 
     name: str
     moves: dict[str, float]  #: parameters of the robot and their shares; empty for the others
-    sigma: float  #: of a normal one
-    interval: tuple[float, float] | None  #: of a uniform one
+    sigma: float  #: of a normal unknown
+    interval: tuple[float, float] | None  #: of a uniform unknown
 
     def value(self, u: float) -> float:
-        """Departure from the drawing, m or rad."""
+        """Return the difference from nominal, m or rad."""
         if self.interval is None:
             return self.sigma * u
         low, high = self.interval
         return low + (high - low) * 0.5 * (1 + math.erf(u / math.sqrt(2)))
 
     def slope(self, u: float) -> float:
-        """Derivative of `value`."""
+        """Return the derivative of `value`."""
         if self.interval is None:
             return self.sigma
         low, high = self.interval
@@ -67,19 +67,19 @@ class Unknown(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A twin that was searched for."""
+    """Result of one search."""
 
     twin: Twin
     u: Array  #: (unknowns,)
     tables: Array  #: (2, 5, 4) usual, redundant
-    misses: Array  #: (entries,) |twin − printed| over what is aimed at; 1 or less is reached
+    misses: Array  #: (entries,) |twin − printed| over the tolerance; 1 or less is reached
 
 
 def unknowns(robot: Robot) -> list[Unknown]:
-    """What the search may move: the paper's errors in its ranges, then the file's tolerances.
+    """Return the unknowns: the paper's errors in its ranges, then the file's tolerances.
 
-    The paper names L, l, R and d of each chain. Base points and anchors may also lie beside the
-    directions of R and d, by the file's tolerances.
+    The paper names L, l, R and d of each chain. The file's tolerances also allow errors of base
+    points and anchors across the directions of R and d.
     """
     ranges, known, found = article.simulation_errors(), robot.parameters, []
     for i, chain in enumerate(robot.spec.chain):
@@ -112,7 +112,7 @@ def _tolerated(robot: Robot, name: str) -> Unknown:
 
 
 def twin_of(robot: Robot, u: Array, seed: int) -> Twin:
-    """Build the twin that the numbers u describe."""
+    """Return the twin with the unknowns u."""
     values = {name: p.value for name, p in robot.parameters.items()}
     others = {}
     for unknown, at in zip(unknowns(robot), u, strict=True):
@@ -142,23 +142,14 @@ def search(
     reading: Reading = "estimated",
     progress: Callable[[], None] = lambda: None,
 ) -> Found:
-    """Find a twin: Levenberg–Marquardt on Table 3's entries and the prior.
+    """Search a twin by Levenberg–Marquardt on Table 3's entries and the prior.
 
-    The errors at all poses are linear in the unknowns for a step of it (statics linearised at the
-    full level), the table is not: its derivatives are differences of
-    :func:`truepose.paper.experiment.table3`. After each step the exact experiment confirms it or
-    refuses.
+    Within a step, errors at all poses are linear in the unknowns (statics linearised at the full
+    level). The table is not linear: its derivatives are differences of
+    :func:`truepose.paper.experiment.table3`. The exact experiment accepts or rejects each step.
 
-    Parameters
-    ----------
-    robot : Robot
-        The nominal one.
-    seed : int
-        Of the draw about which the twin is sought, and of its vision system.
-    reading : {"estimated", "desired"}
-        What is compared with the measured pose.
-    progress : callable
-        Called after each step.
+    `seed` is that of the prior's sample and of the vision system. `reading` is the pose that is
+    compared with the measured one. `progress` is called after each step.
     """
     drawn = np.random.default_rng(seed).normal(size=len(unknowns(robot)))
     drawn[-len(NUISANCES) :] = 0.0
@@ -195,7 +186,7 @@ def search(
             tried, found = exact(u + step)
             after = float((residual(found, u + step, at) ** 2).sum())
             progress()
-            if not after < cost:  # NaN, too: LEDs out of view
+            if not after < cost:  # also if NaN: LEDs out of view
                 reach = 0.3 * min(reach, float(np.abs(step).max()))
                 if reach < 1e-3:
                     break
@@ -211,7 +202,7 @@ def search(
 
 
 def _smooth(errors: Array, width: Array) -> Array:
-    """Largest less smallest of each quantity, smoothed: which pose is extreme may change."""
+    """Return smoothed peak-to-peak values, since the extreme pose may change."""
     values = np.concatenate([errors, np.linalg.norm(errors[..., :3], axis=-1, keepdims=True)], -1)
     top, bottom = values.max(axis=-2, keepdims=True), values.min(axis=-2, keepdims=True)
     above = np.log(np.exp((values - top) / width).sum(axis=-2))
@@ -220,7 +211,7 @@ def _smooth(errors: Array, width: Array) -> Array:
 
 
 def _step(u: Array, errors: Array, slopes: Array, residual: Callable, reach: float) -> Array:
-    """Least squares on the linear errors, no unknown by more than `reach`."""
+    """Return the least-squares step on linear errors, at most `reach` per unknown."""
     step, h, damping = np.zeros_like(u), 1e-4, 1e-3
     at = residual(errors, u)
     for _ in range(_INNER):
@@ -250,10 +241,10 @@ def _slopes(
     exact: Callable,
     reading: Reading,
 ) -> Array:
-    """Derivatives of the errors by the unknowns, (2, poses, 4, unknowns), in print units.
+    """Return derivatives of the errors by the unknowns, (2, poses, 4, unknowns), in print units.
 
-    At rest a law keeps W dq_e = 0, W = [I 0] or M⁺, with dq_e = H_x dx + H_ξ dξ; the estimated
-    pose follows the readings by F = ∂x̂/∂q_e, minus `cross_sensitivity` of a law of the pose.
+    At steady state W dq_e = 0, W = [I 0] or M⁺, with dq_e = H_x dx + H_ξ dξ. The estimated pose
+    follows the readings by F = ∂x̂/∂q_e, minus `cross_sensitivity` of a law of the pose.
     """
     found, listed = unknowns(robot), twin_of(robot, u, 0).truth
     names = list(listed.parameters)
@@ -288,7 +279,7 @@ def _slopes(
                     change[:, :3] = unit
                 result[row, :, :, k] = -unknown.sigma * change
     result = np.moveaxis(experiment.in_print_units(np.moveaxis(result, -1, 0)), 0, -1)
-    for k in range(len(found) - len(NUISANCES), len(found)):  # not geometry: differences
+    for k in range(len(found) - len(NUISANCES), len(found)):  # finite differences
         moved = u.copy()
         moved[k] += 0.05
         result[..., k] = (exact(moved)[1] - errors) / 0.05

@@ -1,7 +1,7 @@
-"""Takes the workbench's pictures: docs/pictures/workbench.png, -phone.png, and .webp, which moves.
+"""Pictures of the workbench: docs/pictures/workbench.png, -phone.png, and the animation .webp.
 
 Run as ``python tools/workbench_pictures.py``; needs viser, playwright, Pillow and Debian's chromium
-(or another, named by CHROMIUM). What hands would do is done here, by the page's own ways.
+(or another, named by CHROMIUM). Actions of a user are simulated on the page.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ PATIENCE = 120_000  #: ms; a browser without a graphics card is slow
 
 
 def looked_at(browser: Any, size: dict, address: str) -> Seen:
-    """Open the page, without viser's remark on the graphics card."""
+    """Open the page without viser's note on the graphics card."""
     seen = browser.new_page(viewport=size)
     seen.set_default_timeout(PATIENCE)
     seen.goto(address)
-    seen.wait_for_selector("text=comes to rest")
+    seen.wait_for_selector("text=steady state")
     seen.add_style_tag(content=".mantine-Notifications-root { display: none !important }")
     settled(seen, 15)
     return seen
 
 
 def settled(seen: Seen, count: int = 8) -> None:
-    """Wait until the browser has drawn so many frames more: it may be slow."""
+    """Wait until the browser, which may be slow, has drawn `count` more frames."""
     seen.wait_for_timeout(250)
     seen.evaluate(
         "count => new Promise(done => { const one = () => count-- > 0 ? "
@@ -51,7 +51,7 @@ def settled(seen: Seen, count: int = 8) -> None:
 
 
 def choose(seen: Seen, tab: str) -> None:
-    """Press a tab, as a hand does."""
+    """Select a tab by a click."""
     box = seen.get_by_text(tab, exact=True).first.bounding_box()
     assert box is not None
     seen.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -60,20 +60,20 @@ def choose(seen: Seen, tab: str) -> None:
 
 
 class Film:
-    """Frames of the view, one after the other."""
+    """Frames of the view, in order."""
 
     def __init__(self, seen: Seen):
         self.seen, self.frames, self.times = seen, [], []
 
     def take(self, milliseconds: int = 140, frames: int = 4) -> None:
-        """Add what is seen now, to be shown for so long."""
+        """Add the present view, shown for this time."""
         settled(self.seen, frames)
         shot = Image.open(io.BytesIO(self.seen.screenshot(timeout=PATIENCE)))
         self.frames.append(shot.convert("RGB"))
         self.times.append(milliseconds)
 
     def save(self, path: Path) -> None:
-        """Write as fine as `MOST` bytes allow."""
+        """Write at the best quality within `MOST` bytes."""
         for quality in (80, 65, 50, 35, 20):
             self.frames[0].save(
                 path,
@@ -90,7 +90,7 @@ class Film:
 
 
 def film(page: Any, seen: Seen) -> None:
-    """Drag a robot with one rod 3 mm too long, and let it calibrate itself."""
+    """Drag a robot with one rod 3 mm too long, then calibrate it."""
     robot, shown, start = page.state.drawn, Film(seen), page.state.x_d
     shown.take(2000)
     for turn in np.linspace(0, 2 * np.pi, 13):
@@ -112,7 +112,7 @@ def film(page: Any, seen: Seen) -> None:
 
 
 def main() -> None:
-    """Take them all."""
+    """Take all pictures."""
     chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=FLAGS)

@@ -7,7 +7,7 @@ import pytest
 import robot_trials as trials
 
 import truepose as tp
-from truepose.commands import accuracy
+from truepose.design import prediction
 from truepose.robot import knowledge
 
 TOUCH_OFF = np.array([0.0, 0.0, -0.4, 0.0])
@@ -102,7 +102,7 @@ def test_whatever_is_learnt_never_harms(any_robot, anywhere, rng, of_level):
         for pose in (None, known)
     ]
     sets = {frozenset(names[:count]) for count in range(len(names))}
-    sets |= set(map(frozenset, accuracy.sensor_sets(any_robot)))
+    sets |= set(map(frozenset, prediction.sensor_sets(any_robot)))
     bounds = {}
     for sensors in sets:
         robot = any_robot.with_sensors(*sorted(sensors))

@@ -200,7 +200,7 @@ def test_a_plan_goes_on_from_what_was_touched(monkeypatch, tmp_path, capsys):
     written(tmp_path)
     before = []
     monkeypatch.chdir(tmp_path)
-    words = ["linear-delta", "--poses", "2", "--outside", "0.05mm", "--format", "json"]
+    words = ["linear-delta", "--count", "2", "--outside", "0.05mm", "--format", "json"]
     for after in ([], ["--after", "log.csv"]):
         monkeypatch.setattr("sys.argv", ["truepose", "plan", *words, *after])
         with pytest.raises(SystemExit) as left:

@@ -10,8 +10,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SHOWN = {
     "01_kinematics.py": ["<truepose.Robot h4", "motors, degrees:", "FKM(IKM(x)) - x", "(1000, 4)"],
     "02_extended_error.py": [
-        "the motors see, degrees: 0.0",
-        "θ's encoder sees",
+        "error of the motors, degrees: 0.0",
+        "error of θ's encoder",
         "joint  ",
         "tej  ",
         "cartesian  position",

@@ -76,7 +76,7 @@ def test_errors_are_drawn_from_the_papers_ranges_and_nothing_else_changes(h4):
 
 
 def test_errors_of_arms_need_arms(stewart):
-    with pytest.raises(tp.InputError, match=r"^stewart: .*revolute chains only"):
+    with pytest.raises(tp.InputError, match=r"^stewart: .*not revolute"):
         with_paper_errors(stewart, seed=1)
 
 

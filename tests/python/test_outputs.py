@@ -28,7 +28,7 @@ WRITERS = {
     "placed": ("design", "h4", "--place", "z_telemeter", "--seed", "3", "-o", "out.toml"),
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
     "log": ("simulate", "h4", "-o", "out.csv"),
-    "truth": ("simulate-log", "h4", "-o", "new.csv", "--truth", "out.toml", "--poses", "20"),
+    "truth": ("simulate-log", "h4", "-o", "new.csv", "--truth", "out.toml", "--count", "20"),
     "model": ("export", "mjcf", "h4", "-o", "out.xml"),
 }
 

@@ -254,6 +254,7 @@ def test_poses_measured_from_outside_promise_what_they_teach(delta, registration
         measured=plan.poses,
         measured_sigma=2e-5,
         registration=registration,
+        loss="squares",
     )
     P = tp.accuracy(fit.robot, plan.over)
     assert plan.sigma[-1, -1] == pytest.approx(position(robot, P), rel=0.01)
@@ -273,7 +274,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     level = robot.highest_level
     visited = np.vstack([step.poses for step in plan.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
-    fit = tp.calibrate(robot, readings, measured=visited, **known)
+    fit = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
     promised = position(robot, fit.accuracy_seen(x[:6]))
     assert plan.sigma[-1, -1] == pytest.approx(promised, rel=0.02)
     if sensors:
@@ -281,7 +282,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     other = tp.plan_poses(robot, 15, candidates=candidates, poses=x[:6])
     visited = np.vstack([step.poses for step in other.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
-    apart = tp.calibrate(robot, readings, measured=visited, **known)
+    apart = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
     assert promised <= position(robot, apart.accuracy_seen(x[:6])) * (1 + 1e-6)
 
 
@@ -336,7 +337,7 @@ def log(short_log, tmp_path):
 
 
 def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
-    words = ("plan", "h4", "--poses", "4", "--candidates", "80", "--seed", "2")
+    words = ("plan", "h4", "--count", "4", "--candidates", "80", "--seed", "2")
     status, out, _ = run(*words, "--format", "json", "-o", "poses.csv", "--plot", "plan.svg")
     plan = tp.plan_poses(h4, 4, candidates=80, seed=2)
     rows = json.loads(out)["plan"]
@@ -356,20 +357,20 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
 def test_poses_that_were_written_are_candidates_again_and_never_lost(run, tmp_path):
     """A plan is written over by a plan; not what somebody has added readings to."""
     words = ("plan", "h4", "--candidates", "60", "-o", "poses.csv")
-    assert run(*words, "--poses", "6")[0] == 0
-    again = run("plan", "h4", "--candidates", "poses.csv", "--poses", "6")[1]
+    assert run(*words, "--count", "6")[0] == 0
+    again = run("plan", "h4", "--candidates", "poses.csv", "--count", "6")[1]
     assert "6 of 6 poses" in again
-    assert run(*words, "--poses", "5", "--force")[0] == 0
+    assert run(*words, "--count", "5", "--force")[0] == 0
     path = tmp_path / "poses.csv"
     before = path.read_text()
-    status, _, err = run(*words, "--poses", "5")
+    status, _, err = run(*words, "--count", "5")
     assert (status, path.read_text()) == (2, before)
     assert err.startswith("truepose: error: -o poses.csv: exists; --force")
 
 
 def test_the_command_goes_on_from_a_log(run, log, short_log):
     robot = short_log[0]
-    words = ("plan", "h4", "--sensors", "theta,z_telemeter", "--candidates", "80", "--poses", "3")
+    words = ("plan", "h4", "--sensors", "theta,z_telemeter", "--candidates", "80", "--count", "3")
     rows = json.loads(run(*words, "--after", log, "--format", "json")[1])["plan"]
     fit = tp.calibrate(robot, np.loadtxt(log, delimiter=",", skiprows=1), loss="student")
     plan = tp.plan_poses(robot, 3, candidates=80, after=fit)
@@ -381,7 +382,7 @@ def test_the_command_goes_on_from_a_log(run, log, short_log):
 def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run, tmp_path):
     said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm")[1]
     assert "Target 2.5 mm: reached with" in said
-    said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm", "--poses", "2")[1]
+    said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm", "--count", "2")[1]
     assert "Target 2.5 mm: not reached with 2." in said
     status, said, _ = run("plan", "h4", "--target", "1m", "-o", "plan.csv")
     assert "no more poses needed: 7.47 mm, the target 1000 mm is reached." in said
@@ -390,9 +391,9 @@ def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run, tmp_path):
 
 
 def test_where_poses_hardly_matter_it_is_said(run):
-    words = ("plan", "stewart", "--sensors", "all", "--candidates", "200", "--poses")
+    words = ("plan", "stewart", "--sensors", "all", "--candidates", "200", "--count")
     assert "hardly matters here" in run(*words, "30")[1]
-    assert "hardly matters" not in run("plan", "h4", "--candidates", "200", "--poses", "10")[1]
+    assert "hardly matters" not in run("plan", "h4", "--candidates", "200", "--count", "10")[1]
 
 
 @pytest.mark.parametrize(
@@ -401,7 +402,7 @@ def test_where_poses_hardly_matter_it_is_said(run):
         (("--target", "3deg"), "must be a length greater than 0 with its unit, as 0.1mm (units:"),
         (("--target", "-1mm"), "--target -1mm: must be a length greater than 0 with its unit"),
         (("--target", "1.6"), "--target 1.6: must be a length greater than 0 with its unit"),
-        (("--poses", "0"), "n = 0: must be a whole number"),
+        (("--count", "0"), "n = 0: must be a whole number"),
         (("--candidates", "none.csv"), "none.csv: cannot be read: No such file"),
         (("--candidates", "0"), "candidates: shape (0, 4)"),
         (("--after", "none.csv"), "none.csv: cannot be read"),

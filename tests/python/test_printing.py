@@ -206,7 +206,7 @@ def test_words_that_hold_a_number_are_one_for_programs():
 def test_a_command_answers_first_on_one_screen_and_prints_the_rest_on_request(
     run, monkeypatch, words, first
 ):
-    run("simulate-log", "h4", "-o", "log.csv", "--poses", "30")
+    run("simulate-log", "h4", "-o", "log.csv", "--count", "30")
     monkeypatch.setattr(terminal, "MOST", 20)
     monkeypatch.setenv("COLUMNS", "80")
     screen = run(*words.split())[1].splitlines()

@@ -76,7 +76,7 @@ def test_the_virtual_experiment_joins_the_report(with_experiment):
     assert result.returncode == 0, result.stderr
     lines = [line for line in result.stdout.splitlines() if not line.startswith("Report: ")]
     assert max(map(len, lines)) <= 80
-    for text in ("Table 3 of the twin, exact plant", "desired − measured", "left out"):
+    for text in ("Table 3 of the twin, exact plant", "desired − measured", "excluded"):
         assert text in result.stdout
     page = (out / report.PAGE).read_text(encoding="utf-8")
     assert "Section 4: the experiment, measured from outside" in page
@@ -217,9 +217,9 @@ def test_the_page_says_what_a_reader_would_stumble_over(made):
     """Static errors that change, a θ far from the paper's, zeros that are none by chance."""
     page = " ".join((made[1] / "report.html").read_text(encoding="utf-8").split())
     assert re.search(
-        r"static errors remain the same\. Robot by robot .* \d\.\d\d mm \(median\)", page
+        r"static errors remain the same\. For single robots .* \d\.\d\d mm \(median\)", page
     )
-    assert re.search(r"θ's are not even that: .* 231 deg² in print and \d+ deg² \(median\)", page)
+    assert re.search(r"θ errors are not comparable: .* 231 deg² .* and \d+ deg² \(median\)", page)
     assert "0 [0, 0] is less than 0.00005" in page
     assert "+14, −20 and −17 %" in page
 
@@ -263,7 +263,7 @@ def test_the_report_says_how_robots_follow_a_circle(made):
     assert max(scatter) < 1.3 * min(scatter)
 
 
-def test_the_report_sets_faults_without_a_watch_beside_those_with_one(made):
+def test_the_report_sets_faults_without_the_fault_monitor_beside_those_with_it(made):
     table = {row["fault"]: row for row in rows(made[1] / "faults.csv")}
     assert (table["none"]["found"], table["θ: stuck"]["found"]) == ("0", "5")
     for law in LAWS:

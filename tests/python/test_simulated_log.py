@@ -39,7 +39,7 @@ def test_the_printed_commands_calibrate_the_log_and_judge_it(
     """With a sensor of its own, a tracker in space, in a plane, of angles, and sensors chosen."""
     page = f"<!-- {files.mark('report')} -->"  # figures would take most of the time
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
-    status, said, err = run("simulate-log", name, "--poses", "60", "--seed", "3", *more)
+    status, said, err = run("simulate-log", name, "--count", "60", "--seed", "3", *more)
     assert (status, err) == (0, "")
     assert run(*words_after(said, "Next"))[0] == 0
     status, said, err = run(*words_after(said, "Then"), "--format", "json")

@@ -259,7 +259,7 @@ def test_no_cluster_where_there_is_none_is_one_line(run, monkeypatch):
     status, _, errors = run(
         "monte-carlo", "rest", "3rrr", "--count", 2, "--cluster", "tcp://127.0.0.1:9"
     )
-    assert status == 2 and "--cluster tcp://127.0.0.1:9: no scheduler answers there" in errors
+    assert status == 2 and "--cluster tcp://127.0.0.1:9: no scheduler responds there" in errors
 
 
 def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):

@@ -149,7 +149,7 @@ def test_what_is_asked_wrongly_is_said(h4, delta, truth):
     plant, vision = ExactPlant(truth), Vision(Setup())
     with pytest.raises(tp.InputError, match="unknown control 'jiont'; did you mean 'joint'"):
         virtual_experiment.run(plant, h4, vision, controls=["jiont"])
-    with pytest.raises(tp.InputError, match="schoenflies only"):
+    with pytest.raises(tp.InputError, match="must be schoenflies"):
         virtual_experiment.run(ExactPlant(delta), delta, vision)
 
 

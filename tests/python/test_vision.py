@@ -147,7 +147,7 @@ def test_registration_moves_what_is_seen_and_nothing_corrects_it(h4):
     ("change", "text"),
     [
         ({"noise": -1.0}, "noise = -1.0: must be greater than 0"),
-        ({"leds": ((0, 0, 0), (1, 0, 0), (2, 0, 0))}, "lie on one line"),
+        ({"leds": ((0, 0, 0), (1, 0, 0), (2, 0, 0))}, "all on one line"),
         ({"registration": (0.0,) * 5}, "5 values, must be 6"),
         ({"distance": float("nan")}, "distance = nan: must be finite"),
         ({"led_tolerance": -1e-6}, "led_tolerance = -1e-06: must be at least 0"),

@@ -35,7 +35,7 @@ def calibrate(
     measured_angle_sigma: float | None = None,
     registration: Literal["unknown", "known"] | Registration = "unknown",
     level: Level | None = None,
-    loss: Loss = "student",
+    loss: Loss = "squares",
     tuning: float | None = None,
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),

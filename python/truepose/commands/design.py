@@ -84,7 +84,7 @@ def command(
     survives: Annotated[
         bool, typer.Option("--survives", help="Accuracy after the worst failure of one sensor.")
     ] = False,
-    over: Annotated[
+    poses: Annotated[
         Path | None,
         typer.Option(
             help="CSV file of the poses where accuracy counts.",
@@ -123,7 +123,7 @@ def command(
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**
     """
-    read: list[str | Path] = [robot, *([over] if over else [])]
+    read: list[str | Path] = [robot, *([poses] if poses else [])]
     if calibrated is not None and not calibrated.isdigit():
         read.append(calibrated)
     inputs = [path_of(str(name)) for name in read]
@@ -146,7 +146,7 @@ def command(
         "reference_pose": None
         if reference_pose is None
         else parse_pose(loaded, reference_pose, "--reference-pose"),
-        "poses": None if over is None else read_poses(loaded, over),
+        "poses": None if poses is None else read_poses(loaded, poses),
     }
     if place is not None:
         boxes = parse_boxes(within or [])

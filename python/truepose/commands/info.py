@@ -11,7 +11,7 @@ import typer
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.commands.options import Force, How, RobotName, plot_to, wrote
+from truepose.commands.options import Force, How, RobotName, Seed, plot_to, wrote
 from truepose.exceptions import InputError
 from truepose.robot.maps import draw_map, workspace_slice
 from truepose.robot.robot import Robot, load
@@ -32,7 +32,7 @@ def command(
     samples: Annotated[
         int, typer.Option(min=1, max=10_000_000, help="Poses sampled from the workspace.")
     ] = 100_000,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the samples.")] = 0,
+    seed: Seed = 0,
     length: Annotated[
         float,
         typer.Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."),

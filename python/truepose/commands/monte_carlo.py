@@ -20,7 +20,6 @@ from truepose.commands.options import (
     effects_of,
     effects_option,
     load_with,
-    parse_set,
     true_robot,
     wrote,
 )
@@ -57,8 +56,8 @@ def simulate_log_command(
             help="Calibrated robot file: print its errors against the true robot; write nothing."
         ),
     ] = None,
-    poses: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Rows of the log: poses of the workspace.")
+    count: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Number of poses, sampled from the workspace.")
     ] = 100,
     seed: Seed = 0,
     sensors: SensorsOption = None,
@@ -97,18 +96,17 @@ def simulate_log_command(
         )
         show(_compared(drawn, result), how, [nees])
         return
-    names = parse_set(drawn, sensors) if sensors is not None else drawn.sensors
-    drawn = drawn.with_sensors(*names)
+    drawn = load_with(robot, sensors)
     read = [path_of(robot)]
     outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
     files.check(outputs, read, force)
     ran = simulate_log(
         drawn,
         true_robot(drawn, "drawn", seed),
-        poses,
+        count,
         seed,
         effects_of(effects, AT_REST),
-        tracker=not names if tracker is None else tracker,
+        tracker=not drawn.sensors if tracker is None else tracker,
     )
     values = {name: parameter.value for name, parameter in ran.truth.parameters.items()}
     text = f"# {mark('true robot')}, sampled with seed {seed}\n{to_toml(ran.truth.spec, values)}"
@@ -116,6 +114,7 @@ def simulate_log_command(
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
     wrote(how, out, kept)
     calibrated = out.with_suffix(".calibrated.toml")
+    names = drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
     where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
     _next("Next", "calibrate", robot, out, *chosen, "-o", calibrated)

@@ -42,7 +42,7 @@ from truepose.show.units import PRINT
 
 def command(
     robot: RobotName,
-    poses: Annotated[
+    count: Annotated[
         int | None,
         typer.Option(metavar="N", help="Number of poses to choose.", show_default="30"),
     ] = None,
@@ -67,7 +67,7 @@ def command(
             help="σ of a tracker, in a frame of its own, that measures each pose.",
         ),
     ] = None,
-    over: Annotated[
+    poses: Annotated[
         Path | None,
         typer.Option(
             help="CSV file of the poses where accuracy counts.",
@@ -104,12 +104,12 @@ def command(
 
     Prints the predicted position error after each pose, and compares with random poses.
 
-    Example: **truepose plan h4 --poses 20 --sensors theta,z_telemeter**, then
+    Example: **truepose plan h4 --count 20 --sensors theta,z_telemeter**, then
     **truepose plan h4 --target 1.6mm**
     """
     given = None if candidates.isdigit() else Path(candidates)
     read: list[str | Path] = [robot]
-    read += [path for path in (after, over, given) if path is not None]
+    read += [path for path in (after, poses, given) if path is not None]
     inputs = [robotfile.path_of(str(path)) for path in read]
     save = plot_to(plot, read, force)
     loaded = load_with(robot, sensors)
@@ -124,10 +124,10 @@ def command(
     zero = None if relative_to is None else parse_pose(loaded, relative_to, "--relative-to")
     found = plan_poses(
         loaded,
-        poses,
+        count,
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=fit,
-        poses=None if over is None else read_poses(loaded, over),
+        poses=None if poses is None else read_poses(loaded, poses),
         target=parse_target(loaded, target),
         reference_pose=at,
         relative_to=zero,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -186,7 +187,8 @@ def overview(found: Prediction, level: Level | None = None) -> Table:
 
 def best(table: Table) -> list[str]:
     """Return notes: the best law and sensors of an :func:`overview`, as built and calibrated."""
-    records, said = table.records(), []
+    said: list[str] = []
+    records: list[dict[str, Any]] = table.records()
     for names, how in (
         (table.header[1 : 1 + len(LAWS)], "As built, best: {} law"),
         (table.header[1 + len(LAWS) :][-1:], "Self-calibrated on {}"),

@@ -1,4 +1,4 @@
-"""Integrations: other programs' files, machines and viewers, each in a folder of its own.
+"""Integrations: other programs' files, machines and viewers, one folder each.
 
-An integration registers itself by entry points (`truepose.plugins`); nothing else imports it.
+Each registers itself by entry points (`truepose.plugins`); nothing else imports it.
 """

@@ -1,4 +1,4 @@
-"""The source paper: its tables, its robots and experiments, and what truepose reproduces of it."""
+"""The source paper: tables, robots and experiments, and their reproduction."""
 
 from truepose.paper.article import with_paper_errors
 

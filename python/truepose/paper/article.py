@@ -1,7 +1,7 @@
 """The paper's tables as data, and the geometric errors of its simulated robots.
 
-Source: F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with
-Redundant Sensors*.
+F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with Redundant
+Sensors*.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 
-GEAR = 4  #: The tool turns four times as far as the nacelle.
+GEAR = 4  #: Ratio of the tool's rotation to the nacelle's.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
 STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
 
-#: Poses desired for a calibration are off Table 2's by up to this, m and rad. Usual control brings
-#: the motors to the same positions whatever robot is true: on an exactly repeated grid every robot
-#: would read the same rounding errors, which no average over robots or poses takes away.
+#: Largest offset of a calibration pose from Table 2's, m and rad. Joint control brings motors to
+#: the same positions on every true robot. On an exactly repeated grid all robots would read the
+#: same rounding errors, which no average over robots or poses would remove.
 JITTER = 5e-4
 
 
 def control(law: Law) -> Controller:
-    """Return the simulations' control: a PD on each motor, its poles assumed at 150 rad/s.
+    """Return the simulations' controller: a PD on each motor, with assumed poles at 150 rad/s.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 
 def table2() -> Array:
-    """Return the 625 poses of Table 2, shape (625, 4): m and the *nacelle's* θ in rad.
+    """Return the 625 poses of Table 2, shape (625, 4): x, y, z in m, the *nacelle's* θ in rad.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def table2() -> Array:
 
 
 def table3() -> dict[str, dict[tuple[str, str], float]]:
-    """Table 3: {law: {(quantity, statistic): value}}, laws "usual" and "redundant"; mm, deg."""
+    """Return Table 3: {law: {(quantity, statistic): value}}, laws usual and redundant; mm, deg."""
     return {
         law: {key: float(text) for key, text in entries.items()}
         for law, entries in table3_as_printed().items()
@@ -71,7 +71,7 @@ def table3() -> dict[str, dict[tuple[str, str], float]]:
 
 
 def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
-    """Table 3 with the digits that the paper prints: 0.5 and 13.0, neither 0.500 nor 13.
+    """Return Table 3 with the digits that the paper prints: 0.5 and 13.0, not 0.500 and 13.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
 
 
 def simulation_errors() -> dict[str, tuple[float, float]]:
-    """Ranges of the geometric errors of the paper's simulations, m."""
+    """Return the ranges of the geometric errors of the paper's simulations, m."""
     return {
         row["parameter"]: (float(row["minimum"]) / 1000, float(row["maximum"]) / 1000)
         for row in _rows("simulation_errors")
@@ -97,17 +97,17 @@ def simulation_errors() -> dict[str, tuple[float, float]]:
 
 
 def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot:
-    """Return a *true* robot: `robot` with errors drawn uniformly from the paper's ranges.
+    """Return a *true* robot: `robot` with errors sampled uniformly from the paper's ranges.
 
-    Every chain gets its own rod length L, arm length l, base radius R (its base point moves along
-    the arm's zero direction e) and nacelle offset d (its anchor moves along itself).
+    Each chain has its own errors of rod length L, arm length l, base radius R (the base point moves
+    along the arm's zero direction e) and nacelle offset d (the anchor moves along itself).
 
     Parameters
     ----------
     robot : Robot
         The nominal robot; its chains must be revolute.
     seed : int or SeedSequence
-        The same seed gives the same robot.
+        Seed of the errors.
 
     Examples
     --------
@@ -120,7 +120,7 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
     """
     if any(chain.actuator != "revolute" for chain in robot.spec.chain):
         raise InputError(
-            f"{robot.name}: the paper's errors are those of arms: revolute chains only"
+            f"{robot.name}: has a chain that is not revolute; the paper's errors are those of arms"
         )
     generator = np.random.default_rng(seed)
     draw = {
@@ -136,7 +136,7 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
 
 
 def paper_directions(robot: Robot, i: int) -> dict[str, dict[str, float]]:
-    """Which parameters each of the paper's errors of chain i + 1 moves, and by which share."""
+    """Return the share of each parameter in each of the paper's errors of chain i + 1."""
     chain, name = robot.spec.chain[i], f"chain{i + 1}"
     anchor = np.array(chain.anchor)
     outward = anchor / max(float(np.linalg.norm(anchor)), 1e-300)

@@ -14,25 +14,23 @@ from truepose.show.terminal import Format, say, show
 
 def command(
     robots: Annotated[
-        int, typer.Option(min=1, max=10_000, help="True robots to draw from the paper's errors.")
+        int, typer.Option(min=1, max=10_000, help="True robots sampled from the paper's errors.")
     ] = 100,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the draw; the same seed, the same numbers.")
-    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sampled robots and errors.")] = 0,
     out: Annotated[
         Path, typer.Option(help="Folder for report.html, figures (SVG, PNG) and numbers (CSV).")
     ] = Path("truepose-report"),
     experiment: Annotated[
         bool,
         typer.Option(
-            "--experiment", help="Also the experiment of section 4, measured by a vision system."
+            "--experiment", help="Add the experiment of section 4, measured by a vision system."
         ),
     ] = False,
     full: Annotated[
         bool,
         typer.Option(
             "--full",
-            help="Also statistics: sets of sensors over 100 real robots and more, a warm-up, paths "
+            help="Add statistics: sensor sets over 200 robots or more, a warm-up, paths "
             "at three speeds, faults in 30 moves.",
         ),
     ] = False,
@@ -42,11 +40,11 @@ def command(
     """Run the paper end to end: a verdict on each statement, and a report.
 
     The H4 makes the 0.2 s move of Figures 11 to 13 under joint, TEJ and Cartesian control, and
-    after its own calibration. Many robots, sampled from the paper's errors, then stand at the 625
-    poses of Table 2. One robot with an error in every rod calibrates itself with each set of
-    sensors, follows a circle, and moves with faulty readings, with the fault monitor and without.
-    --experiment measures a twin of the paper's robot as the paper did. --full takes minutes: 100
-    robots, a warm-up, a square, all speeds and many moves.
+    after its own calibration. Many robots, sampled from the paper's errors, settle at the 625 poses
+    of Table 2. One robot with an error in every rod calibrates itself with each sensor set, follows
+    a circle, and moves with faulty readings, with the fault monitor and without. --experiment
+    measures a twin of the paper's robot as the paper did. --full takes minutes: 200 robots, a
+    warm-up, a square, all speeds and many moves.
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """

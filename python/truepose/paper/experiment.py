@@ -23,9 +23,9 @@ from truepose.threads import each
 
 Control = Literal["joint", "tej", "weighted", "cartesian", "self-calibrated"]
 
-#: The law of each control. `weighted` believes in the robot as it most likely is, prior means of
-#: its tolerances; `self-calibrated` in what the readings of usual control at the same poses have
-#: taught it; the others in the drawn robot.
+#: Law of each control. The controller's model is the expected robot (prior means of the tolerances)
+#: under `weighted`, the robot calibrated at the same poses under joint control under
+#: `self-calibrated`, and the nominal robot under the others.
 CONTROLS: dict[Control, Law] = {
     "joint": "joint",
     "tej": "tej",
@@ -37,7 +37,7 @@ CONTROLS: dict[Control, Law] = {
 
 @dataclass(frozen=True)
 class Experiment:
-    """What the experiment gave. Errors are true minus desired, mm and degrees."""
+    """Results of the experiment. Errors are true minus desired, mm and degrees."""
 
     robot: Robot
     truths: list[Robot]
@@ -46,22 +46,22 @@ class Experiment:
     tables: dict[Control, Array]  #: (robots, 5, 4) each, see :func:`table3`
 
     def ratio(self, quantity: str, statistic: str, control: Control = "tej") -> Array:
-        """Statistic under a control over the same under joint control, one value per robot."""
+        """Return a control's statistic divided by that of joint control, one value per robot."""
         at = QUANTITIES.index(quantity), STATISTICS.index(statistic)
         return self.tables[control][(slice(None), *at)] / self.tables["joint"][(slice(None), *at)]
 
 
 def draw_robots(robot: Robot, count: int, seed: int) -> list[Robot]:
-    """Draw `count` true robots with the paper's errors; the first ones do not depend on `count`."""
+    """Sample `count` true robots with the paper's errors; the first do not depend on `count`."""
     return [with_paper_errors(robot, s) for s in np.random.SeedSequence(seed).spawn(count)]
 
 
 def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -> Robot:
-    """Return the robot as the true one's readings show it, usual control sent to these poses.
+    """Return the robot calibrated from the true robot's readings at these poses, joint control.
 
-    Sent a little beside them, by :data:`truepose.paper.article.JITTER`: usual control brings every
-    motor to its drawn angle, and the fractions of a count that are lost would recur on an exact
-    grid, and in every robot sent to the same poses: one `seed` for each robot.
+    The poses are offset by up to :data:`truepose.paper.article.JITTER`: joint control brings every
+    motor to its nominal angle, so on an exact grid the rounding errors of the counts would recur,
+    and recur in every robot. Use one `seed` per robot.
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
     readings = truth.read(steady_state(robot, truth, visited + beside, "joint"))
@@ -76,20 +76,10 @@ def rest(
     controls: Iterable[Control] = tuple(CONTROLS),
     seed: int = 0,
 ) -> dict[Control, Array]:
-    """Where a true robot rests under each control, in the exact statics: (P, n) each.
+    """Return the steady-state poses of a true robot under each control, exact statics: (P, n) each.
 
-    Parameters
-    ----------
-    robot, truth : Robot
-        As drawn, and as it is.
-    poses : ndarray, shape (P, n)
-        Desired ones.
-    visited : ndarray, shape (N, n), optional
-        Poses of the self-calibration; the same by default.
-    controls : iterable of str
-        Some of `CONTROLS`.
-    seed : int
-        As of :func:`self_calibrated`.
+    `robot` is nominal, `poses` (P, n) are desired. The self-calibration visits `visited` (N, n),
+    default `poses`, with the `seed` of :func:`self_calibrated`.
     """
     result: dict[Control, Array] = {}
     for control in controls:
@@ -108,18 +98,10 @@ def run(
     poses: Array | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Experiment:
-    """Settle every true robot at every pose under each control, in the exact statics.
+    """Compute the steady-state pose of every true robot at every pose under each control.
 
-    Parameters
-    ----------
-    robot : Robot
-        The nominal one, of schoenflies mobility with θ measured and tolerances.
-    truths : list of Robot
-        The true ones.
-    poses : ndarray, shape (P, 4), optional
-        Table 2's 625 poses by default.
-    progress : callable
-        Called after each robot.
+    `robot` is nominal, of schoenflies mobility with θ measured and tolerances. `poses` (P, 4) are
+    desired, default Table 2's 625. `progress` is called after each robot.
     """
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
@@ -133,9 +115,9 @@ def run(
 
 
 def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
-    """How far the TEJ moves each robot's position from usual control's, (robots,), mm.
+    """Return how far the TEJ moves each robot's position from joint control's, (robots,), mm.
 
-    In the exact statics, at a pose that both are asked for.
+    Both are desired to be at `pose`; exact statics.
     """
     usual, redundant = (
         np.array([steady_state(result.robot, truth, pose, law)[:3] for truth in result.truths])
@@ -147,16 +129,12 @@ def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
 def dynamics_check(
     robot: Robot, truth: Robot, poses: Array, progress: Callable[[], None] = lambda: None
 ) -> dict[str, dict[Law, Array]]:
-    """Where the simulated dynamics end, less where the statics say, at some of the poses.
+    """Return final poses of simulated dynamics minus those of exact statics, at some of the poses.
 
-    Every run moves from home to the pose in 0.4 s and holds it for 0.4 s.
-
-    Returns
-    -------
-    dict
-        "ideal": unquantized, gravity off; "loaded": unquantized, with gravity, against the statics
-        that count what the nominal feed-forward gets wrong; "as built": with gravity and encoder
-        counts, against the same. Each {law: (P, 4) in mm and degrees}.
+    Each run moves from home to the pose in 0.4 s and holds it for 0.4 s. The result is {case: {law:
+    (P, 4) in mm and degrees}}. "ideal": unquantized, gravity off; "loaded": unquantized, with
+    gravity, against statics that include the error of the nominal feed-forward; "as built": with
+    gravity and encoder counts, against the same statics.
     """
     weightless = (0.0, 0.0, 0.0)
     cases = {
@@ -181,9 +159,9 @@ def dynamics_check(
 
 
 def theta_law(robot: Robot, poses: Array) -> Array:
-    """1/(1 + w |j|²) at each pose: what the TEJ leaves of a small static θ error.
+    """Return 1/(1 + w |j|²) at each pose, the share of a small static θ error that the TEJ leaves.
 
-    j is the θ row of J and w the weight of θ's row in the TEJ.
+    j is the θ row of J, w the weight of that row in the TEJ.
     """
     weight = next(s.weight for s in robot.spec.sensor if s.kind == "platform_angle")
     j = robot.jacobian(poses)[..., 3, :]
@@ -191,12 +169,12 @@ def theta_law(robot: Robot, poses: Array) -> Array:
 
 
 def in_print_units(error: ArrayLike) -> Array:
-    """Errors (..., 4) from m and rad to mm and degrees."""
+    """Convert errors (..., 4) from m and rad to mm and degrees."""
     return np.asarray(error, dtype=float) * np.array([1e3, 1e3, 1e3, 180 / np.pi])
 
 
 def table3(error: ArrayLike) -> Array:
-    """Statistics of Table 3.
+    """Compute the statistics of Table 3.
 
     Parameters
     ----------
@@ -234,19 +212,15 @@ def table3(error: ArrayLike) -> Array:
 
 
 def over_robots(each: Array) -> Array:
-    """Root mean square over the last axis; robots that are NaN do not count."""
+    """Return the root mean square over the last axis; NaN robots do not count."""
     return np.sqrt(np.nanmean(np.square(each), axis=-1))
 
 
 def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, float]:
-    """90 % interval of a statistic of robots, as which of them were drawn leaves it: a bootstrap.
+    """Return the 90 % bootstrap interval of a statistic of the simulated robots.
 
-    Parameters
-    ----------
-    statistic : callable
-        Of arrays whose last axis is robots.
-    each : ndarray, shape (robots,)
-        Values of the same robots.
+    `statistic` is a function of arrays whose last axis is robots; `each` are values of the same
+    robots, shape (robots,).
 
     Examples
     --------
@@ -263,19 +237,15 @@ def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, floa
 
 
 def rms_interval(each: Array, under: Array | None = None) -> tuple[float, float]:
-    """90 % interval of the rms over all robots of a kind, from the few that were drawn.
+    """Return the 90 % interval of the rms over all robots of a kind, from the sampled ones.
 
-    The mean squares are averages of independent robots. The logarithm of their root is nearly
-    normal; its scatter comes from the robots' influences and its quantile from Student's t. A
-    bootstrap's percentiles are a few percent too narrow here: a robot's squared error has only two
-    to three effective degrees of freedom.
+    The mean squares average independent robots, so the logarithm of their root is nearly normal.
+    Its scatter comes from the robots' influences, its quantile from Student's t. Bootstrap
+    percentiles are a few percent too narrow here, because a robot's squared error has only two to
+    three effective degrees of freedom.
 
-    Parameters
-    ----------
-    each : ndarray, shape (robots,)
-        Rms of each robot.
-    under : ndarray, shape (robots,), optional
-        Rms of the same robots; the interval is then that of the ratio `each` / `under`.
+    `each` is the rms of each robot, (robots,). With `under`, the rms of the same robots, the
+    interval is that of the ratio `each` / `under`.
 
     Examples
     --------

@@ -19,8 +19,8 @@ from truepose.simulation.simulate import simulate
 from truepose.threads import each
 
 DURATION, HOLD = 0.3, 0.3  #: s
-MOMENT = 0.1  #: s into the paper's move; into others it is drawn
-#: Sizes as people read them, and as a fault takes them.
+MOMENT = 0.1  #: s, start of the fault in the paper's move; sampled in the other moves
+#: Size of each fault kind, as text and as a fault's argument.
 SIZES = {
     "bias": ("or jump, 1°", np.radians(1)),
     "spike": ("1°", np.radians(1)),
@@ -31,7 +31,7 @@ SIZES = {
 
 
 class Move(NamedTuple):
-    """A straight move, and when a reading begins to lie."""
+    """A straight move, and the time at which a fault begins."""
 
     start: Array
     end: Array
@@ -39,41 +39,41 @@ class Move(NamedTuple):
 
 
 class Run(NamedTuple):
-    """The worst of one run."""
+    """Worst errors of one run."""
 
-    position: float  #: mm from where it is asked to be: where it stops, by its stop along the path
-    angle: float  #: of θ, likewise, degrees
-    left: bool  #: its workspace, at which the run ended
-    stopped: bool  #: by the watch
-    found: bool  #: by the watch: some reading, rightly or not
+    position: float  #: mm, from the path; after a stop of the monitor, from the way to that stop
+    angle: float  #: degrees, likewise of θ
+    left: bool  #: the robot left its workspace, which ended the run
+    stopped: bool  #: the fault monitor stopped the robot
+    found: bool  #: the fault monitor excluded a reading, rightly or wrongly
 
 
 @dataclass(frozen=True)
 class Line:
     """One fault under every law."""
 
-    fault: str  #: as people read it; "none" is the first
-    alone: dict[Law, list[Run]]  #: of each move, nobody watching
+    fault: str  #: its text; the first is "none"
+    alone: dict[Law, list[Run]]  #: of each move, without the fault monitor
     watched: dict[Law, list[Run]]
 
     @property
     def found(self) -> int:
-        """How many of the watched runs were found out."""
+        """How many of the monitored runs had a detected fault."""
         return sum(run.found for runs in self.watched.values() for run in runs)
 
     @property
     def median(self) -> float:
-        """Position of the watched runs, mm: half of them are nearer."""
+        """Median position error of the monitored runs, mm."""
         return float(np.median([run.position for runs in self.watched.values() for run in runs]))
 
     @property
     def runs(self) -> int:
-        """How many there were."""
+        """How many monitored runs there are."""
         return sum(len(runs) for runs in self.watched.values())
 
 
 def cases(at: float) -> Iterator[tuple[str, list[Fault]]]:
-    """No fault, then every kind in θ and in q1; in one move a jump is a bias."""
+    """Yield no fault, then every kind in θ and in q1; within one move a jump is a bias."""
     yield "none", []
     for kind in (kind for kind in FAULT_KINDS if kind != "jump"):
         for reading, other in (("theta", "q1"), ("q1", "q2")):
@@ -84,7 +84,7 @@ def cases(at: float) -> Iterator[tuple[str, list[Fault]]]:
 
 
 def moves(robot: Robot, count: int, seed: int) -> list[Move]:
-    """Return the paper's move, and others between poses of Table 2."""
+    """Return the paper's move, and further moves between poses of Table 2."""
     start, end = default_move(robot)
     rng, table = np.random.default_rng(seed), article.table2()
     others = [table[rng.choice(len(table), 2, replace=False)] for _ in range(count - 1)]
@@ -95,7 +95,7 @@ def moves(robot: Robot, count: int, seed: int) -> list[Move]:
 
 
 def total_steps() -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     return len(list(cases(0)))
 
 
@@ -106,20 +106,10 @@ def study(
     progress: Callable[[], None] = lambda: None,
     truth: Robot | None = None,
 ) -> list[Line]:
-    """Let one reading lie in every move, nothing else wrong.
+    """Simulate every move with one faulty reading and no other error.
 
-    Parameters
-    ----------
-    robot : Robot
-        What the controller believes: the H4, with θ measured.
-    count : int
-        Moves.
-    seed : int
-        The same seed gives the same moves.
-    progress : callable
-        Called after each fault.
-    truth : Robot, optional
-        What is; by default the same.
+    `robot` is the controller's model, the H4 with θ measured; `truth` the true robot, default
+    `robot`. `count` moves are sampled with `seed`. `progress` is called after each fault.
 
     Examples
     --------

@@ -19,7 +19,7 @@ from truepose.show.charts import lines
 from truepose.show.results import figure_of
 from truepose.simulation.simulate import Simulation
 
-#: What people read for each control, and its colour.
+#: Label and colour of each control.
 CONTROLS: dict[Control, tuple[str, str]] = {
     "joint": ("usual", "#b2182b"),
     "tej": ("TEJ", "#2166ac"),
@@ -31,9 +31,9 @@ _AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
 
 
 def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
-    """Errors of x, y, z (mm) and θ (degrees) during a move, as in Figures 11 to 13.
+    """Plot errors of x, y, z (mm) and θ (degrees) during a move, as in Figures 11 to 13.
 
-    On scales that hold the moves `beside` it as well: theirs are then the same.
+    The scales also cover the moves in `beside`, so that all these figures have the same.
     """
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -52,13 +52,13 @@ def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
         axes.set(xlabel="time (ms)", ylabel=f"error ({unit})", xlim=(0, time[-1]))
     figure.legend(loc="outside upper center", ncols=4, fontsize=9, frameon=False)
     low, high = right.get_ylim()
-    if high - low < 0.1:  # do not let encoder counts look like errors
+    if high - low < 0.1:  # keeps encoder counts from looking like errors
         right.set_ylim(min(low, -0.05), max(high, 0.05))
     return figure
 
 
 def poses(result: Experiment) -> Figure:
-    """Errors of the first robot at all poses, under each control, in the order of Table 2."""
+    """Plot errors of the first robot at all poses under each control, in the order of Table 2."""
     return _poses({control: errors[0] for control, errors in result.errors.items()}, "error of ")
 
 
@@ -76,7 +76,7 @@ def _poses(errors: Mapping[Control, Array], what: str) -> Figure:
 
 
 def ratios(result: Experiment) -> Figure:
-    """How much each robot gains: statistics over those of usual control."""
+    """Plot histograms over the robots of the TEJ's statistics divided by joint control's."""
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
     colour = CONTROLS["tej"][1]
@@ -95,12 +95,12 @@ def ratios(result: Experiment) -> Figure:
 
 
 def rest(robot: Robot, result: Experiment) -> Figure:
-    """What M⁺ does at rest: θ error left by the TEJ, measured against 1/(1+|j|²)."""
+    """Plot the θ error left by the TEJ at rest against the first-order law 1/(1+|j|²)."""
     figure = Figure(figsize=(5.4, 3.6), layout="constrained")
     axes = figure.subplots()
     law = experiment.theta_law(robot, result.poses)
     usual, left = result.errors["joint"][0][:, 3], result.errors["tej"][0][:, 3]
-    clear = np.abs(usual) > 0.1  # degrees; elsewhere the quotient says nothing
+    clear = np.abs(usual) > 0.1  # degrees; smaller errors make the quotient meaningless
     axes.plot(
         100 * law[clear],
         100 * left[clear] / usual[clear],
@@ -118,7 +118,7 @@ def rest(robot: Robot, result: Experiment) -> Figure:
 
 
 def warm_up(results: list[WarmUp]) -> Figure:
-    """Position error at rest over time, from cold to warm, under each method."""
+    """Plot the steady-state position error over time, from cold to warm, under each method."""
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     colours = {
         "frozen": CONTROLS["joint"][1],
@@ -144,16 +144,16 @@ def warm_up(results: list[WarmUp]) -> Figure:
     return figure
 
 
-#: What of :mod:`truepose.paper.following` is drawn, as people read it and in its colour.
+#: Label and colour of the cases of :mod:`truepose.paper.following` in the figure.
 _FOLLOWED = {
     (law, control == "self-calibrated"): CONTROLS[control]
     for control, law in experiment.CONTROLS.items()
 }
-MAGNIFIED = 3  #: times; how deviations are drawn in a plan view
+MAGNIFIED = 3  #: scale of the deviations in a plan view
 
 
 def following(lines: list[paths.Line]) -> Figure:
-    """Plan of each path at half speed with its deviations magnified, and how large they are."""
+    """Plot each path at half speed with magnified deviations, and their size along it."""
     shown = [
         line for line in lines if line.speed == 0.5 and (line.law, line.calibrated) in _FOLLOWED
     ]
@@ -193,7 +193,7 @@ def following(lines: list[paths.Line]) -> Figure:
 
 
 def faults(lines: list[lying.Line]) -> Figure:
-    """Worst position and angle under each fault and law: hollow without a watch, full with one."""
+    """Plot worst errors per fault and law: hollow without the fault monitor, filled with it."""
     figure = Figure(figsize=(8.4, 0.32 * len(lines) + 1.2), layout="constrained")
     colours = {law: CONTROLS[control][1] for control, law in experiment.CONTROLS.items()}
     axes = figure.subplots(1, 2, sharey=True)
@@ -227,14 +227,14 @@ def faults(lines: list[lying.Line]) -> Figure:
 
 
 def twin_poses(runs: dict[Control, Run]) -> Figure:
-    """Errors at all poses as the paper would have measured them: desired less measured."""
+    """Plot errors at all poses as the paper would have measured them: desired minus measured."""
     return _poses(
         {control: ran.errors("desired") for control, ran in runs.items()}, "desired − measured, "
     )
 
 
 def loops(section: twin.Section) -> Figure:
-    """Position error after the move with all effects on: a limit cycle, and a loop that rests."""
+    """Plot the position error after the move with all effects on: a limit cycle, a stable loop."""
     drawn = Figure(figsize=(8.4, 2.8), layout="constrained")
     for axes, (name, ran) in zip(drawn.subplots(1, 2), section.loops.items(), strict=True):
         for column, axis in enumerate("xyz"):

@@ -24,16 +24,16 @@ PATHS: dict[str, Path] = {
         poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in _CORNERS], duration=0.4
     ),
 }
-#: What is believed of one robot, by law and whether it has calibrated itself.
+#: The controller's model of one robot, by law and by whether the robot is calibrated.
 Believed = dict[tuple[Law, bool], Robot]
-#: Laws, and whether on a robot that has calibrated itself: all of them, and those of the report
-#: that go without statistics, which are the controls of :data:`truepose.paper.experiment.CONTROLS`.
+#: All pairs (law, calibrated), and those of a report without statistics, which are the controls of
+#: :data:`truepose.paper.experiment.CONTROLS`.
 CASES: tuple[tuple[Law, bool], ...] = tuple((law, known) for known in (False, True) for law in LAWS)
 SOME: tuple[tuple[Law, bool], ...] = tuple(
     (law, control == "self-calibrated") for control, law in experiment.CONTROLS.items()
 )
-SPEEDS = (1.0, 0.5, 0.1)  #: of the motors' limits, as ISO 9283 asks for
-ROBOTS = 4  #: of a report with statistics, at most
+SPEEDS = (1.0, 0.5, 0.1)  #: shares of the motors' limits, as in ISO 9283
+ROBOTS = 4  #: at most, in a report with statistics
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,16 @@ class Line:
     path: str
     speed: float  #: share of the motors' limits
     law: Law
-    calibrated: bool  #: or as drawn
+    calibrated: bool  #: False: nominal
     each: list[PathAccuracy]  #: of every robot
 
     def median(self, name: str) -> float:
-        """Return the median over the robots of one of :class:`PathAccuracy`'s figures."""
+        """Return the median over the robots of a quantity of :class:`PathAccuracy`."""
         return float(np.median([getattr(one, name) for one in self.each]))
 
 
 def total_steps(robots: int, full: bool) -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     return robots * (len(PATHS) * len(SPEEDS) * len(CASES) if full else len(SOME))
 
 
@@ -63,21 +63,13 @@ def study(
     full: bool = True,
     progress: Callable[[], None] = lambda: None,
 ) -> list[Line]:
-    """Let real robots follow paths ten times each, with all effects, cold, at the gains they bear.
+    """Simulate true robots that follow paths ten times each, cold, with all effects.
 
-    Parameters
-    ----------
-    robot : Robot
-        The H4 as drawn, with θ measured.
-    robots : int
-        Real robots to draw from the tolerances, every rod by itself.
-    seed : int
-        The same seed gives the same robots and runs.
-    full : bool
-        Both paths, all laws, nominal and calibrated, all `SPEEDS`; or the circle at half the speed
-        the motors allow, under the report's controls.
-    progress : callable
-        Called after each path accuracy.
+    The gains are those of :meth:`Controller.for_robot`, stable under these effects. `robot` is the
+    nominal H4 with θ measured; `robots` true ones are sampled from its tolerances, each rod on its
+    own. `full`: both paths, all laws, nominal and calibrated, all `SPEEDS`; otherwise the circle at
+    half the motors' speed, under the report's controls. `progress` is called after each path
+    accuracy.
 
     Examples
     --------
@@ -119,11 +111,11 @@ def study(
 
 
 def drawn(robot: Robot, effects: Effects, seed: int, number: int) -> tuple[Robot, Believed]:
-    """Return a real robot, every rod by itself, and what is believed of it under each law.
+    """Return a sampled robot, each rod on its own, and the controller's model under each law.
 
-    It calibrates itself on its readings under usual control at Table 2's poses, cold; its builder
-    knows of the effects (:meth:`Effects.allowed_for`). As drawn, laws that weigh their readings
-    take the robot as it most likely is. Its encoders' phases are those of the seed `number`.
+    It calibrates itself, cold, under joint control at Table 2's poses. The nominal model allows for
+    the effects (:meth:`Effects.allowed_for`); uncalibrated weighting laws take its prior means.
+    `number` seeds the phases of the encoders.
     """
     source = np.random.SeedSequence([seed, number])
     truth = robot.sample(source).with_level(robot.highest_level)

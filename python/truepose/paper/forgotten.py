@@ -1,9 +1,8 @@
 """The loss of self-calibration accuracy by each unmodelled effect.
 
-The H4 with the paper's errors on the dynamic plant, two hours after it was switched on: with none,
-with all, with one alone, with all but one. It calibrates itself with motors and θ under usual
-control, and is judged under the estimated law: against its true poses, and as the vision system
-sees it.
+The H4 with the paper's errors runs on the dynamic plant, two hours after a cold start: with no
+effect, all, one alone, all but one. It calibrates itself with motors and θ under joint control.
+Errors under the estimated law are computed from the true poses and from the vision system's.
 """
 
 from __future__ import annotations
@@ -32,34 +31,31 @@ from truepose.threads import each
 #: A PD whose loop is stable with all effects on.
 FREQUENCY, BANDWIDTH = 40.0, 300.0
 WARM = 7200.0  #: s
-ROBOTS = 2  #: of a report, at most; an order of the effects takes more
-LEARN, JUDGE = 3, 7  #: every so many poses of Table 2 teach, and judge
+ROBOTS = 2  #: at most, in a report; too few to rank the effects
+LEARN, JUDGE = 3, 7  #: strides through Table 2 of calibration poses and of evaluation poses
 
 
 @dataclass(frozen=True)
 class Line:
-    """One case: position rms of each robot over the poses, (robots,), mm; NaN: learnt nothing."""
+    """Position rms of each robot in one case, (robots,), mm; NaN: no calibration."""
 
     case: str
-    usual: Array  #: desired less true, under the joint law on the drawn robot
-    calibrated: Array  #: the same, under the estimated law on the robot that calibrated itself
-    seen_usual: Array  #: both as the vision system sees them
+    usual: Array  #: desired minus true, under the joint law on the nominal robot
+    calibrated: Array  #: the same, under the estimated law on the calibrated robot
+    seen_usual: Array  #: desired minus measured by the vision system, likewise
     seen: Array
-    excluded: int  #: poses that do not count: no rest, or not seen
+    excluded: int  #: poses without a steady state or a measurement
 
     @property
     def gain(self) -> float:
-        """Usual over calibrated, true poses."""
+        """Ratio of usual to calibrated rms, true poses."""
         return float(over_robots(self.usual) / over_robots(self.calibrated))
 
     def interval(self, less: Line | None = None) -> tuple[float, float]:
-        """90 % interval of the calibrated rms, as which robots were drawn leaves it.
+        """90 % bootstrap interval of the calibrated rms, or of its difference to that of `less`.
 
-        Parameters
-        ----------
-        less : Line, optional
-            Instead of how far it is above that line's, on the same robots: an effect whose
-            interval holds zero takes nothing that these robots show.
+        Both are on the same robots. If the interval of the difference contains zero, these robots
+        show no loss by the effect.
         """
         if less is None:
             return interval(over_robots, self.calibrated)
@@ -71,7 +67,7 @@ class Line:
 
 
 def cases() -> dict[str, Effects]:
-    """Name and effects of every case, in their order."""
+    """Return the effects of every case by name, in order."""
     whole = Effects()
     result = {"none": Effects.none(), "all": whole}
     result |= {f"{group} alone": whole.only(group) for group in Effects.groups()}
@@ -79,30 +75,17 @@ def cases() -> dict[str, Effects]:
 
 
 def total_steps(robots: int) -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     return len(cases()) * robots
 
 
 def study(
     robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
 ) -> list[Line]:
-    """Run every case.
+    """Run every case, in the order of :func:`cases`.
 
-    Parameters
-    ----------
-    robot : Robot
-        The H4 as drawn, with θ measured.
-    robots : int
-        True robots to draw from the paper's errors.
-    seed : int
-        The same seed gives the same robots and the same lines.
-    progress : callable
-        Called after each robot of each case.
-
-    Returns
-    -------
-    list of Line
-        In the order of :func:`cases`.
+    `robot` is the nominal H4 with θ measured; `robots` true ones are sampled from the paper's
+    errors with `seed`. `progress` is called after each robot of each case.
     """
     truths = experiment.draw_robots(robot, robots, seed)
     vision = Vision(Setup.facing(robot))
@@ -140,7 +123,7 @@ def _soft(law: Law) -> Controller:
 def _one(
     robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Errors of one robot, (P, 3) each, m: true under usual and calibrated control, then seen."""
+    """Return errors of one robot, (P, 3) each, m: true usual and calibrated, then as measured."""
     table = article.table2()
     rng = np.random.default_rng(number)
     learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
@@ -153,7 +136,7 @@ def _one(
     try:
         believed = calibrate(effects.allowed_for(robot), readings, loss="squares").robot
         calibrated = plant.visit(believed, judge, estimated)
-    except PoseError:  # nothing learnt: every pose is left out and counted
+    except PoseError:  # no calibration: every pose is excluded and counted
         nothing = np.full_like(usual.x, np.nan)
         calibrated = usual._replace(x=nothing, frame=np.full_like(usual.frame, np.nan))
     seen = [coordinates(robot, vision.measure(v.frame, number).frame) for v in (usual, calibrated)]
@@ -164,6 +147,6 @@ def _one(
 
 
 def _rms(error: Array) -> float:
-    """Of the poses that count, mm."""
+    """Return the rms over the finite rows, mm."""
     counted = error[np.isfinite(error).all(axis=1)]
     return float(1e3 * np.sqrt((counted**2).sum(axis=-1).mean())) if len(counted) else float("nan")

@@ -1,4 +1,4 @@
-"""The report: a folder with one self-contained page, its figures and numbers."""
+"""Report of the reproduction: a folder with one self-contained page, figures and numbers."""
 
 from __future__ import annotations
 
@@ -23,28 +23,19 @@ from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
 from truepose.simulation.moves import MOVE_TO
 
-FIGURES = 11  #: drawn for every report; one more with the warm-up
+FIGURES = 11  #: figures of every report; one more with the warm-up
 PAGE = "report.html"
 LEARNT: Control = "self-calibrated"
-#: Endings of the folder's files.
+#: File endings in the folder.
 _ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
 
 
 @contextlib.contextmanager
 def folder(out: Path, force: bool = False) -> Iterator[Path]:
-    """Give a folder to write into whose files reach `out` only when all went well.
+    """Yield a folder to write into; its files move to `out` only if no error occurs.
 
-    Parameters
-    ----------
-    out : Path
-        A folder that is not there, or has no such files.
-    force : bool
-        Replace files in it.
-
-    Raises
-    ------
-    InputError
-        `out` cannot be written, or may not. Raised on entry, before any work is done.
+    `out` does not exist, or has no files with the report's endings, unless `force` replaces them.
+    InputError: `out` cannot be written or has such files; raised on entry, before the work.
     """
     there = os.path.lexists(out)
     base = out if there else next(parent for parent in out.absolute().parents if parent.exists())
@@ -52,7 +43,7 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
         others = [p for p in sorted(out.iterdir()) if p.suffix in _ENDINGS] if there else []
         if others and not force:
             raise InputError(
-                f"--out {out}: has a {others[0].name}; choose another folder, or --force"
+                f"--out {out}: contains {others[0].name}; choose another folder, or --force"
             )
         files.check([files.Output(p, "result", "--out") for p in others], force=True)
         with files.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
@@ -68,7 +59,7 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
 
 
 def _move(work: Path, out: Path) -> None:
-    """Move all files of a folder into another one, or none."""
+    """Move all files of a folder into another one, or none of them."""
     places = {file: out / file.name for file in sorted(work.iterdir())}
     files.check([files.Output(place, "report") for place in places.values()], force=True)
     for file, place in places.items():
@@ -158,7 +149,7 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
 
 
 def describe(section: twin.Section) -> dict[str, float]:
-    """What the twin's vision system and gear are, in millimetres and degrees."""
+    """Return the properties of the twin's vision system and gear, mm and degrees."""
     setup = section.twin.setup
     return {
         "noise": setup.noise,
@@ -171,7 +162,7 @@ def describe(section: twin.Section) -> dict[str, float]:
 
 
 def _save(figure: Figure, path: Path) -> str:
-    """Save as SVG, PNG and CSV; return the SVG as a data URI."""
+    """Save a figure as SVG, PNG and CSV; return the SVG as a data URI."""
     drawn = files.picture(figure, ".svg")
     path.with_suffix(".svg").write_bytes(drawn)
     path.with_suffix(".png").write_bytes(files.picture(figure, ".png"))
@@ -185,7 +176,7 @@ def _csv(path: Path, records: Iterable[dict[str, object]]) -> None:
 
 
 def _logs(section: twin.Section, out: Path) -> None:
-    """Every run as CSV, and as Parquet and MCAP where their packages are installed."""
+    """Write every run as CSV, and as Parquet and MCAP where their packages are installed."""
     packages = {"csv": "csv", "parquet": "pyarrow", "mcap": "mcap"}
     endings = [ending for ending, name in packages.items() if importlib.util.find_spec(name)]
     for plant, runs in section.runs.items():
@@ -195,7 +186,7 @@ def _logs(section: twin.Section, out: Path) -> None:
 
 
 def _raw_numbers(result: Reproduction, out: Path) -> None:
-    """Every statistic of every robot, every pose of the first robot, every sample of the moves."""
+    """Write statistics of every robot, poses of the first robot and samples of the moves."""
     _csv(
         out / "statistics.csv",
         (

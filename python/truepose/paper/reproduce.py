@@ -1,4 +1,4 @@
-"""The paper, run end to end: Figures 11 to 13, Tables 2 and 3."""
+"""Reproduction of the paper: Figures 11 to 13, Tables 2 and 3, and further studies."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot, load
 from truepose.simulation.simulate import Simulation, simulate
 
-FAULTY_MOVES = 30  #: in which readings lie, where statistics are asked for
-CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
+FAULTY_MOVES = 30  #: moves with faulty readings, in a report with statistics
+CHECKED_POSES = 12  #: poses of Table 2 simulated in the dynamics, per law and case
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Everything that the report shows."""
+    """Results shown in the report."""
 
     robot: Robot
     seed: int
     moves: dict[str, Simulation]
     experiment: Experiment
     check: dict[str, dict[Law, Array]]
-    sensing: list[sensor_sets.Line]  #: of one real robot, of many where statistics were asked for
-    warm_up: list[warm_up.WarmUp]  #: empty unless statistics were asked for
-    following: list[following.Line]  #: of one robot on a circle; with statistics of several, fully
-    faults: list[faulty.Line]  #: in one move; with statistics in many
-    section: twin.Section | None  #: the virtual experiment, where it was asked for
+    sensing: list[sensor_sets.Line]  #: of one robot; of many with `full`
+    warm_up: list[warm_up.WarmUp]  #: empty without `full`
+    following: list[following.Line]  #: of one robot on a circle; all paths and several with `full`
+    faults: list[faulty.Line]  #: in one move; in many with `full`
+    section: twin.Section | None  #: the virtual experiment, with `virtual`
 
 
-#: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
+#: Simulated moves: true robot (errors: the first sampled one) and control as text, and the law.
 MOVES: dict[str, tuple[str, Law]] = {
     "figure-11": ("ideal, usual", "joint"),
     "figure-12": ("errors, usual", "joint"),
@@ -45,7 +45,7 @@ MOVES: dict[str, tuple[str, Law]] = {
 
 
 def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
-    """How often `progress` will be called, at most."""
+    """Return how often `progress` will be called, at most."""
     checks = 3 * len(LAWS) * CHECKED_POSES
     studies = sensor_sets.total_steps(_real(robots, full))
     studies += warm_up.total_steps(robots) if full else 0
@@ -61,23 +61,15 @@ def reproduce(
     virtual: bool = False,
     full: bool = False,
 ) -> Reproduction:
-    """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
+    """Simulate the move, compute steady states at 625 poses, check some in the dynamics.
 
-    Then let a real robot calibrate itself with sets of sensors, and follow paths; let readings lie.
+    Then study self-calibration with sensor sets, path following, and sensor faults. True robots are
+    sampled from the paper's errors; `seed` is that of all random numbers.
 
-    Parameters
-    ----------
-    robots : int
-        How many true robots to draw from the paper's errors.
-    seed : int
-        The same seed gives the same numbers.
-    progress : callable
-        Called with what is being done after each step, see :func:`total_steps`.
-    virtual : bool
-        Also carry out the virtual experiment of section 4 on the twin.
-    full : bool
-        Also what takes statistics: sets of sensors over at least `paper.sensor_sets.ROBOTS` real
-        robots, calibrated robots that warm up, more paths and speeds, more moves with faults.
+    `progress` is called with the name of the present task after each step, see :func:`total_steps`.
+    `virtual` adds the virtual experiment of section 4 on the twin. `full` adds statistics: sensor
+    sets over at least `paper.sensor_sets.ROBOTS` robots, calibrated robots that warm up, more paths
+    and speeds, more moves with faults.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
@@ -96,7 +88,7 @@ def reproduce(
         robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
     )
     real = _real(robots, full)
-    sets = sensor_sets.compare(robot, real, seed, lambda: progress("sets of sensors"))
+    sets = sensor_sets.compare(robot, real, seed, lambda: progress("sensor sets"))
     warm = []
     if full:
         warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
@@ -104,16 +96,16 @@ def reproduce(
         robot, _following(robots, full), seed, full, lambda: progress("following paths")
     )
     moved = FAULTY_MOVES if full else 1
-    faults = faulty.study(robot, moved, seed, lambda: progress("readings that lie"))
+    faults = faulty.study(robot, moved, seed, lambda: progress("faulty readings"))
     section = twin.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, lines, faults, section)
 
 
 def _real(robots: int, full: bool) -> int:
-    """How many real robots try each set of sensors."""
+    """Return the number of robots for each sensor set."""
     return max(robots, sensor_sets.ROBOTS) if full else 1
 
 
 def _following(robots: int, full: bool) -> int:
-    """How many real robots follow paths."""
+    """Return the number of robots that follow paths."""
     return min(robots, following.ROBOTS) if full else 1

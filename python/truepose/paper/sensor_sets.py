@@ -15,7 +15,7 @@ from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
 from truepose.threads import each
 
-#: Sensors of the H4's file that go with its motors.
+#: Sensors of the H4's file that are added to its motors.
 SETS: dict[str, tuple[str, ...]] = {
     "θ": ("theta",),
     "θ + z telemeter": ("theta", "z_telemeter"),
@@ -23,14 +23,14 @@ SETS: dict[str, tuple[str, ...]] = {
     "θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
 }
 CONTROLS: tuple[Control, ...] = ("joint", "tej", "weighted", "self-calibrated")
-ROBOTS = 200  #: at least, for each set, where statistics are asked for
-MACHINED = 1e-4  #: m; rods and arms of ordinary machining are within this of the drawing, assumed
-EVERY = 6  #: robots calibrate themselves at all of Table 2's poses and are judged at every so many
+ROBOTS = 200  #: at least, per set, in a report with statistics
+MACHINED = 1e-4  #: m; assumed tolerance of rods and arms by ordinary machining
+EVERY = 6  #: stride through Table 2 of evaluation poses; calibration uses all its poses
 
 
 @dataclass(frozen=True)
 class Line:
-    """Position errors of many robots with one set of sensors, mm."""
+    """Position errors of many robots with one sensor set, mm."""
 
     tolerances: str
     sensors: str
@@ -49,7 +49,7 @@ class Line:
 
     @property
     def gain(self) -> float:
-        """Usual over self-calibrated."""
+        """Ratio of usual to self-calibrated rms."""
         return self.rms["joint"] / self.rms["self-calibrated"]
 
     @property
@@ -59,7 +59,7 @@ class Line:
 
 
 def tolerances(robot: Robot) -> dict[str, Robot]:
-    """Return the robot under the tolerances of its file, and under those of ordinary machining."""
+    """Return the robot with the tolerances of its file, and with those of ordinary machining."""
     within = Tolerance(interval=(-MACHINED, MACHINED))
     file = robot.spec.tolerances
     machined = file | {name: within for name in file if name.endswith((".rod", ".arm"))}
@@ -70,25 +70,17 @@ def tolerances(robot: Robot) -> dict[str, Robot]:
 
 
 def total_steps(robots: int) -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     return 2 * len(SETS) * robots
 
 
 def compare(
     robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
 ) -> list[Line]:
-    """Settle robots drawn from the tolerances under each control, with each set of sensors.
+    """Compute steady states of robots sampled from the tolerances, per control and sensor set.
 
-    Parameters
-    ----------
-    robot : Robot
-        The H4, with the sensors of `SETS` in its file.
-    robots : int
-        True robots to draw for each set, every rod of theirs by itself.
-    seed : int
-        Of the draw, the same robots for every set.
-    progress : callable
-        Called after each robot.
+    `robot` is the H4 with the sensors of `SETS` in its file. Each set has the same `robots` true
+    robots, each rod sampled on its own. `progress` is called after each robot.
     """
     visited = article.table2()
     poses = visited[::EVERY]
@@ -118,9 +110,9 @@ def compare(
 
 
 def promised(robot: Robot, line: Line, seed: int, robots: int = 100) -> float:
-    """Bound of a set of sensors over the rms of usual control, of robots drawn from all tolerances.
+    """Return a sensor set's bound over the rms of joint control with all tolerances.
 
-    Usual control needs no calibration: many robots are cheap.
+    Joint control needs no calibration, so many robots cost little.
     """
     poses = article.table2()[::EVERY]
     usual = []

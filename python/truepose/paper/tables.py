@@ -31,7 +31,7 @@ STATISTIC_NAMES = {
 
 UNITS = "error (mm, °)"
 
-#: Controls that the paper did not run, as people read them.
+#: Labels of controls that the paper did not run.
 FURTHER: dict[Control, str] = {
     "weighted": "weighted",
     "cartesian": "Cartesian",
@@ -45,7 +45,7 @@ READING_NAMES: dict[Reading, str] = {
 
 
 def unit(quantity: str, statistic: str) -> str:
-    """Millimetres and degrees; the sum of squares of θ is deg² (erratum 7)."""
+    """Return mm or °, squared for sums of squares; that of θ is deg² (erratum 7)."""
     name = "°" if quantity == "theta" else "mm"
     return name + "²" if statistic == "sum_sq" else name
 
@@ -55,13 +55,13 @@ def cells() -> Iterator[tuple[tuple[int, int], tuple[str, str], Cell]]:
     for q, quantity in enumerate(article.QUANTITIES):
         for s, statistic in enumerate(article.STATISTICS):
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
-                continue  # a norm is its own absolute value; the paper leaves it blank
+                continue  # a norm is never negative; the paper leaves this entry blank
             label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
             data = {"error": label, "unit": unit(quantity, statistic)}
             yield (q, s), (quantity, statistic), Cell(label, data)
 
 
-FEW = 20  #: robots below which 5 to 95 % of them judge nothing
+FEW = 20  #: least number of robots for a verdict by 5 and 95 %
 
 #: Why a statement of the paper differs from the results here, or cannot be judged.
 REASONS = (
@@ -72,10 +72,10 @@ REASONS = (
 
 
 def verdicts(result: Reproduction) -> Table:
-    """Statements of the paper, printed and found, each with its verdict and its test.
+    """Compare the paper's statements with the results: verdict and test of each.
 
-    Medians over the robots. A ratio or a size holds where the printed one is within 5 to 95 % of
-    the robots', or for the share of θ's average within the law's range over the poses.
+    Values are medians over the robots. A ratio or size holds if the printed one is within 5 to 95 %
+    of the robots'; the share of θ's average holds if within the law's range over the poses.
     """
     ends = {name: experiment.in_print_units(run.error[-1]) for name, run in result.moves.items()}
     position = {name: float(np.linalg.norm(end[:3])) for name, end in ends.items()}
@@ -143,7 +143,7 @@ def verdicts(result: Reproduction) -> Table:
 
 
 def one_robot(result: Reproduction) -> Table:
-    """Table 3 for the first drawn robot."""
+    """Return Table 3 for the first sampled robot."""
     tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
@@ -156,7 +156,7 @@ def one_robot(result: Reproduction) -> Table:
 
 
 def many_robots(result: Reproduction) -> Table:
-    """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
+    """Return Table 3 for all sampled robots: median and 5-95 % of each statistic."""
     tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
@@ -179,7 +179,7 @@ def many_robots(result: Reproduction) -> Table:
 
 
 def gains(result: Reproduction) -> Table:
-    """What each control leaves of usual control's errors: ratios over the robots."""
+    """Return each control's errors divided by joint control's, over the robots."""
     rows = []
     controls: list[Control] = ["tej", *FURTHER]
     for control in controls:
@@ -193,11 +193,11 @@ def gains(result: Reproduction) -> Table:
             name = FURTHER.get(control, control)
             rows.append([f"{label}, {name}", *map(number, cells)])
     header = ["ratio to usual control", "minimum", "5 %", "median", "95 %", "maximum"]
-    return Table("gains", "What is left of usual control's errors, over the robots", header, rows)
+    return Table("gains", "Errors relative to usual control, over the robots", header, rows)
 
 
 def moves(result: Reproduction) -> Table:
-    """Largest and final errors of the simulated moves."""
+    """Return the largest and final errors of the simulated moves."""
     rows = []
     for name, run in result.moves.items():
         error = experiment.in_print_units(run.error)
@@ -210,13 +210,13 @@ def moves(result: Reproduction) -> Table:
 
 
 def sensing(lines: list[Line]) -> Table:
-    """Sets of sensors under each use of their readings, beside the bound."""
+    """Return the accuracy of sensor sets under each control, and the bound."""
     rows = []
     for line in lines:
         *others, own = line.rms.values()
         gain = line.gain
         self_calibrated, gained = fixed(own), Cell(f"{gain:.1f}", gain)
-        if len(line.each["joint"]) > 1:  # which robots were drawn matters
+        if len(line.each["joint"]) > 1:
             (low, high), (least, most) = line.interval, line.gain_interval
             ends = {"self-calibrated": own, "self-calibrated 5 %": low}
             ends["self-calibrated 95 %"] = high
@@ -229,23 +229,23 @@ def sensing(lines: list[Line]) -> Table:
     header = ["position rms (mm)", "usual", "TEJ", "weighted TEJ", "self-calibrated"]
     header += ["bound", "gain"]
     count = len(lines[0].each["joint"])
-    kind = "one robot" if count == 1 else f"{count} robots a line [90 % intervals]"
+    kind = "one robot" if count == 1 else f"{count} robots per row [90 % intervals]"
     learnt = len(article.table2())
     title = f"Position after self-calibration on {learnt} poses: {kind}, full level"
     return Table("sensing", title, header, rows)
 
 
 def warm_up(lines: list[WarmUp]) -> Table:
-    """What a warm-up leaves of a perfect calibration, under each method.
+    """Return the position error of warm robots, perfectly calibrated when cold, per method.
 
-    Last, for the estimates under `online`: rms over their bound, smallest to largest over time.
+    The last column is the rms of the estimates under `online` over their bound, range over time.
     """
     rows = []
     for line in lines:
         over = line.over_bound()
         ends = {f"estimate over its bound, {k}": getattr(over, k)() for k in ("min", "max")}
         scatter = Cell(" to ".join(f"{end:.2f}" for end in ends.values()), ends)
-        warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # no warmer from then on
+        warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # constant from here
         for method, values in line.rms.items():
             rms = np.sqrt((values**2).mean(axis=0))
             half = rms[warmest // 2]
@@ -254,12 +254,12 @@ def warm_up(lines: list[WarmUp]) -> Table:
             cells = [*map(number, (half, rms[warmest], rms[-1]))]
             rows.append([named, *cells, scatter if method == "online" else Cell("", {})])
     header = ["position rms (mm)", "half warm", "warm", "an hour later", "estimate over its bound"]
-    title = f"Perfectly calibrated when cold: {len(lines[0].bound)} robots a set"
+    title = f"Perfectly calibrated when cold: {len(lines[0].bound)} robots per set"
     return Table("warm_up", title, header, rows)
 
 
 def check(result: Reproduction) -> Table:
-    """Largest difference between the end of a simulated move and the exact statics."""
+    """Return the largest difference between final simulated poses and the exact statics."""
     names = {
         "ideal": "unquantized, gravity off",
         "loaded": "unquantized, gravity on",
@@ -270,12 +270,12 @@ def check(result: Reproduction) -> Table:
         for law, difference in laws.items():
             worst = np.abs(difference).max(axis=0)
             rows.append([names[case], law, *(Cell(f"{v:.2g}", float(v)) for v in worst)])
-    header = ["dynamics less statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
+    header = ["dynamics − statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
     return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
 
 
 def following(lines: list[paths.Line]) -> list[Table]:
-    """ISO 9283's path accuracy and repeatability, contouring and tracking error: a table a path."""
+    """Return ISO 9283's path accuracy and repeatability, contouring and tracking, per path."""
     units = {"": ("mm", 1e3), "_angle": ("°", 180 / np.pi)}
     names = {
         "AT": "AT",
@@ -284,7 +284,7 @@ def following(lines: list[paths.Line]) -> list[Table]:
         "RT_angle": "RT θ",
         "contour": "contouring",
     }
-    names |= {"contour_max": "largest", "tracking": "tracking", "tracking_max": "largest of it"}
+    names |= {"contour_max": "largest", "tracking": "tracking", "tracking_max": "largest tracking"}
     header = ["speed, law"]
     for key, name in names.items():
         header.append(f"{name} ({units['_angle' if key.endswith('_angle') else ''][0]})")
@@ -293,7 +293,7 @@ def following(lines: list[paths.Line]) -> list[Table]:
     for path in dict.fromkeys(line.path for line in lines):
         rows = []
         for line in (line for line in lines if line.path == path):
-            known = "calibrated" if line.calibrated else "as drawn"
+            known = "calibrated" if line.calibrated else "nominal"
             speed = f"{100 * line.speed:.0f} % ({line.median('speed'):.2g} m/s)"
             data: dict[str, object] = {"speed": line.speed, "speed_m_s": line.median("speed")}
             data |= {"law": line.law, "robot": known}
@@ -304,13 +304,13 @@ def following(lines: list[paths.Line]) -> list[Table]:
             rows.append([*row, fixed(100 * line.median("saturated"), 1)])
         robots = len(lines[0].each)
         of = f"{robots} robots: medians" if robots > 1 else "one robot"
-        title = f"A {path} followed ten times, of {of}"
+        title = f"A {path} followed ten times, {of}"
         found.append(Table(f"following_{path}", title, header, rows))
     return found
 
 
 def faults(lines: list[lying.Line]) -> Table:
-    """Worst error with a faulty reading, without and with the fault monitor."""
+    """Return the worst errors with a faulty reading, without and with the fault monitor."""
     rows = []
     for line in lines:
         row: list[str] = [line.fault]
@@ -326,14 +326,14 @@ def faults(lines: list[lying.Line]) -> Table:
         runs = f"{line.found} of {line.runs}"
         rows.append([*row, Cell(runs, {"found": line.found, "runs": line.runs})])
     count = len(lines[0].alone[LAWS[0]])
-    header = ["fault", *(f"{law} (mm, °)" for law in LAWS), "watched, median (mm)", "found"]
+    header = ["fault", *(f"{law} (mm, °)" for law in LAWS), "monitored, median (mm)", "detected"]
     where = f"{count} moves" if count > 1 else "one move"
-    title = f"Readings that lie in {where}: worst error, without → with a watch"
+    title = f"Faulty readings in {where}: worst error, without → with the fault monitor"
     return Table("faults", title, header, rows)
 
 
 def _worst(runs: list[lying.Run]) -> str:
-    """The worst of some runs, and in how many the robot left its workspace."""
+    """Return the worst errors of some runs, and in how many the robot left its workspace."""
     angle = max(run.angle for run in runs)
     turned = number(angle, 2) if angle <= 180 else "over 180"
     left = sum(run.left for run in runs)
@@ -341,14 +341,14 @@ def _worst(runs: list[lying.Run]) -> str:
 
 
 def theta_scatter(law: str) -> tuple[float, float]:
-    """Mean and standard deviation of the printed θ errors, from Table 3, degrees."""
+    """Return mean and standard deviation of the printed θ errors, from Table 3, degrees."""
     printed = article.table3()[law]
     mean = printed["theta", "average"]
     return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(article.table2()) - mean**2))
 
 
 def twin_table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated") -> Table:
-    """Table 3 of the paper's two controls beside the printed one; a ! marks what is not reached."""
+    """Return Table 3 of the twin beside the printed one; a ! marks values out of tolerance."""
     (values, target), printed = twin.printed(), article.table3_as_printed()
     found = np.stack([runs[law].table(reading) for law in twin.LAWS])
     rows = []
@@ -366,7 +366,7 @@ def twin_table3(runs: dict[Control, Run], plant: str, reading: Reading = "estima
 
 
 def twin_changes(runs: dict[Control, Run], plant: str) -> Table:
-    """What Table 3's sums of squares change by between its columns, printed and of the twin."""
+    """Return the changes of Table 3's sums of squares from usual to TEJ, printed and twin."""
     printed = article.table3()
     usual, redundant = (runs[law].table() for law in twin.LAWS)
     rows = []
@@ -380,7 +380,7 @@ def twin_changes(runs: dict[Control, Run], plant: str) -> Table:
 
 
 def twin_gains(runs: dict[Control, Run], plant: str) -> Table:
-    """What each control makes of the same twin: desired less measured, and less true."""
+    """Return the twin's errors under each control: desired minus measured, and minus true."""
     rows = []
     for control, ran in runs.items():
         error, table = ran.errors("desired")[ran.counted], ran.table("desired")
@@ -389,21 +389,21 @@ def twin_gains(runs: dict[Control, Run], plant: str) -> Table:
         values = (measured_rms(ran), about, *theta, true_rms(ran))
         left_out = fixed(len(ran.status) - len(error), 0)
         rows.append([TWIN_NAMES[control], *map(fixed, values), left_out])
-    header = ["control", "seen rms (mm)", "about its mean (mm)", "θ mean (°)", "θ rms (°)"]
-    header += ["true rms (mm)", "left out"]
-    title = f"The twin under every control, {plant} plant: desired less measured, and less true"
+    header = ["control", "measured rms (mm)", "about its mean (mm)", "θ mean (°)", "θ rms (°)"]
+    header += ["true rms (mm)", "excluded"]
+    title = f"The twin under every control, {plant} plant: desired − measured and desired − true"
     return Table(f"twin_controls_{plant.lower()}", title, header, rows)
 
 
 def measured_rms(ran: Run) -> float:
-    """Position rms about the desired poses as the vision system sees it, mm."""
+    """Return the rms of the measured position about the desired poses, mm."""
     return float(np.sqrt(ran.table("desired")[4, 2] / ran.counted.sum()))
 
 
 def true_rms(ran: Run) -> float:
-    """Position rms about the desired poses of where the plant truly stood, mm.
+    """Return the rms of the true position about the desired poses, mm.
 
-    Only to judge what the vision system sees: the experiment does not use it.
+    It serves to judge the vision system only; the experiment does not use it.
     """
     true = coordinates(ran.believed, ran.visit.frame)[ran.counted]
     off = experiment.in_print_units(ran.desired[ran.counted] - true)[:, :3]
@@ -411,7 +411,7 @@ def true_rms(ran: Run) -> float:
 
 
 def effects(lines: list[forgotten.Line]) -> Table:
-    """What each effect takes from self-calibration with motors and θ."""
+    """Return self-calibration results with each unmodelled effect, motors and θ."""
     rows = []
     for line in lines:
         usual, calibrated, seen_usual, seen = (
@@ -423,17 +423,17 @@ def effects(lines: list[forgotten.Line]) -> Table:
         calibrated = Cell(f"{calibrated} [{low:.2f}, {high:.2f}]", ends)
         row = [line.case, usual, calibrated, fixed(line.gain, 1), seen_usual, seen]
         rows.append([*row, fixed(line.excluded, 0)])
-    header = ["effects (rms in mm)", "usual, true", "calibrated, true", "gain", "usual, seen"]
-    header += ["calibrated, seen", "left out"]
+    header = ["effects (rms in mm)", "usual, true", "calibrated, true", "gain", "usual, measured"]
+    header += ["calibrated, measured", "excluded"]
     title = (
         "Self-calibration with effects that the model omits: position rms (mm)"
-        f" of {len(lines[0].usual)} robots [5, 95 % by which were drawn]"
+        f" of {len(lines[0].usual)} robots [5 and 95 % of a bootstrap over them]"
     )
     return Table("forgotten", title, header, rows)
 
 
 def twin_tables(section: twin.Section) -> list[Table]:
-    """Everything that the section shows, in its order."""
+    """Return the section's tables in order."""
     of_plants = [
         table
         for plant, runs in section.runs.items()

@@ -1,6 +1,6 @@
 """The shipped twin of the paper's robot, and its experiment under every control on every plant.
 
-tools/twin_search.py found it; printed numbers do not determine a robot.
+tools/twin_search.py searched for it; the printed numbers do not determine a unique robot.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from truepose.simulation.plants.exact import ExactPlant
 from truepose.simulation.simulate import Simulation
 
 NAME = "h4-lirmm-twin"
-#: The paper's columns and the control of each.
+#: Control of each column of the paper.
 LAWS: tuple[Control, ...] = ("joint", "tej")
 COLUMNS = ("usual", "redundant")
-#: A twin is to be within this share of each printed value, or this much (mm, degrees).
+#: Tolerance of a twin: this share of each printed value, or this much (mm, degrees).
 SHARE, MILLIMETRES, DEGREES = 0.25, 0.5, 0.15
 
 
@@ -44,10 +44,10 @@ class Twin:
     truth: Robot
     setup: Setup
     effects: Effects
-    seed: int  #: of the vision system and its noise
+    seed: int  #: seed of the vision system and its noise
 
     def plant(self) -> ExactPlant:
-        """Return the robot in exact statics, every rod by itself."""
+        """Return the robot in exact statics, each rod on its own."""
         return ExactPlant(self.truth, self.effects, level="full", seed=self.seed)
 
     def run(
@@ -56,7 +56,7 @@ class Twin:
         controls: tuple[Control, ...] = LAWS,
         progress: Callable[[], None] = lambda: None,
     ) -> dict[Control, Run]:
-        """Carry out the experiment on it; `robot` is the nominal one."""
+        """Carry out the experiment on the twin; `robot` is the nominal one."""
         vision = Vision(self.setup, self.seed)
         return virtual_experiment.run(
             self.plant(), robot, vision, None, controls, self.seed, progress
@@ -64,16 +64,16 @@ class Twin:
 
 
 def set_up_again(robot: Robot, of: Twin, seeds: Iterable[int]) -> Array:
-    """Tables of one twin whose experiment is done again and again, (runs, 2, 5, 4).
+    """Return Table 3 of a twin whose experiment is repeated, (runs, 2, 5, 4).
 
-    The robot stays; the vision system is built, calibrated and read anew for each seed.
+    Each seed gives a newly built, calibrated and noisy vision system; the robot stays the same.
     """
     again = [replace(of, seed=seed).run(robot) for seed in seeds]
     return np.array([[runs[law].table() for law in LAWS] for runs in again])
 
 
 def printed() -> tuple[Array, Array]:
-    """Table 3 as printed, (2, 5, 4), NaN where blank; and how close a twin is to be."""
+    """Return the printed Table 3, (2, 5, 4), NaN where blank, and the tolerance of a twin."""
     paper, values = article.table3(), np.full((2, 5, 4), np.nan)
     for k, law in enumerate(COLUMNS):
         for (quantity, statistic), value in paper[law].items():
@@ -86,7 +86,7 @@ def printed() -> tuple[Array, Array]:
 
 
 def shipped() -> Twin:
-    """Load the twin that is shipped: robots/h4-lirmm-twin."""
+    """Load the shipped twin, robots/h4-lirmm-twin."""
     known = robotfile.loadable()
     if NAME not in known:
         raise RobotFileError(f"{NAME}: not among the shipped robots: {', '.join(known)}")
@@ -109,21 +109,21 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-MUJOCO = "MuJoCo is not installed: pip install 'truepose[mujoco]'; the exact plant stands alone"
+MUJOCO = "MuJoCo is not installed: pip install 'truepose[mujoco]'; only the exact plant was used"
 
 
 @dataclass(frozen=True)
 class Section:
-    """The experiment of section 4 on the twin, on each plant that is there."""
+    """The experiment of section 4 on the twin, on each available plant."""
 
     twin: Twin
     runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
-    notes: list[str]  #: what is missing, one line each
-    forgotten: list[Line] = field(default_factory=list)  #: what effects take from calibration
-    loops: dict[str, Simulation] = field(default_factory=dict)  #: moves with all effects, by PD
+    notes: list[str]  #: missing packages, one line each
+    forgotten: list[Line] = field(default_factory=list)  #: effects on calibration
+    loops: dict[str, Simulation] = field(default_factory=dict)  #: moves with all effects
 
 
-#: Which controls the twin stands under, on each plant: a simulated one takes a minute a control.
+#: Controls of the twin on each plant; a simulated plant takes a minute per control.
 PLANTS: dict[str, tuple[Control, ...]] = {
     "exact": tuple(CONTROLS),
     "MuJoCo": ("joint", "tej", "self-calibrated"),
@@ -131,7 +131,7 @@ PLANTS: dict[str, tuple[Control, ...]] = {
 
 
 def plants(of: Twin, names: Iterable[str]) -> tuple[dict[str, Plant], list[str]]:
-    """Return the plants that a twin can be, by name, and why others are not there."""
+    """Return the twin's plants by name, and the reasons why others are missing."""
     found: dict[str, Plant] = {}
     for name in names:
         if name == "exact":
@@ -143,13 +143,13 @@ def plants(of: Twin, names: Iterable[str]) -> tuple[dict[str, Plant], list[str]]
             found[name] = MujocoPlant(of.truth, of.effects, seed=of.seed)
         except ImportError:
             return found, [MUJOCO]
-        except TrueposeError as error:  # what the plant itself says of a missing package
+        except TrueposeError as error:
             return found, [str(error)]
     return found, []
 
 
 def total_steps(robots: int) -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     there = [name for name in PLANTS if name == "exact" or importlib.util.find_spec("mujoco")]
     steps = sum(virtual_experiment.total_steps(PLANTS[name]) for name in there)
     return steps + forgotten.total_steps(min(robots, forgotten.ROBOTS))
@@ -161,19 +161,11 @@ def run(
     seed: int = 0,
     on: Iterable[str] | None = None,
 ) -> Section:
-    """Carry out the experiment on the twin that is shipped, under every control.
+    """Carry out the experiment on the shipped twin under every control.
 
-    Parameters
-    ----------
-    progress : callable
-        Called with what is being done after each step, see :func:`total_steps`.
-    robots : int
-        How many robots show what each effect takes from self-calibration
-        (:func:`truepose.paper.forgotten.study`), `forgotten.ROBOTS` at most; 0 leaves that out.
-    seed : int
-        Of those robots.
-    on : iterable of str, optional
-        Some of `PLANTS`; all that are installed by default.
+    `progress` is called with the name of the present task after each step, see :func:`total_steps`.
+    :func:`truepose.paper.forgotten.study` has `robots` robots of this `seed`, at most
+    `forgotten.ROBOTS`; 0 skips it. `on` is some of `PLANTS`, default all installed.
 
     Examples
     --------

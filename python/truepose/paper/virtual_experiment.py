@@ -1,8 +1,8 @@
 """The paper's section 4 with a simulated robot and vision system.
 
-Drive to each pose of Table 2, let the robot settle, compare the pose estimated from its encoders
-with the measured one, and sum up as Table 3 does. The plant's true pose is never read: the vision
-system looks at it, everything else comes from what the vision system and the encoders say.
+The robot settles at each pose of Table 2. The pose estimated from its encoders is compared with the
+one that the vision system measures, and the errors are summed up as in Table 3. Only the vision
+system has access to the plant's true pose.
 """
 
 from __future__ import annotations
@@ -26,46 +26,46 @@ from truepose.robot.laws import require_sensors
 from truepose.robot.robot import Robot
 from truepose.simulation.plants import Plant, Visit
 
-#: What "error" means. The paper compares the pose estimated from the encoders with the measured
-#: one, "estimated"; how far the robot is from where it was sent is "desired".
+#: Definition of "error": estimated from the encoders − measured, as in the paper, or
+#: desired − measured, the controller's error.
 Reading = Literal["estimated", "desired"]
 READINGS: tuple[Reading, ...] = get_args(Reading)
 
 
 @dataclass(frozen=True)
 class Run:
-    """One control at all poses. Coordinates in m and rad."""
+    """Results of one control at all poses. Coordinates in m and rad."""
 
     control: Control
-    believed: Robot  #: what the controller believes
+    believed: Robot  #: the controller's model
     desired: Array  #: (P, 4)
     q_e: Array  #: (P, 4 + r) readings at rest
     estimated: Array  #: (P, 4) from the readings: FKM, redundant FKM or estimate
     measured: Array  #: (P, 4) by the vision system
-    covariance: Array  #: (P, 6, 6) that it claims, see :class:`truepose.paper.vision.Seen`
-    status: Array  #: (P,) str: "ok", or why the pose does not count
-    visit: Visit  #: what the plant did; nothing here looks at its true pose
+    covariance: Array  #: (P, 6, 6) of `measured`, see :class:`truepose.paper.vision.Seen`
+    status: Array  #: (P,) str: "ok", or the reason for excluding the pose
+    visit: Visit  #: results of the plant; its true pose is not used here
 
     @property
     def counted(self) -> Array:
-        """Which poses count, (P,) bool."""
+        """Poses that count, (P,) bool."""
         return self.status == "ok"
 
     @property
     def excluded(self) -> dict[str, int]:
-        """How many poses do not count, by reason."""
+        """Number of excluded poses by reason."""
         reasons, counts = np.unique(self.status[~self.counted], return_counts=True)
         return {str(reason): int(count) for reason, count in zip(reasons, counts, strict=True)}
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Describe what a log of the run holds, see :func:`truepose.logs.writing.columns`."""
+        """Describe the columns of a log of the run, see :func:`truepose.logs.writing.columns`."""
         robot = self.believed
         result = numbered(self.q_e) + readings(robot, self.q_e)
-        result += pose(robot, "desired", "asked of the controller", self.desired)
+        result += pose(robot, "desired", "commanded to the controller", self.desired)
         result += pose(robot, "measured", "by the vision system", self.measured)
         sigma = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)[:, [0, 1, 2, 5]])
         result += [
-            Column(c.topic, f"{c.name}_sigma", c.unit, f"σ of {c.what}, as it claims", values)
+            Column(c.topic, f"{c.name}_sigma", c.unit, f"σ of {c.what}, as measured", values)
             for c, values in zip(result[-robot.n :], sigma.T, strict=True)
         ]
         result += pose(robot, "estimated", "from the readings", self.estimated)
@@ -73,7 +73,7 @@ class Run:
         return [*result, Column("counted", "counted", "1", what, self.counted.astype(float))]
 
     def errors(self, reading: Reading = "estimated") -> Array:
-        """Estimated (or desired) less measured, mm and degrees, (P, 4); NaN where not counted."""
+        """Return estimated (or desired) − measured, mm and degrees, (P, 4); NaN if excluded."""
         if reading not in READINGS:
             raise InputError(choose("reading", reading, READINGS))
         error = (self.estimated if reading == "estimated" else self.desired) - self.measured
@@ -82,7 +82,7 @@ class Run:
         return experiment.in_print_units(error)
 
     def table(self, reading: Reading = "estimated") -> Array:
-        """Table 3 over the poses that count, (5, 4)."""
+        """Return Table 3 over the poses that count, (5, 4)."""
         if not self.counted.any():
             reason = next(iter(self.excluded))
             raise InputError(f"{self.control}: no pose counts: {reason}")
@@ -100,23 +100,11 @@ def run(
 ) -> dict[Control, Run]:
     """Carry out the experiment under some controls.
 
-    Parameters
-    ----------
-    plant : Plant
-        The robot that is there.
-    robot : Robot
-        The nominal one, of schoenflies mobility with θ measured.
-    vision : Vision
-        How poses are measured.
-    poses : ndarray, shape (P, 4), optional
-        Table 2's 625 poses by default.
-    controls : iterable of str
-        Some of :data:`truepose.paper.experiment.CONTROLS`. "self-calibrated" first visits the poses
-        under usual control and learns from these readings.
-    seed : int
-        Of the vision system's noise, and of how far the calibration's poses lie beside Table 2's.
-    progress : callable
-        Called after each pose that was visited, see :func:`total_steps`.
+    `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
+    `poses` (P, 4) are desired, default Table 2's 625. `controls` are some of
+    :data:`truepose.paper.experiment.CONTROLS`; "self-calibrated" first visits the poses under joint
+    control and calibrates on these readings. `seed` is that of the vision system's noise and of the
+    calibration poses' offsets. `progress` is called after each pose, see :func:`total_steps`.
 
     Examples
     --------
@@ -133,7 +121,7 @@ def run(
     True
     """
     if robot.spec.mobility != "schoenflies":
-        raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
+        raise InputError(f"{robot.name}: mobility must be schoenflies (x, y, z and θ)")
     require_sensors(robot, "tej")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}
@@ -157,9 +145,9 @@ def learnt(
     seed: int = 0,
     progress: Callable[[], None] = lambda: None,
 ) -> Robot:
-    """Return the robot as its own readings show it, usual control sent to these poses.
+    """Return the robot calibrated from its own readings at these poses under joint control.
 
-    A little beside them, as in :func:`truepose.paper.experiment.self_calibrated`.
+    The poses are offset as in :func:`truepose.paper.experiment.self_calibrated`.
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, poses.shape)
     visit = plant.visit(robot, poses + beside, article.control("joint"), progress)
@@ -169,7 +157,7 @@ def learnt(
 def observe(
     control: Control, believed: Robot, poses: Array, visit: Visit, vision: Vision, seed: int
 ) -> Run:
-    """Measure where the plant stands, and estimate it from its readings."""
+    """Measure the plant's poses, and estimate them from its readings."""
     seen: Seen = vision.measure(visit.frame, seed)
     measured = coordinates(believed, seen.frame)
     estimated = estimate(control, believed, poses, visit.q_e)
@@ -190,7 +178,7 @@ def observe(
 
 
 def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Array:
-    """Pose that the encoders show, as each control's own model has it; NaN where none fits."""
+    """Return the pose estimated from readings by each control's own model; NaN if none fits."""
     if control == "joint":
         return believed.fkm(q_e[:, : believed.n], guess=poses, errors="nan")
     if control in ("tej", "cartesian"):
@@ -199,5 +187,5 @@ def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Arr
 
 
 def total_steps(controls: Iterable[Control], poses: int = 625) -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     return sum(poses * (2 if control == "self-calibrated" else 1) for control in controls)

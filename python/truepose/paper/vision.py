@@ -1,12 +1,12 @@
 """The paper's vision system: three line cameras, four LEDs, and their covariance.
 
-A line camera (a linear CCD behind a cylindrical lens) at c, looking along n, its line along a,
-sees of an LED at p one coordinate, in pixels:
+A line camera (a linear CCD behind a cylindrical lens) at c, with optical axis n and line direction
+a, measures one coordinate of an LED at p, in pixels:
 
     u = f a·(p − c) / n·(p − c) + u0
 
-so each reading is a plane through the LED. The LEDs light one after the other: which is which is
-known. The cameras are calibrated on an artefact, never on the robot's own poses.
+Each reading is thus a plane through the LED. The LEDs light one after the other, so their identity
+is known. The cameras are calibrated on an artefact, never on the robot's own poses.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from truepose.robot.robot import Robot
 
 CAMERAS = 3
 _ITERATIONS = 30
-#: Of a camera: rotation vector, shifts along line and axis (one along the third direction is not
-#: seen), logarithm of the focal length, centre of the line.
+#: Of each camera: rotation vector, shifts along line and axis (a shift along the third direction is
+#: unobservable), logarithm of the focal length, centre of the line.
 _PARAMETERS = 7
 
 
 def frame_of(rotation: Array, position: Array) -> Array:
-    """Homogeneous matrices (..., 4, 4)."""
+    """Return homogeneous matrices (..., 4, 4)."""
     frame = np.zeros((*np.shape(position)[:-1], 4, 4))
     frame[..., :3, :3], frame[..., :3, 3], frame[..., 3, 3] = rotation, position, 1
     return frame
@@ -40,10 +40,10 @@ def frame_of(rotation: Array, position: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """How the vision system stands, and how good its parts are. All values are assumed.
+    """Dimensions and tolerances of the vision system. All values are assumed.
 
-    The paper names three linear CCD cameras and four LEDs, no more. These values give a pose
-    noise of about 0.05 mm and 0.035° (1σ).
+    The paper names three linear CCD cameras and four LEDs only. These values give a pose noise of
+    about 0.05 mm and 0.035° (1σ).
 
     Examples
     --------
@@ -52,16 +52,16 @@ class Setup:
     2048
     """
 
-    centre: tuple[float, float, float] = (0.0, 0.0, -0.4)  #: which the cameras look at, m
-    distance: float = 1.5  #: of each camera from there, m
-    #: Of the line of sight, from the horizontal, upwards, rad. 54.7°: the planes that three cameras
-    #: see are then orthogonal.
+    centre: tuple[float, float, float] = (0.0, 0.0, -0.4)  #: point that the cameras face, m
+    distance: float = 1.5  #: of each camera from `centre`, m
+    #: Angle of the line of sight above the horizontal, rad. At 54.7° the planes measured by three
+    #: cameras are orthogonal.
     elevation: float = math.atan(math.sqrt(2))
     focal_length: float = 0.06  #: m
     pixel: float = 14e-6  #: m
     pixels: int = 2048  #: of each line: a view of 27°, 0.7 m wide at the centre
     across: float = math.radians(30)  #: view of the cylindrical lens across the line, rad
-    noise: float = 0.3  #: σ of u in pixels, that of the nearest pixel; 0.1 mm at an LED
+    noise: float = 0.3  #: σ of u in pixels, as of rounding to pixels; 0.1 mm at an LED
     leds: tuple[tuple[float, float, float], ...] = (
         (0.08, 0.0, -0.03),
         (0.0, 0.08, -0.03),
@@ -69,15 +69,15 @@ class Setup:
         (0.0, -0.08, -0.03),
     )  #: in the nacelle's frame, m
     led_tolerance: float = 2e-5  #: σ of each coordinate of an LED, m
-    artefact: float = 0.3  #: edge of the cube of points that the cameras are calibrated with, m
+    artefact: float = 0.3  #: edge of the cube of calibration points, m
     artefact_points: int = 5  #: along each edge
     artefact_tolerance: float = 2e-5  #: σ of each coordinate of a point, m
-    placing: float = 5e-3  #: σ of where a camera stands before its calibration, m
-    aiming: float = math.radians(0.5)  #: σ of each component of where it looks, rad
-    lens: float = 0.01  #: σ of its focal length, of itself
+    placing: float = 5e-3  #: σ of a camera's position before its calibration, m
+    aiming: float = math.radians(0.5)  #: σ of each component of its orientation, rad
+    lens: float = 0.01  #: σ of its focal length, relative
     centring: float = 10.0  #: σ of the centre of its line, pixels
-    #: Error of the vision frame's registration to the robot's base: rotation vector (rad), then
-    #: shift (m), of a point of the base as the vision system sees it. Nothing here corrects it.
+    #: Registration error of the vision frame: rotation vector (rad), then shift (m) of a point of
+    #: the base as measured by the vision system. It is not corrected here.
     registration: tuple[float, ...] = field(default=(0.0,) * 6)
 
     def __post_init__(self) -> None:
@@ -95,7 +95,7 @@ class Setup:
         if np.shape(self.leds)[1:] != (3,) or len(self.leds) < 3:
             raise InputError(f"leds: shape {np.shape(self.leds)}, must be (3 or more, 3)")
         if np.linalg.matrix_rank(np.array(self.leds) - np.mean(self.leds, axis=0), 1e-6) < 2:
-            raise InputError("leds: lie on one line: no pose can be seen")
+            raise InputError("leds: all on one line; the pose cannot be measured")
         if len(self.registration) != 6:
             raise InputError(f"registration: {len(self.registration)} values, must be 6")
         if self.artefact_points < 2:
@@ -103,7 +103,7 @@ class Setup:
 
     @classmethod
     def facing(cls, robot: Robot, **changes: Any) -> Setup:
-        """Cameras that look at a robot's home."""
+        """Return a setup whose cameras face a robot's home pose."""
         home = np.zeros(3)
         for k, (name, _) in enumerate(robot.coordinates):
             if name in "xyz":
@@ -112,7 +112,7 @@ class Setup:
 
 
 class Cameras(NamedTuple):
-    """Line cameras, K of them: what they are, or what they are believed to be."""
+    """Parameters of K line cameras, true or estimated."""
 
     position: Array  #: (K, 3) m
     axis: Array  #: (K, 3) unit
@@ -125,12 +125,12 @@ class Cameras(NamedTuple):
         return y, (y * self.line).sum(-1), (y * self.axis).sum(-1)
 
     def project(self, points: Array) -> Array:
-        """Pixel coordinates (..., K) of points (..., 3), in view or not."""
+        """Return pixel coordinates (..., K) of points (..., 3), in view or not."""
         _, s, w = self._along(points)
         return self.focal * s / w + self.centre
 
     def sees(self, points: Array, setup: Setup) -> Array:
-        """Which camera sees which point, (..., K)."""
+        """Return which camera sees which point, (..., K)."""
         y, s, w = self._along(points)
         b = np.cross(self.axis, self.line)
         u = self.focal * s / np.where(w > 0, w, np.inf) + self.centre
@@ -138,13 +138,13 @@ class Cameras(NamedTuple):
         return (w > 0) & inside & (np.abs((y * b).sum(-1)) <= math.tan(setup.across / 2) * w)
 
     def by_point(self, points: Array) -> Array:
-        """∂u/∂p, (..., K, 3)."""
+        """Return ∂u/∂p, (..., K, 3)."""
         _, s, w = self._along(points)
         slope = self.line - (s / w)[..., None] * self.axis
         return (self.focal / w)[..., None] * slope
 
     def by_parameter(self, points: Array) -> Array:
-        """∂u/∂(each camera's own parameters), (..., K, 7)."""
+        """Return ∂u/∂(parameters of each camera), (..., K, 7)."""
         y, s, w = self._along(points)
         t = (s / w)[..., None]
         turned = np.cross(self.line, y) - t * np.cross(self.axis, y)
@@ -154,7 +154,7 @@ class Cameras(NamedTuple):
         return np.concatenate([scale * turned, scale * shifted, longer, np.ones_like(t)], axis=-1)
 
     def moved(self, change: Array) -> Cameras:
-        """Cameras whose parameters have changed by this much, (K, 7)."""
+        """Return cameras whose parameters changed by `change`, (K, 7)."""
         R = rotation(change[:, :3])
         position = self.position + change[:, 3:4] * self.line + change[:, 4:5] * self.axis
         axis = (R @ self.axis[..., None])[..., 0]
@@ -164,32 +164,32 @@ class Cameras(NamedTuple):
 
 
 class CameraCalibration(NamedTuple):
-    """What the artefact has taught."""
+    """Result of the calibration on the artefact."""
 
-    cameras: Cameras  #: as now believed
+    cameras: Cameras  #: estimated
     covariance: Array  #: (7 K, 7 K)
     residuals: Array  #: (seen points,) of u, pixels
-    freedoms: float  #: of their sum of squares over noise²
-    points: Array  #: (P, 3) of the artefact, as now believed, m
+    freedoms: float  #: degrees of freedom of their sum of squares over noise²
+    points: Array  #: (P, 3) of the artefact, estimated, m
 
 
 class Seen(NamedTuple):
-    """Poses as the vision system sees them, base frame."""
+    """Measured poses, base frame."""
 
-    frame: Array  #: (N, 4, 4) of the nacelle; NaN where it is not seen
+    frame: Array  #: (N, 4, 4) of the nacelle; NaN if not measured
     covariance: Array  #: (N, 6, 6) of [shift; rotation vector]: noise, cameras, LEDs
-    status: Array  #: (N,) str: "ok", or why not
+    status: Array  #: (N,) str: "ok", or the reason for NaN
 
 
 class Vision:
-    """A vision system: its cameras stand, are calibrated on the artefact, and then measure.
+    """A vision system of sampled cameras, calibrated on the artefact on first use.
 
     Parameters
     ----------
     setup : Setup
-        How it stands.
+        Nominal dimensions and tolerances.
     seed : int
-        Of its true parts, and of the artefact's readings.
+        Seed of the true parts, and of the artefact's readings.
 
     Examples
     --------
@@ -216,7 +216,7 @@ class Vision:
 
     @cached_property
     def calibration(self) -> CameraCalibration:
-        """Cameras from the artefact: maximum a posteriori, its points being unknowns too."""
+        """Maximum a posteriori estimate of cameras and artefact points."""
         setup, rng = self.setup, np.random.default_rng(self._calibration_seed)
         edge = np.linspace(-0.5, 0.5, setup.artefact_points) * setup.artefact
         grid = np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), -1).reshape(-1, 3)
@@ -232,18 +232,9 @@ class Vision:
         return _calibrate(self.drawn, self._prior, nominal, u, seen, setup)
 
     def measure(self, frame: ArrayLike, seed: int = 0) -> Seen:
-        """Measure nacelle poses.
+        """Measure true nacelle poses in the base frame, (N, 4, 4), m; NaN for missing ones.
 
-        Parameters
-        ----------
-        frame : array_like, shape (N, 4, 4)
-            True poses of the nacelle in the base frame, m; NaN where there is none.
-        seed : int
-            Of the pixels' noise.
-
-        Returns
-        -------
-        Seen
+        `seed` is that of the pixels' noise.
         """
         setup, frame = self.setup, np.asarray(frame, dtype=float)
         if frame.ndim != 3 or frame.shape[1:] != (4, 4):
@@ -259,18 +250,12 @@ class Vision:
         return self.locate(u + setup.noise * noise, visible & there[:, None, None], there)
 
     def locate(self, u: Array, visible: Array, there: Array | None = None) -> Seen:
-        """Find poses by least squares on SE(3) from what the cameras read.
+        """Compute poses by least squares on SE(3) from the cameras' readings.
 
-        Starts from the linear triangulation of the LEDs that all cameras see, at least three.
+        Iterations start from the linear triangulation of at least three LEDs seen by all cameras.
 
-        Parameters
-        ----------
-        u : ndarray, shape (N, LEDs, K)
-            Pixels.
-        visible : ndarray of bool, shape (N, LEDs, K)
-            Which LED is in view of which camera.
-        there : ndarray of bool, shape (N,), optional
-            False where there was nothing to see.
+        `u` (N, LEDs, K) are pixels, `visible` (N, LEDs, K) tells which LED each camera sees,
+        `there` (N,) is False for missing poses.
         """
         setup, cameras = self.setup, self.calibration.cameras
         body, whole = np.array(setup.leds), np.asarray(visible.all(axis=2))
@@ -309,11 +294,11 @@ class Vision:
         good = at[converged]
         frame[good] = frame_of(R, t)[converged]
         covariance[good] = self._covariance(R, points, J, normal, weight)[converged]
-        status[at] = np.where(converged, "ok", "no pose fits what the cameras see")
+        status[at] = np.where(converged, "ok", "no pose fits the cameras' readings")
         return Seen(frame, covariance, status.astype(str))
 
     def _covariance(self, R: Array, points: Array, J: Array, normal: Array, weight: Array) -> Array:
-        """Noise of the pixels, and what calibration and LEDs leave open, alike in all poses."""
+        """Return the covariance by pixels, and by calibration and LEDs, common to all poses."""
         cameras, setup = self.calibration.cameras, self.setup
         inverse = np.linalg.inv(normal)
         gain = np.einsum("nij,nlkj,nlk->nilk", inverse, J, weight)
@@ -329,7 +314,7 @@ class Vision:
 
 
 def _drawn(setup: Setup) -> Cameras:
-    """Cameras as they were to be set up: around the centre, evenly, looking up at it."""
+    """Return the nominal cameras: evenly around the centre, looking up at it."""
     azimuth = 2 * np.pi * np.arange(CAMERAS) / CAMERAS
     c, s = math.cos(setup.elevation), math.sin(setup.elevation)
     radial = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(CAMERAS)], axis=1)
@@ -346,8 +331,8 @@ def _calibrate(
 ) -> CameraCalibration:
     """Bundle adjustment by Gauss-Newton: cameras and the artefact's points, each with its prior.
 
-    Unknowns in units of their priors' σ, readings in units of the noise. A point meets no other:
-    the points' blocks are eliminated one by one, what is left is the cameras'.
+    Unknowns are in units of their priors' σ, readings in units of the noise. Cameras alone couple
+    the points, so the points' blocks are eliminated one by one.
     """
     change, points, start = np.zeros((CAMERAS, _PARAMETERS)), nominal.copy(), cameras
     sigma = np.tile(prior, CAMERAS)
@@ -376,7 +361,7 @@ def _calibrate(
         if max(np.abs(step).max(), np.abs(moved).max()) < 1e-8:
             break
     inverse = np.linalg.inv(shared)
-    # Freedoms: readings less the trace of each unknown's information, 1 - posterior/prior.
+    # Degrees of freedom: readings − the trace of each unknown's information, 1 - posterior/prior.
     back = np.einsum("pyx,pcx->pyc", inner, across)
     left = np.einsum("pxx->", inner) + np.einsum("pyc,cd,pyd->", back, inverse, back, optimize=True)
     unknown = len(sigma) + 3 * len(points)
@@ -386,7 +371,7 @@ def _calibrate(
 
 
 def _triangulated(cameras: Cameras, u: Array) -> Array:
-    """Points (..., 3) from what all cameras read (..., K): their planes meet, linearly."""
+    """Return points (..., 3), linear intersections of the planes of all readings (..., K)."""
     rows = cameras.focal[:, None] * cameras.line + (cameras.centre - u)[..., None] * cameras.axis
     right = (rows * cameras.position).sum(-1)
     scale = 1 / cameras.focal[:, None]
@@ -396,7 +381,7 @@ def _triangulated(cameras: Cameras, u: Array) -> Array:
 
 
 def _fitted(body: Array, points: Array, weight: Array) -> tuple[Array, Array]:
-    """Rotation and position that lay the body's points over these: Kabsch, weight 0 or 1."""
+    """Return rotation and position of the body fitted to the points: Kabsch, weights 0 or 1."""
     share = (weight / weight.sum(axis=1, keepdims=True))[..., None]
     points = np.where(weight[..., None] > 0, points, 0.0)
     middle, centre = (share * body).sum(axis=1), (share * points).sum(axis=1)

@@ -23,44 +23,44 @@ from truepose.threads import each
 
 Method = Literal["frozen", "tej", "weighted", "online"]
 
-#: Law of each method. All know the robot as it was cold. `weighted` also knows how far it may grow;
-#: `online` learns from every pose at which it rests, knowing how fast it may grow.
+#: Law of each method. All use the cold geometry. `weighted` also has priors of the thermal growth;
+#: `online` calibrates at every steady-state pose, with the rate of growth as process noise.
 METHODS: dict[Method, Law] = {
     "frozen": "joint",
     "tej": "tej",
     "weighted": "weighted",
     "online": "estimated",
 }
-#: As people read them.
+#: Labels of the methods.
 NAMES: dict[Method, str] = {
     "frozen": "frozen calibration",
-    "tej": "and the paper's TEJ",
-    "weighted": "and the weighted TEJ",
+    "tej": "with the paper's TEJ",
+    "weighted": "with the weighted TEJ",
     "online": "online self-calibration",
 }
 SETS = {"θ": ("theta",), "θ + z telemeter": ("theta", "z_telemeter")}
-ROBOTS = 6  #: at most, for each set of sensors
+ROBOTS = 6  #: at most, per sensor set
 STEPS, POSES = 36, 50  #: over one and a half warm-ups; poses of Table 2 visited in each step
-PERFECT = 1e-3  #: of its tolerance: σ of every parameter after the cold calibration
+PERFECT = 1e-3  #: σ of each parameter after the cold calibration over its tolerance's
 
 
 @dataclass(frozen=True)
 class WarmUp:
-    """Position errors at rest over time, with one set of sensors."""
+    """Steady-state position errors over time, with one sensor set."""
 
     sensors: str
     hours: Array  #: (T,)
     rms: dict[Method, Array]  #: (robots, T) over the poses visited in each step, mm
-    estimated: Array  #: (robots, T) of x̂ less x, from counted readings, as `online` knows by then
-    bound: Array  #: (robots, T) of that, by the covariance of `online`
+    estimated: Array  #: (robots, T) of x̂ − x under `online`, from quantized readings, mm
+    bound: Array  #: (robots, T) bound of `estimated`, by the covariance of `online`, mm
 
     def over_bound(self) -> Array:
-        """RMS of all robots' estimates under `online` over the bound's, at each time, (T,)."""
+        """Return the rms over the robots of `estimated` divided by that of `bound`, (T,)."""
         return np.sqrt((self.estimated**2).mean(axis=0) / (self.bound**2).mean(axis=0))
 
 
 def total_steps(robots: int) -> int:
-    """How often `progress` will be called."""
+    """Return how often `progress` will be called."""
     return len(SETS) * min(robots, ROBOTS)
 
 
@@ -71,23 +71,14 @@ def study(
     effects: Effects | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> list[WarmUp]:
-    """Warm robots up that were perfectly calibrated when cold, and see where each method rests.
+    """Warm up robots that were perfectly calibrated when cold; compare the methods' errors.
 
-    Exact statics; only the thermal effect, its three temperatures rising together and linearly,
-    then standing still for half as long.
+    Exact statics with the thermal effect only. Its three temperatures rise together and linearly,
+    then stay constant for half as long.
 
-    Parameters
-    ----------
-    robot : Robot
-        The H4, with the sensors of `SETS` in its file.
-    robots : int
-        True robots to draw from the tolerances for each set, at most `ROBOTS` of them.
-    seed : int
-        The same seed gives the same robots and poses.
-    effects : Effects, optional
-        How far and how fast; the defaults' 20 K in 2 h.
-    progress : callable
-        Called after each robot.
+    `robot` is the H4 with the sensors of `SETS` in its file; at most `ROBOTS` of `robots` true ones
+    per set are sampled from its tolerances. `effects` have size and rate of the warm-up, default
+    20 K in 2 h. `progress` is called after each robot.
     """
     effects = (Effects() if effects is None else effects).only("thermal", "quantization")
     times = np.linspace(0, 1.5 * effects.warm_up_time, STEPS + 1)
@@ -113,7 +104,7 @@ def study(
 def _one(
     drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array
 ) -> tuple[dict[Method, Array], Array, Array]:
-    """RMS errors of one robot under each method; those of `online`'s estimates, and their bound."""
+    """Return rms errors of one robot per method, of `online`'s estimates, and their bound."""
     cold = drawn.with_level(drawn.highest_level).sample(source)
     known = _calibrated(drawn, cold, np.zeros((0, 0)))
     growth = effects.growth(cold)
@@ -147,7 +138,7 @@ def _one(
 
 
 def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
-    """Return the robot as a perfect calibration knows it cold, and as it may have grown since."""
+    """Return the robot calibrated perfectly when cold, with the growth modes as uncertainty."""
     names = knowledge.uncertain(drawn)
     sigma = np.array([drawn.parameters[name].sigma for name in names])
     root = PERFECT * np.diag(sigma)

@@ -1,4 +1,4 @@
-"""Studies on the workers of a dask cluster."""
+"""Monte Carlo studies on the workers of a dask cluster."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 from truepose.exceptions import InputError
 from truepose.studies.workers import versions
 
-#: How long a cluster is waited for, s.
+#: Timeout of the connection to a cluster, s.
 PATIENCE = 10
 
 
 @contextlib.contextmanager
 def executor(cluster: Any, retries: int) -> Iterator[Executor]:
-    """Yield an executor on a dask cluster whose workers have the versions that are here."""
+    """Yield an executor on a dask cluster whose workers have the local versions."""
     try:
         from distributed import Client
     except ImportError:
@@ -28,18 +28,18 @@ def executor(cluster: Any, retries: int) -> Iterator[Executor]:
     try:
         client: Any = Client(cluster, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"--cluster {cluster}: no scheduler answers there ({error})") from None
+        raise InputError(f"--cluster {cluster}: no scheduler responds there ({error})") from None
     with client:
         require_same(client)
         yield client.get_executor(pure=False, retries=retries)
 
 
 def require_same(client: Any) -> None:
-    """Raise InputError where a worker has another version of truepose, numpy or Python."""
+    """Raise InputError if a worker has another version of truepose, numpy or Python."""
     here = versions()
     try:
         there = client.run(versions)
-    except Exception as error:  # a worker without truepose cannot even read the question
+    except Exception as error:  # a worker without truepose cannot unpickle the call
         raise InputError(
             f"--cluster: a worker has no truepose {here['truepose']}: {error}"
         ) from None

@@ -1,4 +1,4 @@
-"""Integration of MJCF and URDF: robot files from other programs' models."""
+"""Integration of MJCF and URDF: import of robot files from their models."""
 
 from truepose.integrations.importers.links import Link, Mechanism
 from truepose.integrations.importers.models import from_mjcf, from_urdf

@@ -10,9 +10,9 @@ import numpy as np
 
 
 def torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
-    """Return the most that its actuators give a joint, either way, N·m or N; maybe infinity.
+    """Return the largest force or torque of a joint's actuators, either way, N·m or N, or infinity.
 
-    An actuator's force is clamped before its gear; a joint's range is of the sum at the joint.
+    An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
     """
     most = sum(_most(model, k) for k in actuators) if actuators else math.inf
     if model.jnt_actfrclimited[joint]:
@@ -21,10 +21,10 @@ def torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
 
 
 def _most(model: Any, k: int) -> float:
-    """Return the most that an actuator gives, behind its gear."""
+    """Return the largest force or torque of an actuator after its gear."""
     most = _larger(model.actuator_forcerange[k]) if model.actuator_forcelimited[k] else math.inf
-    # A servo's control is a position or a speed; a motor's is its force but for a gain: its gain
-    # is fixed (0), it has no bias (0) and no dynamics (0).
+    # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain (0),
+    # no bias (0), no dynamics (0).
     plain = not (model.actuator_gaintype[k] or model.actuator_biastype[k])
     control = model.actuator_ctrladr[k]
     if plain and not model.actuator_dyntype[k] and model.actuator_ctrllimited[control]:
@@ -38,7 +38,7 @@ def _larger(range_: Any) -> float:
 
 
 def armature(model: Any, joint: int, actuators: Sequence[int]) -> float:
-    """Return what spins in a joint's drive, felt at the joint, kg·m² or kg."""
+    """Return the inertia of a joint's drive, reflected to the joint, kg·m² or kg."""
     own = float(model.dof_armature[model.jnt_dofadr[joint]])
     return own + sum(
         float(model.actuator_gear[k, 0] ** 2 * model.actuator_armature[k]) for k in actuators

@@ -1,4 +1,4 @@
-"""Limits on models and on YAML, checked before anything is expanded."""
+"""Size limits on models and YAML, checked before any expansion."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ from typing import Any
 
 from truepose.exceptions import InputError, one_line
 
-#: Elements of a model with all copies; MuJoCo compiles so many in some seconds.
+#: Largest number of elements with all copies; MuJoCo compiles as many in some seconds.
 ELEMENTS = 10_000
-#: Characters of a YAML file: PyYAML reads some ten thousand a second.
+#: Largest number of characters of a YAML file; PyYAML reads some ten thousand per second.
 YAML = 1 << 18
 
 
 def model(path: Path, text: Callable[[Path], str]) -> ET.Element:
-    """Parse a model's XML; InputError where it has too many elements with all copies.
+    """Parse a model's XML; raise InputError if it has too many elements with all copies.
 
-    Copies are those of `count` (replicate, composite, flexcomp), of included files and of attached
-    models.
+    Copies are made by `count` (replicate, composite, flexcomp), include and attach.
     """
     root, total = _size(path, path.parent, text, {})
     if total > ELEMENTS:
         raise InputError(
             f"{path}: {total:.4g} elements with all copies (replicate, include, attach), more than "
-            f"{ELEMENTS}; lower the counts, or leave out what is no part of the robot"
+            f"{ELEMENTS}; lower the counts, or remove elements that are not part of the robot"
         )
     return root
 
@@ -34,8 +33,8 @@ def model(path: Path, text: Callable[[Path], str]) -> ET.Element:
 def _size(
     path: Path, folder: Path, text: Callable[[Path], str], sizes: dict[Path, float]
 ) -> tuple[ET.Element, float]:
-    """Root of a file and how many elements it has with all copies; a cycle counts once."""
-    first, *more = text(path).split("<!--")  # MuJoCo takes comments that are no XML
+    """Return a file's root and number of elements with all copies; a cycle counts once."""
+    first, *more = text(path).split("<!--")  # MuJoCo accepts comments that are invalid XML
     try:
         root = ET.fromstring(first + "".join(part.partition("-->")[2] for part in more))
     except ET.ParseError as error:
@@ -50,7 +49,7 @@ def _size(
                 if known not in sizes:
                     sizes[known] = _size(other, folder, text, sizes)[1]
                 return sizes[known]
-        return 0.0  # what is missing MuJoCo names
+        return 0.0  # MuJoCo reports missing files
 
     attached = max((of(part) for part in root.iterfind("asset/model")), default=0.0)
     total, left = 0.0, [(root, 1.0)]
@@ -69,24 +68,24 @@ def _size(
 def _copies(element: ET.Element) -> float:
     try:
         counts = [float(word) for word in element.get("count", "").split()]
-    except ValueError:  # what is no number MuJoCo names
+    except ValueError:  # MuJoCo reports invalid numbers
         return 1.0
     return max(math.prod(counts), 1.0)
 
 
 def yaml(path: Path, text: str) -> Any:
-    """Read YAML without aliases, which a few lines of can stand for gigabytes."""
+    """Read YAML; refuse aliases, as a few lines of them can expand to gigabytes."""
     import yaml
 
     if len(text) > YAML:
         raise InputError(
-            f"{path}: {len(text)} characters, more than {YAML}: keep the keys of the loops alone"
+            f"{path}: {len(text)} characters, more than {YAML}: keep only the keys of the loops"
         )
     try:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             if isinstance(event, yaml.AliasEvent):
                 where = f"line {event.start_mark.line + 1}: alias *{one_line(event.anchor, 40)}"
-                raise InputError(f"{path}: {where}: aliases are not read; write its value there")
+                raise InputError(f"{path}: {where}: not supported; write the value instead")
         return yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError) as error:
         why = one_line(" ".join(str(error).split()), 200)

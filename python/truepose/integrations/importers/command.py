@@ -12,12 +12,12 @@ from truepose.commands.options import Force, wrote
 from truepose.integrations.importers import Mechanism, from_mjcf, from_urdf, pivot_of
 from truepose.show.terminal import Format, say
 
-app = typer.Typer(no_args_is_help=True, help="Make a robot file of another program's model.")
+app = typer.Typer(no_args_is_help=True, help="Make a robot file from another program's model.")
 
 Pivot = Annotated[
     str,
     typer.Option(
-        metavar="BODY", help="Body that passive hinges carry and rods turn: a foot, a hand, a head."
+        metavar="BODY", help="Platform on passive hinges, moved by rods: a foot, hand or head."
     ),
 ]
 Out = Annotated[
@@ -33,10 +33,10 @@ def mjcf(
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Make a robot file of an ankle, wrist or neck in an MJCF model.
+    """Make a robot file from an ankle, wrist or neck in an MJCF model.
 
-    Its loops are closed by rods: equality/connect, or welds within a rod. What cannot be said in a
-    robot file is named. Needs truepose[import].
+    Rods close its loops: equality/connect, or welds within a rod. Features that a robot file does
+    not support are reported. Needs truepose[import].
 
     Example: **truepose import mjcf humanoid.xml --pivot left_foot -o ankle.toml**
     """
@@ -53,7 +53,7 @@ def urdf(
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Make a robot file of an ankle, wrist or neck in a URDF, whose loops a YAML file closes.
+    """Make a robot file from an ankle, wrist or neck in a URDF and a YAML file of its loops.
 
     Needs truepose[import].
 
@@ -73,6 +73,6 @@ def _put(mechanism: Mechanism, body: str, read: list[Path], out: Path | None, fo
         wrote(Format.table, out)
     else:
         print(text, end="")
-    left = "left to add: [tolerances], what machining and assembly leave open, and sensors"
+    left = "to add by hand: [tolerances] of machining and assembly, and sensors"
     for note in (*notes, left):
         say(note, err=output is None)

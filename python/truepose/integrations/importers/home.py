@@ -11,32 +11,20 @@ from truepose.robot.workspace import workspace_grid
 from truepose.robotfile import RobotFile, validate
 from truepose.robotfile.schema import Workspace
 
-_GRID = 21  # poses along each coordinate at which a workspace is looked at
-_SHARES = 20  # of the axes' ranges, that are tried
+_GRID = 21  # poses along each coordinate of a workspace that are checked
+_SHARES = 20  # shares of the axes' ranges that are tried
 
 
 def standing(
     data: dict, drawn: list[float], motors: Array, source: str, body: str
 ) -> tuple[Robot, list[str]]:
-    """Return the robot of a pivot's file that lacks home and working modes, and what to say of it.
+    """Return a rotational robot with home and working modes, and notes on them.
 
-    Home is where its axes are drawn if it can stand there, motors within their limits too; else
-    zero, else mid-range, which is said, and why.
+    Home is the model's pose if reachable within all limits, else zero or mid-range, with a note.
 
-    Parameters
-    ----------
-    data : dict
-    drawn : list of float
-        Its axes.
-    motors : ndarray, shape (n,)
-        As drawn; branches are those nearest to them.
-    source, body : str
-        Of the model, for messages.
-
-    Raises
-    ------
-    InputError
-        It stands in none of the three.
+    The argument `data` is a robot file without home and working modes. `drawn` and `motors`, shape
+    (n,), are positions of passive axes and motors in the model; the nearest working modes are
+    chosen. `source` and `body` serve messages. InputError: none of the three is reachable.
     """
     middle = [float(np.mean(axis.get("limits", (0, 0)))) for axis in data["passive_axis"]]
     why = ""
@@ -46,18 +34,18 @@ def standing(
         except _HomeError as error:
             why = why or str(error)
         else:
-            return robot, [f"home is {where}, not as drawn: {why}"] if where else []
-    raise InputError(f"{source}: {body}: stands neither as drawn nor at zero nor mid-range: {why}")
+            return robot, [f"home is {where}, not the model's pose: {why}"] if where else []
+    raise InputError(f"{source}: {body}: no home at the model's pose, zero or mid-range: {why}")
 
 
 class _HomeError(Exception):
-    """It does not stand at home."""
+    """The home pose is not reachable."""
 
 
 def _at(data: dict, motors: Array, source: str) -> Robot:
-    """Return the robot, loaded as from its file."""
+    """Return the robot loaded as from its file, with the nearest reachable working modes."""
     found = []
-    for mode in (-1, 1):  # limits may bar the other branch
+    for mode in (-1, 1):  # limits may exclude one branch
         chains = [{**chain, "working_mode": mode, "limits": None} for chain in data["chain"]]
         robot = _loaded({**data, "chain": chains}, source)
         found.append(robot.ikm(data["home"], level="ideal"))
@@ -80,10 +68,10 @@ def _loaded(data: dict, source: str) -> Robot:
 
 
 def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:
-    """Return a pivot's file with a workspace, and what to say of it.
+    """Return a rotational robot's file with a workspace, and notes on it.
 
-    It is the axes' ranges, a full turn where there is none, or as much of them about home as is
-    reached everywhere, on a grid, with no singularity between.
+    The workspace is the axes' ranges (a full turn without limits), or the largest share of them
+    about home that is reachable and regular at all poses of a grid.
     """
     ranges = np.array([axis.limits or (-np.pi, np.pi) for axis in robot.spec.passive_axis]).T
     for share in range(_SHARES, 0, -1):
@@ -94,7 +82,7 @@ def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:
         q = found.ikm(workspace_grid(found, _GRID), errors="nan", own_mode=True)
         if np.isfinite(q).all():
             part = f"[workspace] is {100 * share // _SHARES} % of the axes' ranges about home"
-            why = "beyond, not all is reached and regular"
+            why = "beyond it, not every pose is reachable and regular"
             return found.spec, [] if share == _SHARES else [f"{part}: {why}"]
-    none = "no [workspace]: little is reached about home; give its minimum, maximum"
+    none = "no [workspace]: almost no poses about home are reachable; give its minimum, maximum"
     return robot.spec, [none]

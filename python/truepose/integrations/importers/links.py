@@ -12,58 +12,58 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
 
-#: m; axes that pass each other nearer than this, and by this share of the model, meet.
+#: m, plus this share of the model's size; axes that pass each other nearer than that meet.
 MEET = 1e-6
 
 
 @dataclass
 class Link:
-    """What joins two rigid bodies: the joints of one place, or a loop closed there by a point.
+    """Connection of two rigid bodies: joints at one place, or a point that closes a loop.
 
-    All vectors are in the world's frame, with every joint at zero.
+    All vectors are in the world frame, with every joint at zero.
     """
 
     name: str  #: of its first joint, or of the closure
-    bodies: tuple[int, int]  #: towards the world, away from it; of a closure as it names them
-    points: Array  #: (2, 3) where it is, as each of the bodies has it
-    axes: Array  #: (k, 3) what is turned about, the base's first; of a slide along what
-    anchors: Array  #: (k, 3) a point of each axis, as the first body has it
+    bodies: tuple[int, int]  #: the one towards the world first; for a closure in its own order
+    points: Array  #: (2, 3) position of the link on each body
+    axes: Array  #: (k, 3) axes of rotation, the base's first, or direction of a slide
+    anchors: Array  #: (k, 3) a point of each axis, on the first body
     slides: bool = False
     loose: bool = False  #: free, or axes that do not meet
     ids: tuple[int, ...] = ()  #: of its joints
 
     @property
     def turns(self) -> int:
-        """How many directions of turning it allows about one point; 0: it is no such point."""
+        """Number of rotations about one common point; 0 without such a point."""
         return 0 if self.slides or self.loose else len(self.axes)
 
     def other(self, body: int) -> int:
-        """Return the body on its other side."""
+        """Return the other body."""
         return self.bodies[1 - self.bodies.index(body)]
 
     def point_on(self, body: int) -> Array:
-        """Return where it is, as a body has it."""
+        """Return the link's position on a body."""
         return self.points[self.bodies.index(body)]
 
 
 @dataclass
 class Mechanism:
-    """Rigid bodies, and links between them, each body by the number of its first part."""
+    """Rigid bodies and links between them; a body has the number of its first part."""
 
     name: str
     source: str  #: the file's name
-    model: Any  #: of MuJoCo
-    data: Any  #: with every joint at zero
-    body_of: list[int]  #: of each of MuJoCo's bodies, the rigid one that it is part of
+    model: Any  #: MuJoCo's model
+    data: Any  #: MuJoCo's data, with every joint at zero
+    body_of: list[int]  #: rigid body of each of MuJoCo's bodies
     links: list[Link]
-    hinges: set[int]  #: joints that are one
-    motors: set[int]  #: joints that are driven
-    moved: set[int]  #: rigid bodies that a loop joined of parts which are apart at zero
+    hinges: set[int]  #: joints that are hinges
+    motors: set[int]  #: driven joints
+    moved: set[int]  #: rigid bodies joined by a loop from parts that are apart at zero
     coupled: dict[int, str] = field(default_factory=dict)  #: joints that an equality couples
-    actuators: dict[int, list[int]] = field(default_factory=dict)  #: of each joint that has some
+    actuators: dict[int, list[int]] = field(default_factory=dict)  #: by joint
 
     def body(self, name: str) -> int:
-        """Return the rigid body that a body of this name is part of."""
+        """Return the rigid body that contains the named body."""
         names = [self.model.body(k).name for k in range(self.model.nbody)]
         if name not in names:
             raise InputError(choose("body", name, names[1:]))
@@ -74,44 +74,44 @@ class Mechanism:
         return self.model.body(body).name or f"body {body}"
 
     def at(self, body: int, but: Link | None = None) -> list[Link]:
-        """Links of a body, one left out."""
+        """Return a body's links, without `but`."""
         return [link for link in self.links if body in link.bodies and link is not but]
 
 
 @dataclass(frozen=True)
 class Closure:
-    """A loop is closed here: by a point, or where `held` is given by the whole frame."""
+    """Closure of a loop: by a point, or by a whole frame if `held` is given."""
 
     name: str
     bodies: tuple[int, ...]
     points: Array  #: (2, 3) at zero
-    held: tuple[Array, Array] | None  #: place and orientation of the second body in the first's
+    held: tuple[Array, Array] | None  #: position and orientation of the second body in the first
 
 
 class _Bodies:
-    """Which of MuJoCo's bodies are one; parts that are apart at zero are put together."""
+    """Rigid bodies formed of MuJoCo's bodies; parts that are apart at zero are moved together."""
 
     def __init__(self, count: int):
         self._part = list(range(count))
-        self._put = [(np.zeros(3), np.eye(3))] * count  #: where each is, from where it was
+        self._put = [(np.zeros(3), np.eye(3))] * count  #: displacements from the poses at zero
 
     def of(self, body: int) -> int:
-        """Return the first part of the rigid body that a body is part of."""
+        """Return the number of the rigid body that contains a body."""
         while self._part[body] != body:
             body = self._part[body]
         return body
 
     def pair(self, bodies: Sequence[int]) -> tuple[int, int]:
-        """Return the rigid bodies of two."""
+        """Return the rigid bodies of two bodies."""
         return self.of(bodies[0]), self.of(bodies[1])
 
     def drawn(self, bodies: Sequence[int], points: Array) -> Array:
-        """Return a point of each body, where the body was put."""
+        """Return a point of each body after the body's displacement."""
         put = [self._put[body] for body in bodies]
         return np.array([t + R @ p for (t, R), p in zip(put, points, strict=True)])
 
     def moved(self) -> set[int]:
-        """Return the rigid bodies some part of which is not where it was."""
+        """Return the rigid bodies with a displaced part."""
         return {
             self.of(k)
             for k, (t, R) in enumerate(self._put)
@@ -125,15 +125,15 @@ class _Bodies:
         wanted: tuple[Array, Array] | None = None,
         is_: tuple[Array, Array] | None = None,
     ) -> None:
-        """Make two one; where it is said, b's frame, which `is_` somewhere, is as `wanted`."""
+        """Join two bodies; if given, move b so that its frame `is_` coincides with a's `wanted`."""
         low, high = sorted((self.of(a), self.of(b)))
         if low == high:
             return
         if wanted is not None and is_ is not None:
             (tw, Rw), (ta, Ra) = self._place(a, wanted), self._place(b, is_)
-            R = Rw @ Ra.T  # brings b to where it is wanted
+            R = Rw @ Ra.T  # moves b to its wanted pose
             t = tw - R @ ta
-            if self.of(b) == low:  # the other comes instead
+            if self.of(b) == low:  # a moves instead
                 R, t = R.T, -R.T @ t
             for k in range(len(self._part)):
                 if self.of(k) == high:
@@ -147,7 +147,7 @@ class _Bodies:
 
 
 class Model:
-    """A compiled model, all its joints at zero."""
+    """A compiled model with all joints at zero."""
 
     def __init__(self, mujoco: Any, model: Any):
         self.mujoco, self.model = mujoco, model
@@ -155,12 +155,12 @@ class Model:
         scalar = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
         for k in range(model.njnt):
             if int(model.jnt_type[k]) in scalar:
-                self.data.qpos[model.jnt_qposadr[k]] = 0.0  # at qpos0 it may read anything
+                self.data.qpos[model.jnt_qposadr[k]] = 0.0  # at qpos0 it may have any value
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
 
     def actuators(self) -> dict[int, list[int]]:
-        """Actuators of each joint that has some."""
+        """Return the actuators of each driven joint."""
         kinds, found = self.mujoco.mjtTrn, dict[int, list[int]]()
         for k, kind in enumerate(self.model.actuator_trntype):
             if int(kind) in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)):
@@ -168,7 +168,7 @@ class Model:
         return found
 
     def closures(self) -> Iterator[Closure]:
-        """Every loop's equality."""
+        """Yield the closure of every loop equality."""
         model, data, eq = self.model, self.data, self.mujoco.mjtEq
         for k in range(model.neq):
             weld = model.eq_type[k] == eq.mjEQ_WELD
@@ -198,13 +198,13 @@ class Model:
             yield Closure(name, bodies, np.array(points), held)
 
     def frame(self, body: int) -> tuple[Array, Array]:
-        """Return a body's place and orientation, every joint at zero."""
+        """Return a body's position and orientation, every joint at zero."""
         return self.data.xpos[body], self.data.xmat[body].reshape(3, 3)
 
     def mechanism(
         self, path: Path, closures: list[Closure], motors: set[int], retyped: dict[int, str]
     ) -> Mechanism:
-        """Join what moves as one; what is left are links between rigid bodies."""
+        """Join bodies that move as one; the remaining links connect rigid bodies."""
         model = self.model
         bodies = _Bodies(model.nbody)
         fixed = {k for k, axes in retyped.items() if not axes}
@@ -257,7 +257,7 @@ class Model:
     def _link(
         self, ids: Sequence[int], pair: tuple[int, int], bodies: _Bodies, retyped: dict[int, str]
     ) -> Link:
-        """All joints of one of MuJoCo's bodies."""
+        """Return one link of all joints of one of MuJoCo's bodies."""
         model, data, kinds = self.model, self.data, self.mujoco.mjtJoint
         first = ids[0]
         axes, anchors, types = [], [], set()
@@ -290,7 +290,7 @@ class Model:
 
 
 def meeting(points: Array, axes: Array) -> Array | None:
-    """Point in which lines meet, shape (3,); None where they do not, or are all parallel."""
+    """Return the common point of lines, shape (3,); None if there is none or all are parallel."""
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     A, b = across.reshape(-1, 3), (across @ points[..., None]).reshape(-1)
     if np.linalg.matrix_rank(A, tol=1e-6) < 3:  # all are parallel

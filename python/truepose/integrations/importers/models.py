@@ -15,22 +15,17 @@ from truepose.files import contents
 from truepose.integrations.importers import bounds
 from truepose.integrations.importers.links import Closure, Mechanism, Model
 
-_MOST = 1 << 24  # bytes of a model that is read
-#: Joints of a URDF by what its YAML calls them: the axes of their frame that they turn about.
+_MOST = 1 << 24  # largest number of bytes of a model
+#: Joints of a URDF by their name in the YAML: the axes of rotation in their frame.
 _RETYPED = {"SPHERICAL": "XYZ", "FIXED": ""} | {
     f"UJOINT_{a}{b}": a + b for a, b in itertools.permutations("XYZ", 2)
 }
 
 
 def from_mjcf(path: str | Path) -> Mechanism:
-    """Read an MJCF file; its loops are those of equality/connect and equality/weld.
+    """Read an MJCF file with loops by equality/connect and equality/weld.
 
-    Raises
-    ------
-    InputError
-        A file that MuJoCo does not understand.
-    TrueposeError
-        MuJoCo is not installed.
+    InputError: MuJoCo cannot read the file. TrueposeError: MuJoCo is not installed.
     """
     mujoco = _mujoco()
     path = Path(path)
@@ -38,7 +33,7 @@ def from_mjcf(path: str | Path) -> Mechanism:
 
     def compiled(whole: bool) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
-        if not whole:  # shapes whose files did not come along
+        if not whole:  # without shapes, whose files may be missing
             for geom in [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]:
                 spec.delete(geom)
             for mesh in list(spec.meshes):
@@ -52,27 +47,21 @@ def from_mjcf(path: str | Path) -> Mechanism:
 
 
 def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
-    """Read a URDF and a YAML file of the loops that a URDF cannot say.
+    """Read a URDF and a YAML file of its loops.
 
     The YAML is that of public collections of parallel robots: `closed_loop`, pairs of links whose
-    frames coincide; `type`, of each "3d" (their origins) or "6d" (all of them); `name_mot`, joints
-    that are driven; `joint_name` and `joint_type`, joints that are no hinge: SPHERICAL,
-    UJOINT_XY, …
+    frames coincide; `type` of each, "3d" (origins) or "6d" (whole frames); `name_mot`, driven
+    joints; `joint_name` and `joint_type`, joints other than hinges: SPHERICAL, UJOINT_XY, …
 
-    Raises
-    ------
-    InputError
-        Files that are not as described.
-    TrueposeError
-        MuJoCo or PyYAML is not installed.
+    InputError: a file is not as described. TrueposeError: MuJoCo or PyYAML is not installed.
     """
     mujoco = _mujoco()
     path, loops = Path(path), Path(loops)
     said = _loops(loops)
     root = bounds.model(path, _text)
     if root.tag != "robot":
-        raise InputError(f"{path}: <{one_line(root.tag, 40)}>: a URDF is a <robot>")
-    for part in root.iter("link"):  # shapes, whose files may not be there
+        raise InputError(f"{path}: <{one_line(root.tag, 40)}>: the root of a URDF must be <robot>")
+    for part in root.iter("link"):  # shapes' files may be missing
         for shape in [child for child in part if child.tag in ("visual", "collision")]:
             part.remove(shape)
 
@@ -125,13 +114,13 @@ def _text(path: Path) -> str:
 
 
 def _light(spec: Any) -> None:
-    """Let bodies without mass move: only where they are is asked."""
+    """Allow moving bodies without mass; only kinematics is needed."""
     spec.compiler.boundmass, spec.compiler.boundinertia = 1e-9, 1e-12
     spec.compiler.balanceinertia = 1
 
 
 def _first(path: Path, ways: Sequence[Any]) -> Any:
-    """Return what the first way gives that works; else say what the first one said."""
+    """Return the result of the first way that works, or raise the first way's error."""
     said: Exception | None = None
     for way in ways:
         try:
@@ -142,7 +131,7 @@ def _first(path: Path, ways: Sequence[Any]) -> Any:
 
 
 def _root(root: ET.Element) -> str:
-    """Name of a URDF's link that is no joint's child."""
+    """Return the link of a URDF that is no joint's child."""
     children = {child.get("link") for joint in root.iter("joint") for child in joint.iter("child")}
     return next(
         (n for link in root.iter("link") if (n := link.get("name", "")) not in children), ""
@@ -158,7 +147,7 @@ def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:
 def _loops(path: Path) -> dict[str, list]:
     """Read the YAML of loops, and check it."""
     try:
-        import yaml  # noqa: F401 – for the message
+        import yaml  # noqa: F401 – import only for the error message
     except ImportError:
         raise TrueposeError(
             'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
@@ -175,7 +164,7 @@ def _loops(path: Path) -> dict[str, list]:
         if len(found[one]) != len(found[other]):
             raise InputError(
                 f"{path}: {len(found[one])} of {one}, {len(found[other])} of {other}: "
-                "must be as many"
+                "the numbers must be equal"
             )
     for pair in found["closed_loop"]:
         if not (isinstance(pair, list) and len(pair) == 2):

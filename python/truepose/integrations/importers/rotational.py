@@ -16,42 +16,32 @@ from truepose.integrations.importers.home import standing, with_workspace
 from truepose.integrations.importers.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile import RobotFile, taken
 
-_HEAVY = 1e-6  # kg, or kg·m²; less is what MuJoCo asks of bodies that weigh nothing
+_HEAVY = 1e-6  # kg, or kg·m²; MuJoCo needs at least this of massless bodies
 
 
 def pivot_of(mechanism: Mechanism, body: str) -> tuple[RobotFile, list[str]]:
-    """Return the robot whose nacelle is a body that one to three passive hinges carry.
+    """Return the robot whose moving platform is a body on one to three passive hinges, and notes.
 
-    With it come notes on differences from the model.
+    The notes name differences from the model. The base is the body with the motors' fixed parts.
+    Each motor is a hinge or a slide that moves the end of a rod, or a slide between a rod's two
+    ends; the rod's other end is on the platform. Masses of the platform, the rods and the parts
+    that the motors move are included, products of inertia are not.
 
-    Its base is the body that the motors stand on. Each motor, a hinge or a slide, moves the end of
-    a rod, or is a slide between a rod's two ends; the rod's other end is on the nacelle. Of masses
-    it takes the nacelle's, the rods' and what the motors turn; products of inertia it leaves out.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    body : str
-        The nacelle's name.
-
-    Raises
-    ------
-    InputError
-        What cannot be said so, by name.
+    InputError names a feature that a robot file does not support.
     """
     return _Pivot(mechanism, body).robot()
 
 
 @dataclass(frozen=True)
 class _Rod:
-    """A rod from a motor to the nacelle, or of a leg both its parts."""
+    """A rod from a motor to the platform, or both parts of a leg."""
 
     motor: Link
-    near: Link  #: its end on the motor's side
-    far: Link  #: on the nacelle
+    near: Link  #: link at the motor's side
+    far: Link  #: link on the platform
     rods: tuple[int, ...]  #: bodies
-    moved: int  #: body that the motor moves; of a leg the rod's lower part
-    base: int  #: body that the motor stands on
+    moved: int  #: body that the motor moves; for a leg its lower part
+    base: int  #: body with the motor's fixed part
 
 
 class _Pivot:
@@ -74,7 +64,7 @@ class _Pivot:
             if rod.base != self.base:
                 raise self._wrong(
                     f"motors {self.rods[0].motor.name} and {rod.motor.name} stand on two bodies, "
-                    f"{self.m.name_of(self.base)} and {self.m.name_of(rod.base)}: must be one"
+                    f"{self.m.name_of(self.base)} and {self.m.name_of(rod.base)}: must be the same"
                 )
         self.axes = [*reversed(self.spine[: self.bodies.index(self.base)])]
         self._check()
@@ -85,7 +75,7 @@ class _Pivot:
         return InputError(f"{self.m.source}: {self.m.name_of(self.nacelle)}: {why}")
 
     def _spine(self) -> Any:
-        """Joints that carry the nacelle, its own first, to the world."""
+        """Return the joints that carry the platform, its own first, towards the world."""
         body, seen = self.nacelle, set()
         while True:
             up = [link for link in self.m.links if link.ids and link.bodies[1] == body]
@@ -95,10 +85,10 @@ class _Pivot:
             yield up[0]
             body = up[0].bodies[0]
         if not seen:
-            raise self._wrong("nothing turns it: give the body that the passive axes carry")
+            raise self._wrong("no joint turns it; give the body on the passive axes")
 
     def _merge_universals(self) -> None:
-        """Make one joint of those whose axes meet, with nothing on the body between."""
+        """Merge joints whose axes meet and whose connecting body has no other links."""
         while True:
             for body in {b for link in self.m.links for b in link.bodies} - {*self.bodies, 0}:
                 ends = self.m.at(body)
@@ -112,7 +102,7 @@ class _Pivot:
     def _merged(self, body: int, a: Link, b: Link) -> Link | None:
         if not (a.turns and b.turns) or self._driven(a) or self._driven(b):
             return None
-        # An axis of each: where one turns about several, those about its point say where that is.
+        # One axis of each. If one has several axes, use the intersection of those about its point.
         at = np.vstack([np.tile(e.point_on(body), (len(e.axes), 1)) for e in (a, b)])
         axes = np.vstack([a.axes, b.axes])
         point = meeting(at, axes)
@@ -134,7 +124,7 @@ class _Pivot:
         return bool({*link.ids} & self.m.motors)
 
     def _returns(self, link: Link) -> bool:
-        """Whether what a link leads to hangs on more than the nacelle."""
+        """Return whether a link leads back to the carrying bodies, not through the platform."""
         known, new = {self.nacelle}, [link.other(self.nacelle)]
         while new:
             body = new.pop()
@@ -145,7 +135,7 @@ class _Pivot:
         return False
 
     def _onward(self, body: int, from_: Link) -> list[Link]:
-        """Links of a body that lead on; parts that only hang there do not."""
+        """Return a body's links to further links or the base; dead ends are excluded."""
         return [
             k
             for k in self.m.at(body, but=from_)
@@ -153,7 +143,7 @@ class _Pivot:
         ]
 
     def _rod(self, far: Link) -> _Rod:
-        """Follow a rod from the nacelle to its motor."""
+        """Return the rod from the platform to its motor."""
         rod = far.other(self.nacelle)
         name = self.m.name_of
         if rod in self.bodies:
@@ -174,7 +164,7 @@ class _Pivot:
             return _Rod(motor, near, far, (rod, upper), rod, base)
         if near.turns == 1 and near.other(rod) in self.bodies:
             raise self._wrong(
-                f"{far.name} joins it to {name(rod)}, which {near.name} turns: no rod is between"
+                f"{far.name} joins it to {name(rod)}, turned by {near.name}, without a rod between"
             )
         self._end(near)
         self._ball(near, far)
@@ -184,7 +174,7 @@ class _Pivot:
         motor = self._only(crank, near, "a crank has an axis and one rod")
         if not motor.slides and (motor.turns != 1 or not motor.ids):
             raise self._wrong(
-                f"{motor.name}, on which {name(crank)} stands, is neither hinge nor slide"
+                f"{motor.name}, on which {name(crank)} stands, is neither a hinge nor a slide"
             )
         if motor.bodies[0] not in self.bodies:
             raise self._wrong(
@@ -217,7 +207,7 @@ class _Pivot:
             )
 
     def _check(self) -> None:
-        """Refuse what a pivot's file has no words for."""
+        """Raise InputError for features that a rotational robot's file does not support."""
         joints: list[int] = []
         for link in self.axes:
             if not {*link.ids} <= self.m.hinges:
@@ -231,7 +221,7 @@ class _Pivot:
             )
         if len(joints) != len(self.rods):
             raise self._wrong(
-                f"{len(joints)} passive axes and {len(self.rods)} rods with motors: must be as many"
+                f"{len(joints)} passive axes, {len(self.rods)} rods with motors: must be equal"
             )
         for rod in self.rods:
             if self.m.motors and not self._driven(rod.motor):
@@ -241,19 +231,19 @@ class _Pivot:
             if joint in self.m.coupled:
                 raise self._wrong(
                     f"{self.m.model.joint(joint).name} is coupled by {self.m.coupled[joint]}: "
-                    "a robot's motors move alone"
+                    "motors must move independently"
                 )
         still = {self.base, self.nacelle, *(rod.moved for rod in self.rods if not rod.motor.slides)}
         if torn := still & self.m.moved:
             raise self._wrong(
-                f"{self.m.name_of(min(torn))} is welded of parts that are apart at zero"
+                f"{self.m.name_of(min(torn))} is welded from parts that are apart at zero"
             )
 
     def _at(self, point: Array) -> Array:
         return self._R.T @ (point - self._p)
 
     def robot(self) -> tuple[RobotFile, list[str]]:
-        """Return it as a file says it, and what to tell of it."""
+        """Return the robot file, and notes."""
         axes, ids, last = [], [], np.zeros(3)
         for link in self.axes:
             for joint, direction, anchor in zip(link.ids, link.axes, link.anchors, strict=True):
@@ -273,7 +263,7 @@ class _Pivot:
         data: dict[str, Any] = {
             "name": _word(self.m.name),
             "source": f"{self.m.source}, body {self.m.name_of(self.nacelle)}; no tolerances: "
-            "a model knows none",
+            "not in the model",
             "mobility": "rotational",
             "gravity": _round(self._R.T @ model.opt.gravity),
             "passive_axis": axes,
@@ -313,7 +303,7 @@ class _Pivot:
         }
 
     def _leg(self, rod: _Rod) -> dict:
-        """Read a leg's length by its slide: reading = gain · length - offset."""
+        """Return a leg's length from its slide: reading = gain · length - offset."""
         lower, upper = rod.rods
         along = rod.far.point_on(lower) - rod.near.point_on(upper)  # at zero
         length = float(np.linalg.norm(along))
@@ -333,7 +323,7 @@ class _Pivot:
         return {key: (low, high)} if low < high else {}
 
     def _motor(self, rod: _Rod) -> dict:
-        """Limits, the drive's inertia and the rod's mass."""
+        """Return limits, the drive's inertia and the rod's mass."""
         model, joint = self.m.model, rod.motor.ids[0]
         data: dict[str, Any] = {}
         if len(rod.rods) == 1:
@@ -371,7 +361,7 @@ class _Pivot:
         }
 
     def _inertia(self, bodies: Sequence[int]) -> tuple[float, Array, Array]:
-        """Mass, centre and inertia about it of rigid bodies, every joint at zero."""
+        """Return mass, centre and inertia about it of rigid bodies, every joint at zero."""
         m, d = self.m.model, self.m.data
         parts = [k for k, body in enumerate(self.m.body_of) if body in bodies and m.body_mass[k]]
         mass = float(sum(m.body_mass[k] for k in parts))
@@ -387,12 +377,12 @@ class _Pivot:
 
 
 def _word(name: str) -> str:
-    """Make a name of letters, digits and _ that a robot file can have."""
+    """Return a name of letters, digits and _ for a robot file."""
     word = re.sub(r"[^A-Za-z0-9_]", "_", name)
     word = word if word[:1].isalpha() else f"a{word}"
     return f"{word}_angle" if taken(word) else word
 
 
 def _round(vector: Array) -> tuple[float, ...]:
-    """Drop what rounding has left of zeros, and nothing else."""
+    """Round to remove numerical noise around zero only."""
     return tuple(float(v) if abs(v) > 1e-12 else 0.0 for v in vector)

@@ -1,1 +1,1 @@
-"""Integration of Klipper: delta printers by their own configuration and readings."""
+"""Integration of Klipper: calibration of delta printers from their configuration and readings."""

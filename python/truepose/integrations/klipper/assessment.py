@@ -30,20 +30,20 @@ from truepose.integrations.klipper.printer import HEIGHTS, MM, TOWERS, Printer, 
 from truepose.integrations.klipper.prints import Bed, over_the_bed
 from truepose.show.table import Table
 
-#: Spread of distances, of their mean, below which they are one length.
+#: Spread of distances over their mean below which they count as one length.
 _ONE_LENGTH = 0.02
-#: How much less squared error a refit must leave before the file's parameters are not its result.
+#: Relative drop of the squared error by a refit above which the file's parameters are not the fit.
 _REFIT = 0.98
-#: What is left over of readings that are met exactly, but for the decimals in the file, m.
+#: Tolerance of exactly met readings, by the decimals in the file, m.
 _NOTHING = 1e-6
-#: Departure from the estimate that writing it into a file makes, and more, m and rad.
+#: Largest difference from the estimate by writing it into a file, m and rad.
 _THE_SAME = 1e-6
-#: Heights that Klipper takes at least.
+#: Least number of heights that Klipper accepts.
 FEWEST = 3
 
 
 class Residuals(NamedTuple):
-    """What parameters leave over of the readings, m."""
+    """Residuals of the readings with one set of parameters, m."""
 
     name: str
     heights: Array
@@ -52,37 +52,37 @@ class Residuals(NamedTuple):
 
 @dataclass(frozen=True)
 class Assessment:
-    """A printer, looked at."""
+    """Assessment of a printer."""
 
     printer: Printer
     model: Model
     prior: Prior
     assumed: Assumed
-    klipper: Array  #: parameters that Klipper's criterion finds
+    klipper: Array  #: parameters by Klipper's criterion
     estimate: Estimate
     judged: Judged
     fits: tuple[Residuals, ...]  #: the file's, Klipper's, the estimate's
-    held_out: tuple[HeldOut, ...]  #: none: too few readings to leave any out
+    held_out: tuple[HeldOut, ...]  #: empty if there are too few readings
     before: Bed  #: with the file's parameters
     after: Bed  #: with the estimate's
-    scale: Learnt  #: against arms as drawn and the heights alone; prior: by these
+    scale: Learnt  #: scale; prior: from nominal arms and the heights alone
     notes: tuple[str, ...]
-    to_read: Table | None = None  #: what to read next, if that was asked for
+    to_read: Table | None = None  #: next readings, if requested
 
     @property
     def extended(self) -> bool:
-        """Whether there are distances."""
+        """Whether the readings include distances."""
         return len(self.printer.readings.distances) > 0
 
     @property
     def as_klipper_would(self) -> bool:
-        """Whether the file's parameters are those of Klipper's criterion on the file's readings."""
+        """Whether the file's parameters minimise Klipper's criterion on the file's readings."""
         of_file, of_klipper = (self._criterion(p) for p in (self.printer.values, self.klipper))
         return of_klipper >= _REFIT * of_file - _NOTHING**2
 
     @property
     def holds_estimate(self) -> bool:
-        """Whether the file's parameters are the estimate's: it was written into the file before."""
+        """Whether the file's parameters are the estimate, written into the file before."""
         return bool(np.max(np.abs(self.estimate.p - self.printer.values)) < _THE_SAME)
 
     def _criterion(self, p: Array) -> float:
@@ -91,25 +91,16 @@ class Assessment:
 
     @property
     def one_length(self) -> bool:
-        """Whether all distances are nearly the same one."""
+        """Whether all distances are nearly equal."""
         read = self.printer.readings.distances
         return len(read) > 1 and bool(np.ptp(read) < _ONE_LENGTH * read.mean())
 
 
 def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
-    """Look at a printer by its file.
+    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
 
-    Parameters
-    ----------
-    arm : float, optional
-        Drawn length of the arms, m; by default what the file says of it.
-    assumed : Assumed, optional
-        σ of building and measuring.
-
-    Raises
-    ------
-    InputError
-        One line: what is wrong with the file or its readings.
+    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
+    measurements.
     """
     printer = printer_of(config)
     with fitting(config, "[delta_calibrate] ", arm):
@@ -118,7 +109,7 @@ def assess(config: Config, arm: float | None = None, assumed: Assumed | None = N
 
 @contextlib.contextmanager
 def fitting(config: Config, where: str, arm: float | None) -> Iterator[None]:
-    """Name the file where no printer fits, and the arms' length, m, if somebody gave one."""
+    """Add the file, and the given arm length in m, to the message of an UnfitError."""
     try:
         yield
     except (UnfitError, RobotFileError) as error:
@@ -127,7 +118,7 @@ def fitting(config: Config, where: str, arm: float | None) -> Iterator[None]:
 
 
 def drawn_of(printer: Printer) -> Model:
-    """Kinematics of a printer whose arms can be where its endstops are; else InputError."""
+    """Return a printer's kinematics; InputError if its arms cannot reach their endstops."""
     config = printer.config
     try:
         model = Model(printer)
@@ -154,7 +145,7 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
     start = printer.values
     e = errors(model, start, readings, jacobian=False)
     if not (np.isfinite(e.heights).all() and np.isfinite(e.distances).all()):
-        start = known.mean  # the file's own parameters cannot be where its readings were taken
+        start = known.mean  # the file's parameters cannot reach the readings' poses
     by_klipper = klipper(model, start, readings)
     found, judged = fitted(model, readings, known, assumed)
     fits = []

@@ -19,7 +19,7 @@ from truepose.integrations.klipper.printer import MM, has_readings
 from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
 
-#: Lengths of arms that any printer has, mm.
+#: Plausible range of arm lengths, mm.
 _ARMS = (10.0, 5000.0)
 
 
@@ -84,13 +84,13 @@ def command(
 
 
 def first(config: Config, count: int, arm: float | None, how: Format) -> None:
-    """Say what to read of a printer that has no readings yet."""
+    """Print the first readings to take of a printer without readings."""
     table, assumed = to_read.first_readings(config, count, arm)
     show([table], how, [f"{line}." for line in assumed])
 
 
 def narrow(tables: list[Table]) -> list[Table]:
-    """What fits on a screen of 80 columns; the report and programs get it all."""
+    """Return the columns that fit on 80 characters; the report and programs get all."""
     fits, parameters, *held_out, prints = tables
     rows = [row for row in parameters.rows if row[4]]
     parameters = Table(parameters.name, parameters.title, parameters.header, rows)
@@ -106,7 +106,7 @@ def run(
     force: bool = False,
     next_readings: int | None = None,
 ) -> Assessment:
-    """Read, look over, fit, try; nothing is written unless all went well."""
+    """Read, check, fit and assess; write only if everything succeeds."""
     contents: dict[files.Output, str] = {}
     new = files.Output(write, "printer.cfg", "--write") if write else None
     if new and os.path.lexists(new.path):

@@ -1,8 +1,8 @@
 """Reader and writer of printer.cfg, Klipper's configuration file, with its saved block.
 
-As Klipper reads it (klippy/configfile.py): a comment begins at any ``#``, or at a ``;`` that begins
-a line or follows a space; lines that begin with ``#*#`` are what SAVE_CONFIG wrote, and count where
-the file itself does not say otherwise. Files that are included are named, not read.
+As in Klipper (klippy/configfile.py), a comment begins at any ``#``, or at a ``;`` at the start of a
+line or after a space. Lines that begin with ``#*#`` were written by SAVE_CONFIG; the file's own
+values take precedence over them. Included files are named, not read.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from typing import Self
 from truepose.exceptions import InputError, one_line, shortened
 from truepose.files import contents
 
-#: Of a file: the longest configurations of printers have a tenth of it.
+#: Largest file size; the longest real configurations have a tenth of it.
 MOST_BYTES = 1_000_000
-#: No number of a printer is as large; its powers, and theirs, are numbers.
+#: Largest magnitude of a number; larger ones would overflow in powers.
 LARGEST = 1e12
-#: Begins every line that SAVE_CONFIG wrote.
+#: Start of every line written by SAVE_CONFIG.
 SAVED = "#*#"
-#: First lines of the block that SAVE_CONFIG writes: Klipper knows it by them.
+#: Header of SAVE_CONFIG's block, by which Klipper detects it.
 SAVED_HEADER = (
     "#*# <---------------------- SAVE_CONFIG ---------------------->\n"
     "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.\n"
     "#*#\n"
 )
 
-#: An option that SAVE_CONFIG, or a person, has taken out: ``#arm_length: 345.0``.
+#: An option commented out by SAVE_CONFIG or by hand: ``#arm_length: 345.0``.
 _OFF = re.compile(r"#\s*(\w+)\s*[:=]\s*([^#;]*)")
 _END = re.compile(r"\r\n?|\n")
 _SECTION = re.compile(r"\[([^\]]+)\]")
@@ -41,26 +41,20 @@ _SECTION = re.compile(r"\[([^\]]+)\]")
 
 @dataclass(frozen=True)
 class Config:
-    """A printer.cfg, read."""
+    """Contents of a printer.cfg."""
 
     path: str
-    text: str  #: as it stands, line ends made one character
-    values: dict[str, dict[str, str]]  #: by section and option, as Klipper takes them
+    text: str  #: with line ends of one character
+    values: dict[str, dict[str, str]]  #: by section and option, as Klipper reads them
     saved: dict[str, dict[str, str]]  #: those of the saved block
-    off: dict[tuple[str, str], float]  #: commented out, of the file's own part: the first number
+    off: dict[tuple[str, str], float]  #: first number commented out in the file's own part
     included: tuple[str, ...]  #: names of files that are not read
-    end: str = "\n"  #: of most of its lines
-    mark: str = ""  #: that it begins with: UTF-8's, or none
+    end: str = "\n"  #: most frequent line end
+    mark: str = ""  #: byte-order mark of UTF-8, or empty
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Read a file.
-
-        Raises
-        ------
-        InputError
-            One line: it cannot be read, or is no configuration.
-        """
+        """Read a file; InputError (one line) if it is unreadable or not a configuration."""
         try:
             data = contents(Path(path), MOST_BYTES + 1)
             text = data.decode() if len(data) <= MOST_BYTES else ""
@@ -97,17 +91,17 @@ class Config:
         return cls(os.fspath(path), whole, merged, saved, off, tuple(included), end, mark)
 
     def error(self, section: str, option: str, text: str) -> InputError:
-        """Return the error that names an option of a section, its value and what it should be."""
+        """Return an error with section, option, its value and the required value."""
         value = self.values.get(section, {}).get(option)
         said = "" if value is None else f" = {one_line(shortened(value))}"
         return InputError(f"{self.path}: [{section}] {option}{said}: {text}")
 
     def has(self, section: str, option: str) -> bool:
-        """Whether an option is there."""
+        """Return whether an option is present."""
         return option in self.values.get(section, {})
 
     def word(self, section: str, option: str) -> str:
-        """Return an option as it is written; an error where it is missing."""
+        """Return an option as written; raise InputError if it is missing."""
         if self.has(section, option):
             return self.values[section][option]
         where = f"; it may be in {', '.join(self.included)}" if self.included else ""
@@ -118,28 +112,23 @@ class Config:
     def number(
         self, section: str, option: str, default: float | None = None, above: float | None = None
     ) -> float:
-        """Return an option's number.
+        """Return an option's number, which must be greater than `above` if given.
 
-        Parameters
-        ----------
-        default : float, optional
-            What Klipper takes where there is none; without it there must be one.
-        above : float, optional
-            It must be greater.
+        `default` is Klipper's default; without it the option is required.
         """
         if default is not None and not self.has(section, option):
             return default
         return self._number(section, option, self.word(section, option), above)
 
     def numbers(self, section: str, option: str, count: int) -> tuple[float, ...]:
-        """Return an option's numbers with commas between."""
+        """Return an option's comma-separated numbers."""
         parts = self.word(section, option).split(",")
         if len(parts) != count:
             raise self.error(section, option, f"must be {count} numbers with commas between")
         return tuple(self._number(section, option, part) for part in parts)
 
     def ratio(self, section: str, option: str) -> float:
-        """Return a gear ratio, as ``80:16, 2:1``: turns of the motor for one of the shaft."""
+        """Return a gear ratio such as ``80:16, 2:1``: motor turns per turn of the shaft."""
         result = 1.0
         for pair in self.word(section, option).split(","):
             parts = pair.split(":")
@@ -164,7 +153,7 @@ class Config:
 
     @property
     def broken(self) -> int | None:
-        """Line, from 1, that stands among what SAVE_CONFIG wrote and is none of it."""
+        """Number of the first line, from 1, in SAVE_CONFIG's block that it did not write."""
         lines = self.text.rstrip().split("\n")
         first = next((k for k, line in enumerate(lines) if line.startswith(SAVED)), len(lines))
         return next(
@@ -172,13 +161,13 @@ class Config:
         )
 
     def twice(self, section: str, option: str) -> str | None:
-        """Return what the saved block says of an option that the file itself gives otherwise."""
+        """Return the saved value of an option that the file itself sets to another value."""
         value = self.saved.get(section, {}).get(option)
         return value if value != self.values.get(section, {}).get(option) else None
 
 
 def _block(lines: list[str]) -> str:
-    """Return what SAVE_CONFIG wrote, each line where it stands; without the header's words."""
+    """Return SAVE_CONFIG's lines at their line numbers, without the header's words."""
     block = [line[4:] if line.startswith(SAVED) else "" for line in lines]
     begun = next((k for k, line in enumerate(block) if line.startswith("[")), len(block))
     return "\n".join([""] * begun + block[begun:])
@@ -202,7 +191,7 @@ def _parsed(text: str, path: str | Path) -> dict[str, dict[str, str]]:
 
 
 def _taken_out(text: str) -> dict[tuple[str, str], float]:
-    """Numbers that are commented out, by section: as SAVE_CONFIG leaves what it has replaced."""
+    """Return the commented-out numbers by section, as SAVE_CONFIG leaves replaced values."""
     found: dict[tuple[str, str], float] = {}
     section = ""
     for line in text.split("\n"):
@@ -217,18 +206,13 @@ def _taken_out(text: str) -> dict[tuple[str, str], float]:
 def rewritten(
     config: Config, changes: dict[str, dict[str, str]], drawn: dict[tuple[str, str], float]
 ) -> str:
-    """Return the file's text with other values, as SAVE_CONFIG would leave it.
+    """Return the file's text with changed values, as SAVE_CONFIG would write it.
 
-    What the file itself says of them is commented out, and the saved block says them; all else
-    stays, comments and included files too.
+    The file's own values are commented out and the saved block contains the new ones. All else,
+    comments and includes too, stays.
 
-    Parameters
-    ----------
-    changes : dict
-        By section and option.
-    drawn : dict
-        Numbers by section and option that must stand there commented out: Klipper reads none, and
-        the first is what :attr:`Config.off` holds.
+    `changes` and `drawn` are by section and option. Nominal numbers in `drawn` stay as comments,
+    which Klipper ignores; the first one is read as :attr:`Config.off`.
     """
     own, section = [], ""
     for line in config.text.split("\n"):

@@ -4,9 +4,9 @@ Klipper minimises, by coordinate descent,
 
     Σ (|x(s₁) - x(s₂)| - d)² + w Σ (z(s) - h)²,   w = n_d / (0.5 n_h), or 1 without distances,
 
-n_d distances and n_h probed heights (klippy/extras/delta_calibrate.py): six parameters of a linear
-delta, its radius, two angles, three endstops; with distances also three arms. The same minimum is
-found here by Levenberg-Marquardt, with the core's positions and Jacobians.
+for n_d distances and n_h probed heights (klippy/extras/delta_calibrate.py). Unknowns are six
+parameters of a linear delta (radius, two angles, three endstops), with distances also three arms.
+This module finds the same minimum by Levenberg-Marquardt with the core's positions and Jacobians.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from truepose.arguments import Array
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.printer import TOWERS, Readings
 
-#: How much less a height counts than a distance, in Klipper's words MEASURE_WEIGHT.
+#: Klipper's MEASURE_WEIGHT: relative weight of heights to distances.
 _WEIGHT = 0.5
-#: Error of a reading where the nozzle cannot be, m: more than any that is.
+#: Error of a reading at an unreachable pose, m; larger than any real one.
 _NOWHERE = 1.0
 
 ARMS = tuple(f"arm_{tower}" for tower in TOWERS)
 
 
 def adjusted(kinematics: str, extended: bool) -> tuple[str, ...]:
-    """Names of the parameters that Klipper adjusts, with distances (extended) or without."""
+    """Return the parameters that Klipper adjusts, with distances (extended) or without."""
     ends = tuple(f"endstop_{tower}" for tower in TOWERS)
     if kinematics == "delta":
         return ("radius", "angle_a", "angle_b", *ends, *(ARMS if extended else ()))
@@ -39,7 +39,7 @@ def adjusted(kinematics: str, extended: bool) -> tuple[str, ...]:
 
 
 def directions(names: Sequence[str], free: Sequence[str | tuple[str, ...]]) -> Array:
-    """Return what is free as columns of p; several names together are one unknown.
+    """Return the free parameters as columns of p; several names together are one unknown.
 
     Examples
     --------
@@ -56,17 +56,17 @@ def directions(names: Sequence[str], free: Sequence[str | tuple[str, ...]]) -> A
 
 @dataclass(frozen=True)
 class Errors:
-    """What parameters p say of readings, less what was read; and how that changes with p."""
+    """Predictions of parameters p minus readings, and their Jacobians."""
 
     heights: Array  #: (H,) m
     distances: Array  #: (D,) m
-    lengths: Array  #: (D,) by the parameters, m
+    lengths: Array  #: (D,) predicted, m
     heights_jacobian: Array  #: (H, p)
     distances_jacobian: Array  #: (D, p)
 
 
 def errors(model: Model, p: Array, readings: Readings, jacobian: bool = True) -> Errors:
-    """Compare parameters with readings; NaN where the nozzle cannot be."""
+    """Return errors of parameters on readings; NaN at unreachable poses."""
     H, D = len(readings.heights), len(readings.distances)
     steps = np.concatenate([readings.height_steps, readings.distance_steps.reshape(-1, 3)])
     x = model.positions(p, steps)
@@ -88,19 +88,16 @@ def errors(model: Model, p: Array, readings: Readings, jacobian: bool = True) ->
 
 
 def weight(readings: Readings) -> float:
-    """Weight w of a height's squared error."""
+    """Return the weight w of a height's squared error."""
     if not len(readings.distances):
         return 1.0
     return len(readings.distances) / (_WEIGHT * max(readings.probed, 1))
 
 
 def minimise(rows: Callable[[Array, bool], tuple[Array, Array]], start: Array) -> Array:
-    """Least squares by Levenberg-Marquardt.
+    """Minimise least squares by Levenberg-Marquardt.
 
-    Parameters
-    ----------
-    rows : callable
-        Of the unknowns, and whether the Jacobian is asked for: residuals and their Jacobian.
+    `rows` returns residuals and their Jacobian from the unknowns and a flag for the Jacobian.
     """
     from scipy.optimize import least_squares
 
@@ -113,7 +110,7 @@ def minimise(rows: Callable[[Array, bool], tuple[Array, Array]], start: Array) -
 
 
 def fit(model: Model, start: Array, readings: Readings, F: Array) -> Array:
-    """Parameters p that minimise Klipper's criterion over start + F u."""
+    """Return parameters p that minimise Klipper's criterion over start + F u."""
     root = math.sqrt(weight(readings))
     size = F.shape[1]
     none = np.zeros((max(size - len(readings.heights) - len(readings.distances), 0), size))
@@ -130,12 +127,12 @@ def fit(model: Model, start: Array, readings: Readings, F: Array) -> Array:
 
 
 def klipper(model: Model, start: Array, readings: Readings) -> Array:
-    """Parameters as Klipper finds them, from those that it starts from."""
+    """Return the parameters that Klipper finds from its starting values."""
     extended = len(readings.distances) > 0
     free = adjusted(model.kinematics, extended)
     return fit(model, start, readings, directions(model.names, free))
 
 
 def rms(values: Array) -> float:
-    """Root mean square; NaN of none."""
+    """Return the root mean square; NaN of an empty array."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan

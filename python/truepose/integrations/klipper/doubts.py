@@ -31,19 +31,19 @@ from truepose.integrations.klipper.printer import (
     unlike_arms,
 )
 
-#: Departure from the others that is nobody's calliper, m; and in units of their own scatter.
+#: Difference from the others beyond any calliper's error, m, and in units of their scatter.
 _GROSS, _TIMES = 1 * MM, 6.0
-#: Heights that no printer leaves over, m, rms.
+#: Largest plausible residual of heights, m, rms.
 _BED = 1 * MM
-_SUSPECTS = 30  #: heights that are left out to find a wrong one
-_FEWEST = 3  #: that a calibration needs
-#: Departure of a length from the geometry that is a unit, not a printer.
+_SUSPECTS = 30  #: largest number of heights left out in turn to find a wrong one
+_FEWEST = 3  #: least number of heights of a calibration
+#: Relative difference of a length beyond which the unit is wrong.
 _FACTOR = 0.05
 _UNITS = {1 / 25.4: "inches", 0.1: "cm", 1e-3: "m", 1e3: "µm", 25.4: "mm of inches"}
 
 
 def refuse(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> None:
-    """Raise UnfitError, naming it, for a reading that cannot be; before anything rests on it."""
+    """Raise UnfitError for an impossible reading, by name, before any estimation."""
     readings = printer.readings
     e = errors(model, known.mean, readings, jacobian=False)
     away = [*e.heights, *e.lengths]
@@ -90,7 +90,7 @@ def _wrong_height(model: Model, printer: Printer, known: Prior, assumed: Assumed
     heights = readings.heights_only()
 
     def left_over(by: Readings) -> Array:
-        """By a prior of their own: one gross height has moved that of all."""
+        """Return residuals with a separate prior; one gross height shifts the common one."""
         p = known.mean
         with contextlib.suppress(UnfitError):
             own = prior(model, replace(printer, readings=by), assumed, known.arm)
@@ -114,7 +114,7 @@ def _wrong_height(model: Model, printer: Printer, known: Prior, assumed: Assumed
 
 
 def _unit(ratio: float) -> str:
-    """Name the unit that a length was written in, where it is not mm; else nothing."""
+    """Return a length's unit if it is not mm, else an empty string."""
     for factor, name in _UNITS.items():
         if abs(ratio / factor - 1) < _FACTOR:
             return f"in {name}"
@@ -126,7 +126,7 @@ def _mm(value: float) -> str:
 
 
 def named(readings: Readings, judged: Judged, k: int) -> str:
-    """Say how far a reading is off what all others say."""
+    """Return a reading's deviation from the prediction of all others as text."""
     name = (*readings.height_names, *readings.distance_names)[k]
     read = np.append(readings.heights, readings.distances)[k]
     return (
@@ -136,7 +136,7 @@ def named(readings: Readings, judged: Judged, k: int) -> str:
 
 
 def refuse_unfit(left: tuple[Array, Array]) -> None:
-    """Raise UnfitError where no printer leaves so much over of its heights and distances."""
+    """Raise UnfitError if the residuals exceed those of any printer."""
     heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left)
     if MM * max(heights, distances) > _BED:
         raise UnfitError(
@@ -147,7 +147,7 @@ def refuse_unfit(left: tuple[Array, Array]) -> None:
 
 
 def notes(printer: Printer, found: Estimate, judged: Judged) -> Iterator[str]:
-    """What is odd of a printer and of its readings, in lines."""
+    """Yield notes on implausible values of a printer and its readings."""
     if (wrong := judged.wrong) is not None:
         yield named(printer.readings, judged, wrong)
     yield from found.doubt

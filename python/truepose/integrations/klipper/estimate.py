@@ -1,19 +1,18 @@
 """Maximum a posteriori estimate of a printer's parameters.
 
-The maximum a posteriori estimate of :func:`truepose.calibrate`: the bed is a plane that was
-touched, the calliper's readings are distances of places where the nozzle was, and what departs from
-the drawing counts by its σ. Those are :class:`Assumed`, fixed before any reading is looked at, and
-printed. A print is no gauge: it shrinks, and its lines have a width, so that a distance reads
+It is that of :func:`truepose.calibrate`: the bed is a plane in contact, the calliper's readings are
+distances between nozzle positions, and deviations from nominal have a σ. These σ, :class:`Assumed`,
+are fixed before any reading and printed. A print shrinks and its lines have a width, so a distance
+reads
 
     d = (1 - κ) |x(s₁) - x(s₂)| + b,
 
-κ and b unknowns of their own. κ and the scale of arms and radius together are one number to every
-distance: what tells them apart is the drawing.
+with unknown κ and b. For distances, κ and the scale of arms and radius are equivalent; only the
+nominal dimensions separate them.
 
-The calibration's unknowns are the robot's ξ; Klipper's parameters p are a part of these, ξ(p). What
-is known of p beforehand is carried over by J = ∂ξ/∂p, Σ_ξ = J Σ_p Jᵀ, and what is found comes back
-by p = ξ⁻¹(ξ̂), Σ_p = J⁺ Σ_ξ J⁺ᵀ. What Klipper cannot write, as where the towers' middle is on the
-bed, is known: by definition.
+Unknowns are the robot's ξ(p), which contain Klipper's parameters p. The prior of p is mapped by
+J = ∂ξ/∂p, Σ_ξ = J Σ_p Jᵀ, the result by p = ξ⁻¹(ξ̂), Σ_p = J⁺ Σ_ξ J⁺ᵀ. Quantities that Klipper
+cannot write, such as the towers' centre on the bed, are fixed by definition.
 """
 
 from __future__ import annotations
@@ -42,45 +41,42 @@ from truepose.robot.robot import Robot
 
 
 class UnfitError(InputError):
-    """No such printer can have had these readings."""
+    """No printer of this kind can have these readings."""
 
 
-#: What makes stable positions others than they were.
+#: Possible reason for wrong stable positions.
 CHANGED = "have microsteps or rotation_distance changed since"
-#: σ of the error that no parameter of Klipper models, m or rad.
+#: σ of the error that Klipper's parameters do not model, m or rad.
 BY_DEFINITION = 1e-7
-#: Before the options that a rotary delta's file with an estimate keeps of its drawing: Klipper's
-#: own SAVE_CONFIG comments out what was only set roughly, as endstops.
+#: Prefix of options that keep a rotary delta's nominal values: SAVE_CONFIG itself comments out
+#: roughly set ones, such as endstops.
 DRAWN = "drawn_"
-_NEWTON = 4  #: steps from ξ back to p: they differ by a mm, of hundreds
+_NEWTON = 4  #: steps from ξ to p, which differ by about 1 mm in hundreds
 
 
 @dataclass(frozen=True)
 class Assumed:
-    """σ of the build and of the measurements: assumed, the same for all printers.
+    """Assumed σ of build and measurements, the same for all printers; m, rad, κ without unit."""
 
-    m, rad; κ has no unit.
-    """
-
-    arm: float = 0.5 * MM  #: of each rod or arm against the drawn ones
+    arm: float = 0.5 * MM  #: of each rod or arm from nominal
     angle: float = 0.25 * DEGREE  #: of towers a and b against c: 0.7 mm on 160
-    radius: float = 5 * MM  #: the nacelle's own radius is part of it; drawn nowhere
+    radius: float = 5 * MM  #: includes the nacelle's own radius; no nominal value
     endstop: float = 2 * MM  #: and height of a rotary delta's shoulders
-    height: float = 0.04 * MM  #: the probe's, and how flat the bed is; the readings tell
-    distance: float = 0.04 * MM  #: of a calliper on a print; the readings tell
+    height: float = 0.04 * MM  #: of probe and flatness of the bed; re-estimated
+    distance: float = 0.04 * MM  #: of a calliper on a print; re-estimated
     shrinkage: float = 0.002  #: κ
-    width: float = 0.05 * MM  #: b: what the pillars' own widths do not take out
+    width: float = 0.05 * MM  #: b: remaining error of the pillars' widths
 
     def of(self, names: tuple[str, ...]) -> Array:
-        """Return σ of Klipper's parameters by their names; 0: not in question."""
+        """Return σ of Klipper's parameters by name; 0: fixed."""
         arms = dict.fromkeys(("arm", "upper", "lower", "shoulder_radius"), self.arm)
         known = arms | {"angle": self.angle, "radius": self.radius}
         known |= {"endstop": self.endstop, "shoulder_height": self.endstop}
-        known["angle_c"] = 0.0  # where the axes of x and y point: by definition
+        known["angle_c"] = 0.0  # defines the axes of x and y
         return np.array([known.get(name, known.get(name.split("_")[0], 0.0)) for name in names])
 
     def said(self) -> str:
-        """Return them in a line, mm and degrees."""
+        """Return them as text, mm and degrees."""
         parts = []
         for field in fields(self):
             value = getattr(self, field.name)
@@ -93,26 +89,22 @@ class Assumed:
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of the parameters before the readings."""
+    """Prior of the parameters."""
 
     mean: Array  #: (p,)
-    sigma: Array  #: (p,); 0: not in question
-    arm: float  #: length of the drawn arms (of a rotary delta, of the lower ones), m
-    arm_said: str  #: where that comes from
-    robot: Robot  #: that knows so much, and no more
+    sigma: Array  #: (p,); 0: fixed
+    arm: float  #: nominal length of the arms (of a rotary delta, the lower ones), m
+    arm_said: str  #: source of that length
+    robot: Robot  #: with this prior
 
 
 def prior(model: Model, printer: Printer, assumed: Assumed, arm: float | None = None) -> Prior:
-    """Say what is known beforehand.
+    """Return the prior.
 
-    Towers are a third of a turn apart. A linear delta's radius and endstops are drawn nowhere: what
-    the heights say with arms as drawn, and a σ that is wide beside what they leave open. All else
-    is as in the file.
-
-    Parameters
-    ----------
-    arm : float, optional
-        Drawn length of the arms (of a rotary delta, of the lower ones), m.
+    Towers are a third of a turn apart. A linear delta's radius and endstops have no nominal value:
+    they follow from the heights with nominal arms, and their σ is much wider than the heights
+    allow. All else is as in the file. `arm` is the nominal length of the arms (of a rotary delta,
+    the lower ones), m.
     """
     names = model.names
     mean = printer.values.copy()
@@ -134,7 +126,7 @@ def prior(model: Model, printer: Printer, assumed: Assumed, arm: float | None = 
 
 
 def _drawn_arm(printer: Printer, rods: list[str], arm: float | None) -> tuple[float, str]:
-    """Length of the rods as drawn, and who says so."""
+    """Return the nominal length of the rods, and its source."""
     if arm is not None:
         return arm, "--arm"
     for name in rods:
@@ -148,7 +140,7 @@ def _drawn_arm(printer: Printer, rods: list[str], arm: float | None) -> tuple[fl
 
 
 def _replaced(printer: Printer, name: str, prefix: str = "") -> float | None:
-    """What the file has commented out of a parameter, if that can be; m."""
+    """Return a parameter's commented-out value, if plausible; m."""
     section, option, _, scale = options(printer.kinematics)[name]
     value = scale * printer.config.off.get((section, prefix + option), math.nan)
     now = printer.parameters[name]
@@ -156,9 +148,9 @@ def _replaced(printer: Printer, name: str, prefix: str = "") -> float | None:
 
 
 def as_drawn(known: Prior, names: tuple[str, ...], kinematics: str) -> dict[tuple[str, str], float]:
-    """What a file with the estimate must say of the drawing, as :func:`prior` reads it.
+    """Return the nominal values that a file with the estimate must keep for :func:`prior`.
 
-    Without it the estimate would be the next one's drawing, and the same readings count again.
+    Otherwise the estimate would become the next nominal, and the same readings would count twice.
     """
     where = options(kinematics)
     rod = where["arm_a" if kinematics == "delta" else "lower_arm_a"]
@@ -173,15 +165,15 @@ def as_drawn(known: Prior, names: tuple[str, ...], kinematics: str) -> dict[tupl
 
 @dataclass(frozen=True)
 class Estimate:
-    """The likeliest parameters and what the readings leave open."""
+    """Maximum a posteriori parameters and their uncertainty."""
 
     p: Array  #: Klipper's parameters
     shrinkage: float  #: κ
     width: float  #: b, m
-    covariance: Array  #: (p + 2, p + 2): of p, κ, b
+    covariance: Array  #: (p + 2, p + 2): of [p, κ, b]
     prior: Prior
     assumed: Assumed
-    differences: Differences  #: heights and distances, each tried against all else
+    differences: Differences  #: heights and distances, each tested against the others
     doubt: tuple[str, ...]  #: assumptions that the readings contradict
     fit: Calibration  #: of the printer as a robot
 
@@ -191,7 +183,7 @@ class Estimate:
         return self.covariance[:-2, :-2]
 
     def learnt(self, names: tuple[str, ...]) -> dict[str, Learnt]:
-        """Every parameter in question, before and after; κ and b last."""
+        """Return every free parameter before and after; κ and b last."""
         values = [*self.p, self.shrinkage, self.width]
         means = [*self.prior.mean, 0.0, 0.0]
         before = [*self.prior.sigma, self.assumed.shrinkage, self.assumed.width]
@@ -204,12 +196,12 @@ class Estimate:
         }
 
     def expected(self, lengths: Array) -> Array:
-        """What a calliper reads on a print, of distances between nozzle positions."""
+        """Return the expected readings of a calliper on a print, from nozzle distances."""
         return (1 - self.shrinkage) * lengths + self.width
 
 
 def knowing(model: Model, p: Array, covariance: Array, source: str) -> Robot:
-    """Return the printer as a robot that knows Klipper's parameters with this covariance."""
+    """Return the printer as a robot with this covariance of Klipper's parameters."""
     J = model.xi_jacobian(p)
     whole = J @ covariance @ J.T + BY_DEFINITION**2 * np.eye(len(J))
     if not np.isfinite(whole).all():
@@ -219,7 +211,7 @@ def knowing(model: Model, p: Array, covariance: Array, source: str) -> Robot:
 
 
 def _differences(readings: Readings, assumed: Assumed) -> list[Difference]:
-    """What was measured between poses: heights first, then both ends of every distance."""
+    """Return the measured differences: heights first, then both ends of every distance."""
     H, D = len(readings.heights), len(readings.distances)
     result: list[Difference] = [
         PlaneContacts(
@@ -240,13 +232,7 @@ def _differences(readings: Readings, assumed: Assumed) -> list[Difference]:
 
 
 def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> Estimate:
-    """Find the likeliest parameters.
-
-    Raises
-    ------
-    UnfitError
-        The nozzle cannot be where the readings were taken.
-    """
+    """Return the maximum a posteriori estimate; UnfitError if a reading's pose is unreachable."""
     steps = np.concatenate([readings.height_steps, readings.distance_steps.reshape(-1, 3)])
     try:
         found = fit_to(
@@ -256,7 +242,7 @@ def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -
             model_error="off",
             differences=_differences(readings, assumed),
         )
-    except PoseError:  # its advice is for other logs
+    except PoseError:  # its advice concerns other logs
         raise UnfitError(
             f"no printer was found that fits the readings: are some wrong, or {CHANGED}?"
         ) from None
@@ -291,9 +277,9 @@ def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -
 
 
 def verdict(name: str, learnt: Learnt, readings: Readings) -> str:
-    """Say whether the readings have seen a parameter: identified, barely, not identified.
+    """Return whether the readings identify a parameter: identified, barely, not identified.
 
-    Heights alone never identify an arm: a longer one with a wider radius touches the same bed.
+    Heights alone never identify an arm: a longer one with a larger radius contacts the same bed.
     """
     found = learnt.verdict
     if name in ARMS and not len(readings.distances) and found == "identified":

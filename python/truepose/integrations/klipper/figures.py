@@ -1,4 +1,4 @@
-"""Figures of a printer's calibration, and the page that holds them."""
+"""Figures of a printer's calibration, and the HTML report."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KLIPPER = "#e08214"
 
 
 def page(found: Assessment, source: str) -> str:
-    """Write what was found of a printer as one self-contained HTML page."""
+    """Return the assessment of a printer as one self-contained HTML page."""
     probe = probe_offset(found.printer.config)
     return render(
         "klipper.html.j2",
@@ -55,8 +55,8 @@ def page(found: Assessment, source: str) -> str:
 
 
 def bed(found: Assessment) -> Figure:
-    """Expected error of x, y, z over the bed, before and after; one scale for a coordinate."""
-    figure = Figure(figsize=(8.4, 6.2))  # laid out by hand: an eighth of the time
+    """Plot the expected errors of x, y, z over the bed before and after, each on one scale."""
+    figure = Figure(figsize=(8.4, 6.2))  # manual layout takes an eighth of the time
     figure.subplots_adjust(0.1, 0.22, 0.97, 0.99, 0.1, 0.06)
     grid = figure.subplots(2, 3, sharex=True, sharey=True)
     rows = (("the file's parameters", found.before), ("the estimate", found.after))
@@ -81,7 +81,7 @@ def bed(found: Assessment) -> Figure:
 
 
 def _towers(axes: Axes, found: Assessment) -> None:
-    """Mark where the towers, or shoulders, stand: at the edge of the bed."""
+    """Mark the towers, or shoulders, at the edge of the bed."""
     edge = found.printer.radius / MM
     for tower in TOWERS:
         angle = found.printer.parameters[f"angle_{tower}"]
@@ -91,14 +91,14 @@ def _towers(axes: Axes, found: Assessment) -> None:
 
 
 def readings(found: Assessment) -> Figure:
-    """What each set of parameters leaves over of every reading."""
+    """Plot the residual of every reading with each set of parameters."""
     return _bars(
         found, [(way.name, way.heights, way.distances) for way in found.fits], "left over (mm)"
     )
 
 
 def held_out(found: Assessment) -> Figure:
-    """Error of every reading when it is left out, one colour a way of calibrating."""
+    """Plot the error of every left-out reading, one colour per calibration method."""
     return _bars(
         found,
         [(way.name, way.heights, way.distances) for way in found.held_out],
@@ -132,6 +132,6 @@ def _bars(found: Assessment, rows: list, label: str) -> Figure:
 
 
 def parameters(found: Assessment) -> Figure:
-    """Every parameter against its nominal value, in units of its assumed σ."""
+    """Plot every parameter relative to its nominal value, in units of its assumed σ."""
     values = found.estimate.learnt(found.model.names)
     return figure_of(lambda figure: learnt.draw(figure, values))

@@ -14,22 +14,22 @@ from truepose.integrations.klipper.noise import Judged
 from truepose.integrations.klipper.printer import Readings
 
 MEAN, ESTIMATE = "plain mean", "estimate with tolerances"
-_MOST = 24  #: fits of each way
-#: How many parameters Klipper adjusts.
+_MOST = 24  #: largest number of fits per method
+#: Number of parameters that Klipper adjusts, in words.
 _COUNTS = {4: "four", 6: "six", 7: "seven", 9: "nine"}
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """One way of calibrating, tried on what it has not seen. NaN: has nothing to say."""
+    """Leave-one-out errors of one calibration method; NaN: no prediction."""
 
     name: str
-    heights: Array  #: (H,) predicted less read, m
+    heights: Array  #: (H,) predicted − read, m
     distances: Array  #: (D,)
 
 
 def _by_heights(way: Callable[[Readings], Array]) -> Callable[[Readings], Array]:
-    """Calibrate by heights alone: whichever distance is left out, that is the same."""
+    """Calibrate on heights only; independent of the left-out distance."""
     known: dict[tuple[str, ...], Array] = {}
 
     def found(readings: Readings) -> Array:
@@ -44,14 +44,10 @@ def _by_heights(way: Callable[[Readings], Array]) -> Callable[[Readings], Array]
 def ways(
     model: Model, start: Array, readings: Readings, as_drawn: Array
 ) -> dict[str, Callable[[Readings], Array]]:
-    """Ways to calibrate by such readings as Klipper does, by the name that people read.
+    """Return calibration methods on Klipper's readings by label.
 
-    Parameters
-    ----------
-    start : ndarray, shape (p,)
-        Where Klipper's criterion begins with its own parameters.
-    as_drawn : ndarray, shape (p,)
-        Where it begins with others.
+    `start` and `as_drawn`, shape (p,), are the starting values of Klipper's criterion with its own
+    parameters and with others.
     """
     extended = len(readings.distances) > 0
 
@@ -59,7 +55,7 @@ def ways(
         begin: Array, by: Readings, *free: str | tuple[str, ...]
     ) -> Callable[[Readings], Array]:
         F = directions(model.names, free)
-        near = fit(model, begin, by, F)  # the same minimum, from where less is to be done
+        near = fit(model, begin, by, F)  # same minimum, found faster from here
         return lambda readings: fit(model, near, readings, F)
 
     basic = adjusted(model.kinematics, extended=False)
@@ -77,18 +73,18 @@ def ways(
 
 
 def _parts(count: int) -> list[range]:
-    """Leave out which readings at a time."""
+    """Return the sets of readings that are left out together."""
     return [range(k, count, _MOST) for k in range(min(count, _MOST))]
 
 
 def leave_one_out(
     model: Model, readings: Readings, how: dict[str, Callable[[Readings], Array]], judged: Judged
 ) -> list[HeldOut]:
-    """Try every way of calibrating on each reading that is left out in turn.
+    """Test every calibration method on left-out readings.
 
-    Of many readings some at a time, in as many parts as there may be fits. Of heights only where
-    the others still determine what Klipper adjusts by heights; empty if nothing can be left out.
-    The estimate's predictions are those that judge the readings, each left out by itself.
+    Many readings are left out in parts, since the number of fits is limited. Heights are left out
+    only if the others determine Klipper's parameters; the result is empty if none can be. The
+    estimate's predictions are those of `judged`, each reading left out separately.
     """
     result: list[HeldOut] = []
     H, D = len(readings.heights), len(readings.distances)

@@ -1,14 +1,14 @@
 """A printer's nozzle position: Klipper's parameters as a robot of truepose.
 
-A linear delta's chains are prismatic: tower i stands at (R cos α, R sin α), its carriage is at
-height q over the bed, a rod of length L joins it to the nozzle (the joints' own radius on the
-nacelle is part of R, as in Klipper). A rotary delta's are revolute, q = 0 with the upper arm level,
-q > 0 with its end raised. Either way a motor that has gone s steps down from its endstop reads
--s d, d its step distance, and with q = reading + offset the offset is where the endstop is:
+Chains of a linear delta are prismatic: tower i at (R cos α, R sin α), carriage at height q above
+the bed, rod of length L to the nozzle (R includes the joints' radius on the nacelle, as in
+Klipper). Those of a rotary delta are revolute: q = 0 with a level upper arm, q > 0 with its end
+raised. A motor that moved s steps down from its endstop reads -s d, d its step distance, and
+q = reading + offset, where
 
     offset_i = q_i of the nozzle at (0, 0, E_i),
 
-since Klipper's position_endstop E_i is the nozzle's height in the middle with that motor at its
+since Klipper's position_endstop E_i is the nozzle's height at the centre with motor i at its
 endstop.
 """
 
@@ -24,7 +24,7 @@ from truepose.integrations.klipper.printer import TOWERS, Printer
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import columns
 
-#: z of the pose that the FKM starts from, m.
+#: z of the FKM's starting pose, m.
 _START = 0.02
 
 
@@ -34,11 +34,11 @@ class Model:
     Attributes
     ----------
     names : tuple of str
-        Of the parameters p, in the order of :func:`truepose.integrations.klipper.printer.options`.
+        Names of p, in the order of :func:`truepose.integrations.klipper.printer.options`.
     bare : Robot
-        As the file draws it, its motors' offsets 0; towers a, b, c are its chains 1, 2, 3.
+        Nominal robot of the file with motor offsets 0; towers a, b, c are chains 1, 2, 3.
     parameters : list of str
-        The robot's that p decides: `keys` of each chain.
+        The robot's parameters that p determines: `keys` of each chain.
     """
 
     def __init__(self, printer: Printer):
@@ -61,7 +61,7 @@ class Model:
         return float(p[self.names.index(name if tower is None else f"{name}_{tower}")])
 
     def _geometry(self, p: Array) -> Array:
-        """ξ of the chains, all but the offsets, which are 0."""
+        """Return ξ of the chains with offsets 0."""
         rows = []
         for tower in TOWERS:
             angle = self._value(p, "angle", tower)
@@ -81,18 +81,18 @@ class Model:
         whole = self._xi.copy()
         whole[self._at] = xi
         core = self.bare.core_drawn.with_parameters(whole)
-        core.finish()  # that its home is out of reach does not matter here
+        core.finish()  # its home may be unreachable here
         return core
 
     def _homing(self, p: Array) -> Array:
-        """Poses (0, 0, E_i), one a tower."""
+        """Return the poses (0, 0, E_i), one per tower."""
         ends = [self._value(p, "endstop", tower) for tower in TOWERS]
         return np.array([[0.0, 0.0, end] for end in ends])
 
     def xi(self, p: Array) -> Array:
-        """ξ of the chains by Klipper's parameters, in the order of :attr:`parameters`.
+        """Return ξ of the chains for p in the order of :attr:`parameters`.
 
-        NaN offsets where a chain does not reach the middle at its endstop.
+        Offsets are NaN if a chain at its endstop does not reach the centre.
         """
         xi = self._geometry(p)
         q, _, _ = _core.ikm(self._core(xi), self._homing(p), False, False)
@@ -100,7 +100,7 @@ class Model:
         return xi
 
     def xi_jacobian(self, p: Array) -> Array:
-        """∂ξ/∂p, shape (3 k, p): of the offsets by what holds the nozzle at (0, 0, E_i)."""
+        """Return ∂ξ/∂p, shape (3 k, p); offsets keep the nozzle at (0, 0, E_i)."""
         xi = self._geometry(p)
         J = np.zeros((len(xi), len(p)))
         size = len(self.keys)
@@ -129,12 +129,12 @@ class Model:
         return J
 
     def positions(self, p: Array, steps: Array) -> Array:
-        """Where the nozzle is at stable positions (…, 3), shape (…, 3); NaN where it cannot be."""
+        """Return nozzle positions at stable positions (…, 3), shape (…, 3); NaN if unreachable."""
         rows = np.ascontiguousarray(-steps.reshape(-1, 3) * self.step)
         return self.at_readings(self.xi(p), rows).reshape(*steps.shape[:-1], 3)
 
     def at_readings(self, xi: Array, rows: Array) -> Array:
-        """FKM of motors' readings by ξ of the chains; NaN where the nozzle cannot be."""
+        """Return the FKM of motor readings with the chains' ξ; NaN if unreachable."""
         if not np.isfinite(xi).all():
             return np.full(rows.shape, np.nan)
         start = np.tile([0.0, 0.0, _START], (len(rows), 1))
@@ -142,13 +142,13 @@ class Model:
         return np.where(np.asarray(status)[:, None] == 0, x, np.nan)
 
     def position_jacobian(self, p: Array, x: Array) -> Array:
-        """∂x/∂p with the motors held, at poses x (N, 3): -H_x⁻¹ H_ξ ∂ξ/∂p, shape (N, 3, p)."""
+        """Return ∂x/∂p with fixed motors at poses x (N, 3): -H_x⁻¹ H_ξ ∂ξ/∂p, shape (N, 3, p)."""
         core = self._core(self.xi(p))
         H_x, H_xi, _, _ = _core.linearise(core, np.ascontiguousarray(x), False)
         return -np.linalg.solve(H_x[:, :3], H_xi[:, :3][..., self._at] @ self.xi_jacobian(p))
 
     def steps(self, p: Array, x: Array) -> Array:
-        """Stable positions (…, 3) of the nozzle at x (…, 3); NaN where it cannot be."""
+        """Return stable positions (…, 3) of the nozzle at x (…, 3); NaN if unreachable."""
         rows = np.ascontiguousarray(x.reshape(-1, 3))
         q, status, _ = _core.ikm(self._core(self.xi(p)), rows, False, False)
         q = np.where(np.asarray(status)[:, None] == 0, q, np.nan)
@@ -156,7 +156,7 @@ class Model:
 
 
 def _file(printer: Printer) -> dict[str, Any]:
-    """Contents of a robot file: the printer as its own file has it."""
+    """Return the contents of a robot file with the printer of its own file."""
     values = printer.parameters
     linear = printer.kinematics == "delta"
     chains = []
@@ -165,7 +165,7 @@ def _file(printer: Printer) -> dict[str, Any]:
         if linear:
             chain: dict[str, Any] = {
                 "actuator": "prismatic",
-                "working_mode": 1,  # carriages over the nozzle
+                "working_mode": 1,  # carriages above the nozzle
                 "base": [values["radius"] * c, values["radius"] * s, 0.0],
                 "axis": [0.0, 0.0, 1.0],
                 "rod": values[f"arm_{tower}"],

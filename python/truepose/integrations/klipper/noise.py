@@ -1,23 +1,23 @@
 """Noise of a printer's readings, and the test of each reading against all others.
 
-At the estimate, with every unknown in units of its prior σ, the readings are linear:
+With every unknown in units of its prior σ, the readings are linear at the estimate:
 
     y = G u + ε,  u ~ N(0, 1),  ε ~ N(0, σ_g²),
 
-with one noise σ_g for the heights and one for the distances. Before the readings σ_g² has a
+with one noise σ_g of the heights and one of the distances. The prior of σ_g² is a
 scaled-inverse-χ² distribution with ν₀ = 3 degrees of freedom around the assumed noise. The marginal
 likelihood (u integrated out) over log σ has its maximum where
 
     σ_g² = (ν₀ σ₀² + r_gᵀ r_g) / (ν₀ + ν_g),  ν_g = m_g - tr_g(G P Gᵀ) / σ_g²,
 
-r the residual at that noise, P the covariance of u, m_g the number of readings: ν_g are their
+with r the residual at that noise, P the covariance of u, m_g the number of readings; ν_g are their
 degrees of freedom beyond the parameters. Parameters and predictions then follow Student's t with
-ν₀ + ν_g degrees of freedom. :attr:`Noise.deviation` is the σ that gives this t's standard deviation
-in place of its scale; 1.96 of it hold 95 % for three degrees of freedom and more.
+ν₀ + ν_g degrees of freedom. :attr:`Noise.deviation` is the standard deviation of this t, not its
+scale; 1.96 of it contain 95 % for three degrees of freedom and more.
 
-A reading that was left out is e off its prediction, whose scale is √v, v = σ² + g P g at the noise
-and the P of the other readings. Of m readings it is rejected where |e| / √v > t(1 - α/2m); α is
-0.5 % in all. An error δ in it is rejected in 90 % of cases from √v (t(1 - α/2m) + t(0.9)) on.
+A left-out reading differs by e from its prediction, whose scale is √v, v = σ² + g P g with noise
+and P of the other readings. Of m readings it is rejected if |e| / √v > t(1 - α/2m); α is 0.5 % in
+all. An error of √v (t(1 - α/2m) + t(0.9)) or more is rejected in at least 90 % of cases.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from truepose.integrations.klipper.estimate import Assumed, Estimate, Prior, est
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.printer import MM, Readings
 
-#: Degrees of freedom of the assumed noise, ν₀: half of all printers have 0.6 to 1.6 times that.
+#: Degrees of freedom ν₀ of the assumed noise: half of all printers have 0.6 to 1.6 times the noise.
 DOF = 3.0
-#: Chance that right readings are called wrong, α; and that an error is found that can be shown.
+#: Probability α of rejecting correct readings, and of detecting a detectable error.
 FALSE_ALARM, POWER = 0.005, 0.9
-#: An error of one height that readings must show before they can judge a calibration, m.
+#: Error of one height that must be detectable for a verdict on a calibration, m.
 ERROR = 0.3 * MM
-#: Noise of the heights that makes no first layer, m.
+#: Noise of the heights that prevents a first layer, m.
 LAYER = 0.15 * MM
-_ROUNDS, _CLOSE = 100, 1e-4  #: of the noise's fixed point
-MOST = 24  #: heights that are advised at most
+_ROUNDS, _CLOSE = 100, 1e-4  #: iterations and tolerance of the noise's fixed point
+MOST = 24  #: largest number of heights advised
 
 
 class Noise(NamedTuple):
-    """Noise of heights and of distances, and what the readings say at that noise."""
+    """Noise of heights and of distances, and the estimate at that noise."""
 
     sigma: Array  #: (2,) heights, distances: scale of Student's t, m
     dof: Array  #: (2,) its degrees of freedom
@@ -55,23 +55,15 @@ class Noise(NamedTuple):
 
     @property
     def deviation(self) -> Array:
-        """Noise with which normal σ are standard deviations of Student's t, m."""
+        """Standard deviation of Student's t for each noise, m."""
         return self.sigma * np.sqrt(self.dof / (self.dof - 2))
 
 
 def noise(G: Array, y: Array, kind: Array, assumed: Array, start: Array | None = None) -> Noise:
-    """Estimate the noise of linear readings.
+    """Estimate the noise of linear readings y = G u + ε, shapes (m, k) and (m,).
 
-    Parameters
-    ----------
-    G, y : ndarray, shape (m, k) and (m,)
-        Readings are y = G u + ε.
-    kind : ndarray, shape (m,)
-        0 of a height, 1 of a distance.
-    assumed : ndarray, shape (2,)
-        Centre of the noise before the readings, m.
-    start : ndarray, shape (2,), optional
-        Noise to begin with.
+    `kind`, shape (m,), is 0 of a height and 1 of a distance. `assumed` and `start`, shape (2,), are
+    centre of the prior and starting value of the noise, m; `start` defaults to `assumed`.
     """
     sigma = assumed if start is None else start
     parts = [(G[kind == k], y[kind == k]) for k in (0, 1)]
@@ -93,18 +85,18 @@ def noise(G: Array, y: Array, kind: Array, assumed: Array, start: Array | None =
 
 @dataclass(frozen=True)
 class Judged:
-    """Every reading against all others, heights first; and what the readings can show."""
+    """Every reading tested against all others, heights first, and its detectability."""
 
     noise: Noise
-    off: Array  #: (m,) read less predicted by the others, m
-    scale: Array  #: (m,) of that, Student's t, m
+    off: Array  #: (m,) reading − prediction from the others, m
+    scale: Array  #: (m,) scale of `off`, Student's t, m
     dof: Array  #: (m,)
-    shows: Array  #: (m,) error of that reading that is rejected in 90 % of cases, m
-    heights: int  #: how many of the readings
+    shows: Array  #: (m,) error of the reading that is rejected in 90 % of cases, m
+    heights: int  #: number of heights
 
     @property
     def wrong(self) -> int | None:
-        """The reading that chance hardly puts so far from all others, or None."""
+        """Index of the reading rejected by the test, or None."""
         from scipy.special import stdtr
 
         chance = 2 * stdtr(self.dof, -np.abs(self.off) / self.scale)
@@ -113,7 +105,7 @@ class Judged:
 
     @property
     def scattered(self) -> bool:
-        """Whether the heights' noise, to 99.5 %, exceeds what makes a first layer."""
+        """Whether the heights' noise exceeds that of a possible first layer, at 99.5 %."""
         from scipy.special import chdtr
 
         dof = self.noise.dof[0]
@@ -121,17 +113,17 @@ class Judged:
 
     @property
     def rejected(self) -> bool:
-        """Whether the readings contradict every such printer."""
+        """Whether the readings contradict every printer of this kind."""
         return self.wrong is not None or self.scattered
 
     @property
     def least(self) -> float:
-        """Error that half of the heights would show, m."""
+        """Error detectable in half of the heights, m."""
         return float(np.median(self.shows[: self.heights]))
 
 
 def _shown(scale: Array, dof: Array, count: int) -> Array:
-    """Error of one of `count` readings that is rejected in 90 % of cases."""
+    """Return the error of one of `count` readings that is rejected in 90 % of cases."""
     from scipy.special import stdtrit
 
     return scale * (stdtrit(dof, 1 - FALSE_ALARM / (2 * count)) + stdtrit(dof, POWER))
@@ -140,10 +132,9 @@ def _shown(scale: Array, dof: Array, count: int) -> Array:
 def fitted(
     model: Model, readings: Readings, known: Prior, assumed: Assumed
 ) -> tuple[Estimate, Judged]:
-    """Estimate parameters and noise together, and judge the readings.
+    """Estimate parameters and noise together, and test the readings.
 
-    The noise of the heights and of the distances in `assumed` is the centre of the assumed range;
-    that of the estimate is what was found, :attr:`Noise.deviation`.
+    The noise in `assumed` is the prior's centre; the estimate's is :attr:`Noise.deviation`.
     """
     judged = judge(model, readings, estimate(model, readings, known, assumed))
     height, distance = judged.noise.deviation.tolist()
@@ -152,7 +143,7 @@ def fitted(
 
 
 def judge(model: Model, readings: Readings, found: Estimate) -> Judged:
-    """Estimate the noise about an estimate at the assumed noise, and judge every reading."""
+    """Estimate the noise around an estimate at the assumed noise, and test every reading."""
     G, y, kind = linear(model, readings, found)
     centre = np.array([found.assumed.height, found.assumed.distance])
     whole = noise(G, y, kind, centre)
@@ -168,7 +159,7 @@ def judge(model: Model, readings: Readings, found: Estimate) -> Judged:
 
 
 def linear(model: Model, readings: Readings, found: Estimate) -> tuple[Array, Array, Array]:
-    """Readings as y = G u + ε about the estimate: G, y and the kind, 0 of a height."""
+    """Return the readings as y = G u + ε around the estimate: G, y and kind, 0 of a height."""
     e = errors(model, found.p, readings)
     known, assumed = found.prior, found.assumed
     free = known.sigma > 0
@@ -186,9 +177,9 @@ def linear(model: Model, readings: Readings, found: Estimate) -> tuple[Array, Ar
 def more(
     model: Model, readings: Readings, found: Estimate, judged: Judged, radius: float
 ) -> int | None:
-    """How many heights over a bed of this radius to add, to show an error of 0.3 mm in half of all.
+    """Return how many heights within `radius` to add so that half of all detect 0.3 mm.
 
-    None: the noise hides it, however many there are.
+    None: the noise prevents this for any number.
     """
     G, _, kind = linear(model, readings, found)
     free, sigma = found.prior.sigma > 0, judged.noise.sigma[0]
@@ -208,7 +199,7 @@ def more(
 
 
 def spread(count: int) -> Array:
-    """Points of the unit disc in the plane z = 0, each with as much room as the others, (N, 3)."""
+    """Return evenly spread points of the unit disc in the plane z = 0, (N, 3)."""
     k = np.arange(count)
     turn, ring = np.pi * (3 - np.sqrt(5)) * k, np.sqrt((k + 0.5) / count)
     return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), 0 * ring])

@@ -11,10 +11,10 @@ from truepose.robot.robot import Robot
 
 
 def config_text(found: Assessment) -> str:
-    """Return the printer's file with the estimate in it, as SAVE_CONFIG would write it.
+    """Return the printer's file with the estimate, as SAVE_CONFIG would write it.
 
-    Of parameters in question alone; readings and all else stay. Beside them, commented out as
-    SAVE_CONFIG does it, the drawing, which the estimate rests on.
+    Only free parameters change. Their nominal values, on which the estimate depends, are kept as
+    comments, as SAVE_CONFIG does.
     """
     changes: dict[str, dict[str, str]] = {}
     learnt = found.estimate.learnt(found.model.names)
@@ -30,7 +30,7 @@ def config_text(found: Assessment) -> str:
 
 
 def robot_of(found: Assessment) -> Robot:
-    """Return the printer as a robot that knows what the estimate knows of it."""
+    """Return the printer as a robot with the estimate's parameters and covariance."""
     readings = found.printer.readings
     source = f"Klipper's saved readings: {len(readings.heights)} heights, "
     source += f"{len(readings.distances)} distances"

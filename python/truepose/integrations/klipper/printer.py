@@ -1,7 +1,7 @@
-"""A delta printer by its file: parameters, step distances, saved readings.
+"""A delta printer from its file: parameters, step distances, saved readings.
 
-In m and rad; a *stable position*, Klipper's word, is how many steps each motor has gone down from
-its endstop: whatever the parameters, that is where the machine stood.
+Units are m and rad. A *stable position*, Klipper's term, is the number of steps of each motor down
+from its endstop; it identifies a pose of the machine for any parameters.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from truepose.integrations.klipper.config import Config
 MM, DEGREE = 1e-3, math.pi / 180
 TOWERS = "abc"
 KINEMATICS = ("delta", "rotary_delta")
-#: Where Klipper has the towers if nobody says, degrees.
+#: Klipper's default angles of the towers, degrees.
 _ANGLES = {"delta": (210.0, 330.0, 90.0), "rotary_delta": (30.0, 150.0, 270.0)}
-#: Sections of devices that may have probed the bed, with its offsets.
+#: Sections of devices that may probe the bed, with offsets.
 _PROBES = ("probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon", "cartographer")
-#: Arms that differ by more are no arms that anybody glued, m.
+#: Largest plausible difference between arms, m.
 _APART = 5 * MM
-_MOST = 999  #: readings of each sort that Klipper looks for
-#: Names of readings, before their number.
+_MOST = 999  #: most readings of each kind in Klipper
+#: Prefixes of the readings' names, before their number.
 HEIGHTS = ("manual_height", "height")
 STEMS = (*HEIGHTS, "distance")
-#: What to do with a wrong reading: Klipper looks for none behind a number that is missing.
+#: How to remove a reading: Klipper stops at the first missing number.
 TAKE_OUT = "take it out and number those behind it on"
 
 
 class Option(NamedTuple):
-    """Where a parameter stands in the file, and in which unit."""
+    """Place and unit of a parameter in the file."""
 
     section: str
     option: str
@@ -45,7 +45,7 @@ class Option(NamedTuple):
 
 
 def options(kinematics: str) -> dict[str, Option]:
-    """Return Klipper's parameters of a kind of printer, by the name that Klipper's log gives them.
+    """Return the parameters of a kind of printer by their names in Klipper's log.
 
     Examples
     --------
@@ -70,18 +70,18 @@ def options(kinematics: str) -> dict[str, Option]:
 
 @dataclass(frozen=True)
 class Readings:
-    """What was measured: H heights of the bed, D distances on a print."""
+    """Measurements: H heights of the bed, D distances on a print."""
 
-    heights: Array  #: (H,) of the nozzle over the bed where it was touched, m
+    heights: Array  #: (H,) of the nozzle above the bed at contact, m
     height_steps: Array  #: (H, 3) stable positions
     height_names: tuple[str, ...]  #: in the file
-    probed: int  #: how many of the heights the probe found; the others by hand
+    probed: int  #: number of heights by probe; the others are manual
     distances: Array  #: (D,) m
     distance_steps: Array  #: (D, 2, 3)
     distance_names: tuple[str, ...]
 
     def without(self, heights: Collection[int] = (), distances: Collection[int] = ()) -> Readings:
-        """Return these without some of them."""
+        """Return the readings without some of them."""
         h = [k for k in range(len(self.heights)) if k not in heights]
         d = [k for k in range(len(self.distances)) if k not in distances]
         by_hand = len(self.heights) - self.probed
@@ -96,7 +96,7 @@ class Readings:
         )
 
     def heights_only(self) -> Readings:
-        """Return these without any distance."""
+        """Return the heights without the distances."""
         return self.without(distances=range(len(self.distances)))
 
 
@@ -107,15 +107,15 @@ NO_READINGS = Readings(
 
 @dataclass(frozen=True)
 class Printer:
-    """A printer as its file has it."""
+    """A printer as described by its file."""
 
     config: Config
     kinematics: str
     parameters: dict[str, float]  #: Klipper's, of :func:`options`; m, rad
-    step: Array  #: (3,) way of carriage or arm in one step, m or rad
+    step: Array  #: (3,) motion of carriage or arm per step, m or rad
     readings: Readings
-    radius: float  #: of the bed that is printed on or probed, m
-    notes: tuple[str, ...]  #: what was noticed in the file
+    radius: float  #: of the printed or probed bed, m
+    notes: tuple[str, ...]  #: findings in the file
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,22 +129,14 @@ class Printer:
 
     @property
     def step_unit(self) -> float:
-        """What people read a step in: mm, or degrees of an arm."""
+        """Display unit of a step: mm, or degrees of an arm."""
         return MM if self.kinematics == "delta" else DEGREE
 
 
 def printer_of(config: Config, unread: bool = False) -> Printer:
-    """Take a printer out of its file.
+    """Return the printer of a file; InputError names section, option, value and what is allowed.
 
-    Parameters
-    ----------
-    unread : bool
-        Whether its readings do not matter: there may be none.
-
-    Raises
-    ------
-    InputError
-        One line: section, option, value, what it should be.
+    `unread`: readings are not needed.
     """
     kinematics = config.word("printer", "kinematics")
     if kinematics not in KINEMATICS:
@@ -189,7 +181,7 @@ def _parameter(config: Config, kinematics: str, name: str, option: Option) -> fl
 
 
 def _longer_than_the_radius(config: Config, kinematics: str, values: dict[str, float]) -> None:
-    """Refuse arms that do not reach the middle, as Klipper does."""
+    """Raise InputError for arms that do not reach the centre, as Klipper does."""
     if kinematics != "delta":
         return
     for tower in TOWERS:
@@ -204,12 +196,12 @@ def _longer_than_the_radius(config: Config, kinematics: str, values: dict[str, f
 
 
 def _step_distance(config: Config, section: str, rotary: bool) -> float:
-    """Return what one step moves: mm, or rad of a rotary delta's arm."""
+    """Return the motion of one step: mm, or rad of a rotary delta's arm."""
     geared = config.has(section, "gear_ratio")
     if config.has(section, "step_distance") and not (
         geared or config.has(section, "rotation_distance")
     ):
-        return config.number(section, "step_distance", above=0)  # before Klipper of 2021
+        return config.number(section, "step_distance", above=0)  # Klipper before 2021
     turn = 2 * math.pi if rotary else config.number(section, "rotation_distance", above=0)
     if rotary and not geared:
         config.word(section, "gear_ratio")
@@ -224,7 +216,7 @@ def _step_distance(config: Config, section: str, rotary: bool) -> float:
 
 
 def _radius(config: Config, kinematics: str, values: dict[str, float]) -> float:
-    """Radius of the bed: what Klipper probes, else what it prints on, else a guess."""
+    """Return the radius of the bed: Klipper's probed one, else the printed one, else a guess."""
     for section, option in (("delta_calibrate", "radius"), ("printer", "print_radius")):
         if config.has(section, option):
             return MM * config.number(section, option, above=0)
@@ -256,14 +248,14 @@ def _readings(config: Config, parameters: dict[str, float]) -> Readings:
 
 
 def has_readings(config: Config) -> bool:
-    """Whether a file has readings of any sort."""
+    """Return whether a file has readings of any kind."""
     return any(_numbers(config, stem) for stem in STEMS)
 
 
 def _listed(
     config: Config, stem: str, ends: tuple[str, ...]
 ) -> Iterator[tuple[str, float, list[tuple[float, ...]]]]:
-    """Readings of a sort, numbered from 0 without a gap, as Klipper looks for them."""
+    """Yield readings of a kind, numbered from 0 without a gap, as Klipper reads them."""
     section = "delta_calibrate"
     for number in range(_MOST):
         name = f"{stem}{number}"
@@ -275,7 +267,7 @@ def _listed(
 
 
 def _repeated(config: Config, readings: Readings) -> None:
-    """Refuse a place that is there twice, digit for digit: it would count twice."""
+    """Raise InputError for a repeated stable position, which would count twice."""
     seen: dict[bytes, str] = {}
     rows = [
         *zip(readings.height_names, readings.height_steps, strict=True),
@@ -294,7 +286,7 @@ def _repeated(config: Config, readings: Readings) -> None:
 
 
 def _notes(config: Config, kinematics: str) -> Iterator[str]:
-    """What stands in the file and is worth a line."""
+    """Yield notes on the file."""
     if config.included:
         shown = ", ".join(config.included[:5]) + ", …" * (len(config.included) > 5)
         yield f"included files are not read: {shown}"
@@ -316,13 +308,13 @@ def _notes(config: Config, kinematics: str) -> Iterator[str]:
 
 
 def _numbers(config: Config, stem: str) -> set[int]:
-    """Numbers that readings of a sort have in the file, whether Klipper looks for them or not."""
+    """Return the numbers of a kind's readings in the file, even those that Klipper ignores."""
     names = config.values.get("delta_calibrate", {})
     return {int(n[1]) for name in names if (n := re.fullmatch(rf"{stem}(\d{{1,3}})", name))}
 
 
 def gaps(config: Config, stems: tuple[str, ...] = STEMS) -> Iterator[str]:
-    """Name each number that is missing among the readings of a sort."""
+    """Yield each missing number among the readings of a kind."""
     for stem in stems:
         found = _numbers(config, stem)
         gap = next(k for k in range(len(found) + 1) if k not in found)
@@ -332,7 +324,7 @@ def gaps(config: Config, stems: tuple[str, ...] = STEMS) -> Iterator[str]:
 
 
 def unlike_arms(parameters: dict[str, float]) -> str | None:
-    """Say what arms are that nobody made, or nothing.
+    """Return a message if the arms differ implausibly, else None.
 
     Examples
     --------
@@ -353,7 +345,7 @@ def unlike_arms(parameters: dict[str, float]) -> str | None:
 
 
 def probe_offset(config: Config) -> tuple[str, tuple[float, float, float]] | None:
-    """Return the probe's section and its offset from the nozzle, m; None where there is none."""
+    """Return the probe's section and its offset from the nozzle, m; None without a probe."""
     for section in _PROBES:
         if section in config.values:
             x, y, z = (MM * config.number(section, f"{axis}_offset", 0.0) for axis in "xyz")

@@ -1,9 +1,9 @@
-"""Errors that a print would show: over the bed, in scale and skew.
+"""Errors of a print: over the bed, in scale and skew.
 
-Told to be at x, a printer with parameters p_c drives its motors to q = IKM(x; p_c); by the estimate
-p̂ with covariance P its nozzle then is at FKM(q; p̂), give or take E P Eᵀ, E = ∂x/∂p. Errors of x
-and y count without the shift and the turn that the whole print has in common: where on the bed it
-stands is nobody's error. z counts whole.
+For position x, a printer with parameters p_c moves its motors to q = IKM(x; p_c). With the
+estimate p̂ of covariance P its nozzle is at FKM(q; p̂), with covariance E P Eᵀ, E = ∂x/∂p. Common
+shift and rotation of the print do not count as errors of x and y, since its place on the bed is
+arbitrary. Errors of z count fully.
 """
 
 from __future__ import annotations
@@ -21,37 +21,34 @@ _RINGS = 12  #: of points over the bed
 
 
 class Shape(NamedTuple):
-    """What a print is off in all, with its σ: more than 0 is too large, or leans to +x at +y."""
+    """Overall errors of a print with σ: positive is too large, or leans to +x at +y."""
 
-    scale: tuple[float, float]  #: of the nozzle's ways, of 1
+    scale: tuple[float, float]  #: of the nozzle's path, relative
     print_scale: tuple[float, float]  #: of a printed part, with shrinkage; 1 is true
-    stretch: tuple[float, float]  #: of x against y, of 1
+    stretch: tuple[float, float]  #: of x against y, relative
     skew: tuple[float, float]  #: of the angle between x and y, rad
 
 
 @dataclass(frozen=True)
 class Bed:
-    """Predicted errors over the bed of parameters in use. N points."""
+    """Predicted errors over the bed for the parameters in use. N points."""
 
     points: Array  #: (N, 2) m
-    offset: Array  #: (N, 3) where the nozzle is, by the estimate, less where it is told to be
-    sigma: Array  #: (N, 3) of that
+    offset: Array  #: (N, 3) nozzle position by the estimate − desired position
+    sigma: Array  #: (N, 3) of `offset`
     shape: Shape
 
     @property
     def error(self) -> Array:
-        """Root mean square that is to be expected, (N, 3)."""
+        """Expected root mean square error, (N, 3)."""
         return np.hypot(self.offset, self.sigma)
 
 
 def over_the_bed(model: Model, used: Array, found: Estimate, radius: float) -> Bed:
-    """Predict the errors of a printer that uses these parameters.
+    """Predict the errors of a printer that uses the parameters `used`, shape (p,).
 
-    Parameters
-    ----------
-    used : ndarray, shape (p,)
-        In its file; `found.p` for what it would be with the estimate. Where they cannot bring
-        the nozzle to the bed there are no points, and no shape.
+    These are its file's, or `found.p` for the estimate. If they cannot reach the bed there are no
+    points and no shape.
     """
     told = radius * disc()
     there = model.positions(found.p, model.steps(used, told))
@@ -77,7 +74,7 @@ def over_the_bed(model: Model, used: Array, found: Estimate, radius: float) -> B
 
 
 def disc() -> Array:
-    """Points of the unit disc in the plane z = 0, (N, 3): rings, each as dense as the others."""
+    """Return evenly spread points of the unit disc in the plane z = 0, (N, 3), on rings."""
     rings = [np.zeros((1, 3))]
     for k in range(1, _RINGS + 1):
         turn = 2 * np.pi * np.arange(6 * k) / (6 * k)
@@ -86,10 +83,7 @@ def disc() -> Array:
 
 
 def without_rigid(points: Array) -> Array:
-    """Return the projection (2N, 2N) of x and y of all points that removes their common part.
-
-    A shift along x, along y, and a turn.
-    """
+    """Return the projection (2N, 2N) that removes common shifts and rotation from x and y."""
     columns = np.zeros((len(points), 2, 3))
     columns[:, 0, 0] = columns[:, 1, 1] = 1.0
     columns[:, 0, 2], columns[:, 1, 2] = -points[:, 1], points[:, 0]
@@ -98,7 +92,7 @@ def without_rigid(points: Array) -> Array:
 
 
 def _affine(points: Array) -> Array:
-    """Map from offsets of x and y to scale (twice), stretch, skew of the nearest affine map."""
+    """Return the map from offsets of x and y to scale (twice), stretch, skew: affine fit."""
     columns = np.zeros((len(points), 2, 6))
     columns[:, 0, 0] = columns[:, 1, 1] = 1.0
     columns[:, 0, 2:4] = columns[:, 1, 4:6] = points[:, :2]  # dx = a x + b y, dy = c x + d y

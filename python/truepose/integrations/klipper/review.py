@@ -1,4 +1,4 @@
-"""Tables and advice about a printer's calibration."""
+"""Tables and advice on a printer's calibration."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from truepose.integrations.klipper.printer import MM, TAKE_OUT, options
 from truepose.integrations.klipper.prints import Bed
 from truepose.show.table import Cell, Table, number
 
-_WORSE = 1.15  #: times an error is another one
+_WORSE = 1.15  #: ratio above which an error counts as larger
 
 
 def fits(found: Assessment) -> Table:
-    """What three sets of parameters leave over of the readings."""
+    """Return the residuals of the readings with three sets of parameters."""
     rows = []
     for name, heights, distances in found.fits:
         cells = [_mm(rms(heights), 4), _mm(_worst(heights)), _mm(rms(distances), 4)]
@@ -36,7 +36,7 @@ def fits(found: Assessment) -> Table:
 
 
 def parameters(found: Assessment) -> Table:
-    """Every parameter: in the file, by Klipper's criterion, by the estimate with its σ."""
+    """Return every parameter: in the file, by Klipper's criterion, by the estimate with its σ."""
     rows = []
     known = options(found.printer.kinematics)
     learnt = found.estimate.learnt(found.model.names)
@@ -62,7 +62,7 @@ def parameters(found: Assessment) -> Table:
 
 
 def held_out(found: Assessment) -> Table:
-    """Errors at readings that were left out, one way of calibrating a row."""
+    """Return the errors at left-out readings, one row per calibration method."""
     rows = [
         [way.name, _mm(rms(_finite(way.heights))), _mm(rms(_finite(way.distances)))]
         for way in found.held_out
@@ -73,7 +73,7 @@ def held_out(found: Assessment) -> Table:
 
 
 def prints(found: Assessment) -> Table:
-    """What a print would show, with the file's parameters and with the estimate."""
+    """Return the expected errors of a print with the file's parameters and with the estimate."""
     rows, shapes = [], ("scale", "as printed", "x against y", "skew")
     for name, bed in (("the file's parameters", found.before), (ESTIMATE, found.after)):
         cells = [_mm(_over(bed)[k]) for k in range(3)]
@@ -86,7 +86,7 @@ def prints(found: Assessment) -> Table:
 
 
 def assumptions(known: Prior, assumed: Assumed) -> list[str]:
-    """Say what was assumed beforehand, and who says how long the arms are."""
+    """Return the assumptions, and the source of the arms' length."""
     return [
         f"Arms as drawn: {known.arm / MM:g} mm ({known.arm_said})",
         f"σ assumed beforehand: {assumed.said()}",
@@ -94,7 +94,7 @@ def assumptions(known: Prior, assumed: Assumed) -> list[str]:
 
 
 def words(found: Assessment) -> list[str]:
-    """Say what it comes to, a sentence a line."""
+    """Return the conclusions, one sentence per line."""
     return [_fit_in_words(found), *_distances_in_words(found), *_judged(found), _use(found)]
 
 
@@ -128,7 +128,7 @@ def _fit_in_words(found: Assessment) -> str:
 
 
 def _left_over(found: Assessment, k: int) -> str:
-    """What the k-th set of parameters leaves over."""
+    """Return the residuals of the k-th set of parameters as text."""
     of = found.fits[k]
     distances = f", distances {_said(rms(of.distances))} mm" * found.extended
     return f"z {_said(rms(of.heights))} mm{distances}"
@@ -162,7 +162,7 @@ def _distances_in_words(found: Assessment) -> list[str]:
 
 
 def _judged(found: Assessment) -> Iterator[str]:
-    """Say how noisy the readings are, and whether they can judge the calibration."""
+    """Yield the noise of the readings, and whether they suffice for a verdict."""
     judged = found.judged
     of = [
         f"{name} ± {_said(sigma)} mm ({dof:.0f} degrees of freedom)"
@@ -185,7 +185,7 @@ def _judged(found: Assessment) -> Iterator[str]:
 
 
 def _use(found: Assessment) -> str:
-    """Say whether to use the calibration at all."""
+    """Return whether to use the calibration."""
     judged = found.judged
     if judged.wrong is not None:
         return (
@@ -229,7 +229,7 @@ def _use(found: Assessment) -> str:
 
 
 def _left_out(way: HeldOut) -> float:
-    """Error of all readings left out in turn, rms."""
+    """Return the rms error of all left-out readings."""
     return rms(_finite(np.concatenate([way.heights, way.distances])))
 
 
@@ -239,13 +239,13 @@ def _of_klipper(found: Assessment) -> HeldOut:
 
 
 def tables(found: Assessment) -> list[Table]:
-    """Every table, in the order in which they are read."""
+    """Return every table in reading order."""
     left_out = [held_out(found)] if found.held_out else []
     return [fits(found), parameters(found), *left_out, prints(found)]
 
 
 def _over(bed: Bed) -> list[float]:
-    """Error of x, y, z over the bed, rms."""
+    """Return the rms error of x, y, z over the bed."""
     return [rms(bed.error[:, k]) for k in range(3)]
 
 
@@ -266,13 +266,13 @@ def _mm(value: float, decimals: int = 3) -> Cell:
 
 
 def _on_100(what: str, value: float, sigma: float) -> Cell:
-    """Write a share as what it makes on 100 mm, with its σ."""
+    """Return a relative value in mm per 100 mm, with its σ."""
     value, sigma = 100 * value, 100 * sigma
     text = f"{round(value, 2) + 0.0:+.2f} ± {sigma:.2f}" if math.isfinite(value) else ""
     return Cell(text, {f"{what} (mm on 100)": value, f"{what}, σ (mm on 100)": sigma})
 
 
 def _without_empty(table: Table) -> Table:
-    """Leave out columns that have nothing to say."""
+    """Remove columns without values."""
     said = [k for k in range(len(table.header)) if any(row[k] for row in table.rows)]
     return table.columns(*said)

@@ -1,7 +1,7 @@
-"""The next readings worth taking: heights of the bed, distances on a print.
+"""The most useful next readings: heights of the bed, distances on a print.
 
-Of heights over all of the bed and of distances between places where a pillar may stand, those that
-leave the nozzle's position over the bed best known, by what the estimate assumes and has found.
+Candidates are heights over the whole bed and distances between possible pillars. Selected are those
+that minimise the σ of the nozzle over the bed with the estimate's assumptions and results.
 """
 
 from __future__ import annotations
@@ -26,28 +26,22 @@ from truepose.integrations.klipper.prints import disc
 from truepose.integrations.klipper.review import assumptions
 from truepose.show.table import Cell, Table, fixed
 
-#: Rings round the middle that are probed, and where pillars are printed; of the bed's radius.
+#: Radii of probed rings and of pillars' rings, relative to the bed's.
 PROBED, PILLARS = (0.25, 0.5, 0.75, 1.0), (0.45, 0.9)
-#: What people call the plan's candidates, and Klipper where they were.
+#: Labels of the plan's candidates, and Klipper's names.
 _WHAT, _STABLE = {"plane": "height", "distances": "distance"}, ("pos1", "pos2")
-#: Shortest distance that is worth a print, m.
+#: Shortest useful distance on a print, m.
 _SHORTEST = 20 * MM
 
 
 def next_readings(found: Assessment, count: int) -> Table:
-    """Say what to read after all that was read."""
+    """Return the next readings to take."""
     planned = _planned(found.printer, found.prior, found.estimate.assumed, count, found.estimate)
     return _table([planned], found.model, found.printer, "What to read next")
 
 
 def first_readings(config: Config, count: int, arm: float | None = None) -> tuple[Table, list[str]]:
-    """Say what to read of a printer that has read nothing; and what is assumed of it.
-
-    Raises
-    ------
-    InputError
-        One line: what is wrong with the file.
-    """
+    """Return the readings to take first, and the assumptions; InputError for an invalid file."""
     printer = printer_of(config, unread=True)
     assumed, model = Assumed(), drawn_of(printer)
     with fitting(config, "", arm):
@@ -58,7 +52,7 @@ def first_readings(config: Config, count: int, arm: float | None = None) -> tupl
         touched = np.concatenate([step.poses for step in plans[0].steps])
         steps, names = model.steps(known.mean, touched), tuple(map(str, range(enough)))
         read = replace(NO_READINGS, heights=touched[:, 2], height_steps=steps, height_names=names)
-        then = estimate(model, read, known, assumed)  # whatever they say, it is as well known
+        then = estimate(model, read, known, assumed)  # σ does not depend on their values
         plans.append(_planned(printer, known, assumed, count - enough, then))
     table = _table(plans, model, printer, "What to read first")
     before = (
@@ -69,7 +63,7 @@ def first_readings(config: Config, count: int, arm: float | None = None) -> tupl
 
 
 def _table(plans: list[PosePlan], model: Model, printer: Printer, title: str) -> Table:
-    """One row a reading, the most useful first; programs are told Klipper's stable positions."""
+    """Return one row per reading, the most useful first; data has Klipper's stable positions."""
     rows = []
     promises = [plans[0].sigma[0], *(sigma for planned in plans for sigma in planned.sigma[1:])]
     steps = [None, *(step for planned in plans for step in planned.steps)]
@@ -101,7 +95,7 @@ def _planned(
     found: Estimate | None = None,
     heights_only: bool = False,
 ) -> PosePlan:
-    """Search; only places where the machine can be count."""
+    """Search for readings at reachable positions only."""
     robot = known.robot if found is None else found.fit.robot
     points = np.concatenate([_rings(PROBED), _rings(PILLARS)]) * printer.radius
     probed, pillars = np.split(np.arange(len(points)), [len(_rings(PROBED))])
@@ -141,7 +135,7 @@ def _planned(
 
 
 def _rings(radii: tuple[float, ...]) -> Array:
-    """The middle, and rings about it, each as dense as the others, (N, 3)."""
+    """Return the centre and evenly spread rings around it, (N, 3)."""
     parts = [np.zeros((1, 3))]
     for radius in radii:
         turn = np.arange(0, 2 * np.pi - 1e-9, np.pi / 3 * radii[0] / radius)

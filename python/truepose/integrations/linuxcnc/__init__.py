@@ -1,1 +1,1 @@
-"""Integration of LinuxCNC: a robot's table and configuration for the components in deploy/."""
+"""Integration of LinuxCNC: robot tables and configurations for the components in deploy/."""

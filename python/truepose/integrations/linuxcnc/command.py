@@ -31,17 +31,17 @@ def command(
     machine: Annotated[
         str | None,
         typer.Option(
-            metavar="ROBOT", help="What is simulated: a robot file.", show_default="the robot"
+            metavar="ROBOT", help="Simulated machine: a robot file.", show_default="the robot"
         ),
     ] = None,
     law: Annotated[
-        Law | None, typer.Option(help="That the machine starts with.", show_default=USUAL)
+        Law | None, typer.Option(help="Control law at start.", show_default=USUAL)
     ] = None,
-    period: Annotated[float, typer.Option(help="Of the servo thread, s.")] = 1e-3,
+    period: Annotated[float, typer.Option(help="Period of the servo thread, s.")] = 1e-3,
 ) -> None:
-    """Write a LinuxCNC configuration: a robot's table, ini and HAL, and a simulated machine.
+    """Write a LinuxCNC configuration: robot table, ini, HAL and a simulated machine.
 
-    For truepose's components of LinuxCNC. Tables serve this kind of machine.
+    Needs truepose's components for LinuxCNC. A table is valid for this computer's architecture.
 
     Example: **truepose export linuxcnc h4 -o h4**
     """
@@ -67,7 +67,7 @@ def command(
 
 @contextlib.contextmanager
 def _folder(path: Path) -> Iterator[None]:
-    """Make a folder to write into; it is not left where nothing is written."""
+    """Make a folder to write into; remove it if nothing is written."""
     new = not path.exists()
     try:
         path.mkdir(exist_ok=True)

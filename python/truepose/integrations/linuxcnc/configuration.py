@@ -1,4 +1,4 @@
-"""LinuxCNC configurations: a robot's table, ini and HAL, and predicted limits."""
+"""LinuxCNC configurations: robot table, ini, HAL, and predicted limits."""
 
 from __future__ import annotations
 
@@ -23,22 +23,21 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.simulation.equilibrium import steady_state
 
-#: Uncertain parameters that the components hold at most (deploy/linuxcnc/table.h).
+#: Largest number of uncertain parameters in the components (deploy/linuxcnc/table.h).
 _PARAMETERS = 256
-#: Robots and poses of which corrections are predicted, and their quantile that is accepted.
+#: Sampled robots, sampled poses, and accepted quantile, for the prediction of corrections.
 _DRAWN, _POSES, _ACCEPTED = 40, 40, 0.999
-#: The same in σ where the error is about normal; s of full speed over which it is differentiated.
+#: The quantile in σ of a normal error; time step of the rates' finite difference, s.
 _ACCEPTED_SIGMAS = NormalDist().inv_cdf((1 + _ACCEPTED) / 2)
 _DIFFERENCE = 5e-4
-#: Robots within their tolerances whose readings, once homed, are accepted.
+#: Share of robots within tolerances whose readings after homing must be accepted.
 _HOMED = 0.9999
-#: By how much following errors exceed what is predicted, and a correction where nothing is, in
-#: machine units.
+#: Factor of ferror over its prediction; correction limit without a prediction, machine units.
 _SPARE, _UNPREDICTED = 1.25, 5.0
-#: Of the drives' position loops, 1/s, assumed; cycles that they and their encoders are late; s over
-#: which a correction is blended in.
+#: Assumed bandwidth of the drives' position loops, 1/s; delay of drives and encoders, cycles; time
+#: over which a correction is blended in, s.
 _BANDWIDTH, _LATE, _BLEND = 50.0, 3, 0.5
-#: What a machine unit is of m and rad; each coordinate's axis.
+#: Machine units per m and rad; axis letter of each coordinate.
 _SHOWN = {"m": 1e3, "rad": math.degrees(1)}
 _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
 
@@ -46,15 +45,10 @@ _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
 def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes:
     """Return a robot as deploy/linuxcnc/table.h reads it: the C interface's structs, by name.
 
-    It serves the kind of machine that it was written on; another refuses it.
+    The table is valid on the kind of machine that wrote it; others refuse it.
 
-    Parameters
-    ----------
-    robot : Robot
-        As the controller believes it to be: as drawn, or calibrated.
-    controller : Controller
-        Whose period and gains the watch is to know.
-    watch : FaultMonitor
+    `robot` is the controller's model, nominal or calibrated. The fault monitor `watch` uses period
+    and gains of `controller`.
 
     Examples
     --------
@@ -86,7 +80,7 @@ def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes
 
 @dataclass(frozen=True)
 class Speeds:
-    """Largest velocities and accelerations that no robot file has, all assumed."""
+    """Largest velocities and accelerations, which no robot file has; all assumed."""
 
     linear: float = 1.5  #: m/s
     linear_acceleration: float = 20.0  #: m/s²
@@ -94,7 +88,7 @@ class Speeds:
     angular_acceleration: float = 200.0  #: rad/s²
 
     def of(self, unit: str) -> dict[str, str]:
-        """Return them for an axis in m or rad, in mm or degrees."""
+        """Return the limits of an axis in m or rad, in mm or degrees."""
         length = unit == "m"
         values = (
             (self.linear, self.linear_acceleration)
@@ -108,17 +102,13 @@ class Speeds:
 def to_configuration(
     robot: Robot, controller: Controller, watch: FaultMonitor, machine: Robot | None = None
 ) -> dict[str, str | bytes]:
-    """Return the files of a LinuxCNC configuration, by name.
+    """Return the files of a LinuxCNC configuration by name.
 
-    ``robot.ini`` and ``robot.hal`` run a simulated machine; ``robot.table`` is what the controller
-    believes, ``machine.table`` what is.
+    ``robot.ini`` and ``robot.hal`` run a simulated machine; ``robot.table`` is the controller's
+    model, ``machine.table`` the true machine.
 
-    Parameters
-    ----------
-    robot, controller, watch
-        Of :func:`to_table`.
-    machine : Robot, optional
-        With the same sensors; the robot itself by default.
+    `robot`, `controller` and `watch` are as in :func:`to_table`. `machine` is the true robot with
+    the same sensors, default `robot`.
 
     Examples
     --------
@@ -184,18 +174,15 @@ def to_configuration(
 
 
 def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Array, Array]:
-    """Return the 99.9 % quantile of every motor's correction at rest, m or rad.
+    """Return the 99.9 % quantile of every motor's correction at steady state, m or rad.
 
-    A law of redundant sensors holds motors whose own encoders are then off, by e_q. Over robots of
-    the file's tolerances e_q is about normal: the quantile is 3.29 times its rms over them, at the
-    worst of the workspace's corners and poses drawn in it. Of the joint law, what the TEJ law
-    would correct.
+    A law with redundant sensors holds the motors off their encoders' positions by e_q. Over robots
+    within the file's tolerances e_q is about normal, so the quantile is 3.29 times the rms over
+    them, at the worst of the workspace's corners and sampled poses. For the joint law this is the
+    correction of the TEJ law.
 
-    Returns
-    -------
-    exported, learnt : ndarray, shape (n,)
-        For the law that goes by the file, and for a robot that has been learnt and rests where it
-        should.
+    Return shapes are (n,): for the law with the file's model, and for an identified robot at its
+    desired pose.
 
     Examples
     --------
@@ -214,15 +201,11 @@ def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Ar
 
 
 def rates(robot: Robot, controller: Controller, seed: int = 0) -> Array:
-    """Return how fast the correction of every motor changes at full speed, m/s or rad/s.
+    """Return the rate of every motor's correction at full speed, m/s or rad/s.
 
-    Its 99.9 % quantile over robots: 3.29 times the rms along the worst direction, at the worst of
-    the poses of :func:`corrections`, by the file or learnt. Along a straight path linear axes
-    together are as fast as one may be, and each angular axis as fast as it may be.
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    It is the 99.9 % quantile over robots: 3.29 times the rms along the worst direction, at the
+    worst of the poses of :func:`corrections`, with the file's or the identified model. On a
+    straight path the linear axes share one speed limit, and each angular axis moves at its own.
 
     Examples
     --------
@@ -251,10 +234,7 @@ def rates(robot: Robot, controller: Controller, seed: int = 0) -> Array:
 
 
 def _errors(robot: Robot, controller: Controller, x: Array, seed: int) -> Array:
-    """Return e_q at rest of robots of the file's tolerances: by the file, and where each should.
-
-    Of shape (2, robots, poses, n).
-    """
+    """Return e_q (2, robots, poses, n) of sampled robots at rest: file's law, and desired pose."""
     law = "tej" if controller.law == "joint" else controller.law
     q_d = robot.ikm(x, errors="nan")
     e_q = np.empty((2, _DRAWN, *q_d.shape))
@@ -267,7 +247,7 @@ def _errors(robot: Robot, controller: Controller, x: Array, seed: int) -> Array:
 
 
 def _rms(products: Array, *, square: bool = False) -> Array:
-    """Return the root of the mean, or the mean, over robots (axis 1) that answered."""
+    """Return the root mean, or the mean, over the robots (axis 1) with a result."""
     answered = np.isfinite(products)
     total = np.where(answered, products, 0.0).sum(axis=1)
     mean = total / np.maximum(answered.sum(axis=1), 1)
@@ -275,25 +255,25 @@ def _rms(products: Array, *, square: bool = False) -> Array:
 
 
 def dither(robot: Robot) -> Array:
-    """Return by how much one count of every reading moves a motor's error, m or rad."""
+    """Return the change of each motor's error by one count of every reading, m or rad."""
     x = _workspace(robot, 0)
     tej = np.abs(robot.tej(x, errors="nan")[1])
     return np.nanmax(tej @ robot.resolution, axis=0)
 
 
 def least_conditioning(robot: Robot, seed: int = 0) -> float:
-    """Return the worst conditioning, 0 to 1, that the workspace has."""
+    """Return the worst conditioning, 0 to 1, in the workspace."""
     parallel, serial = robot.conditioning(_workspace(robot, seed))
     return float(min(np.min(parallel), np.min(serial)))
 
 
 def _workspace(robot: Robot, seed: int) -> Array:
-    """Return the workspace's corners, and poses drawn in it."""
+    """Return the workspace's corners, and poses sampled in it."""
     return np.vstack([poses(robot), _anywhere(robot, seed)])
 
 
 def _anywhere(robot: Robot, seed: int) -> Array:
-    """Return poses of the workspace that are regular."""
+    """Return regular poses sampled in the workspace."""
     box = robot.spec.workspace
     if box is None:
         return robot.home[None]
@@ -306,17 +286,17 @@ def _short(value: float) -> str:
 
 
 def _axes(robot: Robot) -> list[tuple[str, str]]:
-    """Return letter and unit of every coordinate's axis."""
+    """Return letter and unit of each coordinate's axis."""
     if robot.spec.passive_axis:
         raise InputError(
-            f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a pivot has no "
-            "configuration (choices: robots that move x, y, z)"
+            f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a rotational "
+            "robot has no configuration (choices: robots that move x, y, z)"
         )
     return [(_LETTERS.get(name, name.upper()), unit) for name, unit in robot.coordinates]
 
 
 def _range(robot: Robot, k: int, unit: str) -> dict[str, str]:
-    """Return the workspace's range of a coordinate; roll, pitch, yaw have none."""
+    """Return the workspace's range of a coordinate; roll, pitch and yaw have none."""
     box = robot.spec.workspace
     if box is None or (unit == "rad" and robot.n == 6):
         return {"low": "-1e9", "high": "1e9"}
@@ -332,7 +312,7 @@ def _joint(
     moved: tuple[float, float, float],
     controller: Controller,
 ) -> dict[str, str]:
-    """Return what [JOINT_i] says."""
+    """Return the entries of [JOINT_i]."""
     chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
     stops = chain.limits or (-math.inf, math.inf)
     low, high = sorted(
@@ -340,11 +320,11 @@ def _joint(
         for stop in stops
     )
     lag = _LATE * controller.period * float(speeds["velocity"])
-    # The drives' loops follow the command less a correction that nothing feeds forward: at c' the
-    # drive is c' / P behind, however slow its own joint is meanwhile.
+    # The drives' loops lag the command minus the correction, which is not fed forward: a correction
+    # rate c' gives a lag c' / P, even if the joint itself moves slowly.
     correction, rate, noise = moved
     changes = rate / _BANDWIDTH
-    blended = 1.875 * correction / (_BLEND * _BANDWIDTH)  # the quintic's steepest part
+    blended = 1.875 * correction / (_BLEND * _BANDWIDTH)  # largest slope of the quintic
     least = _SPARE * scale * (blended + changes + noise)
     return {
         "type": "ANGULAR" if unit == "rad" else "LINEAR",
@@ -362,7 +342,7 @@ def _joint(
 
 
 def _sensors(robot: Robot) -> list[dict[str, str | bool]]:
-    """Return where encoders have their index: as the file's home reads; others are absolute."""
+    """Return the index positions of the encoders, read at the file's home; others are absolute."""
     units = reading_units(robot)[robot.n :]
     kinds = [_core.sensor_kinds[sensor.kind] for sensor in robot.spec.used]
     return [

@@ -1,7 +1,7 @@
-"""Anchors of a sled on four belts, from the belts' own lengths.
+"""Calibration of a sled on four belts (Maslow) from its belts' lengths.
 
-Two freedoms, four belts: the upper two are the motors, the lower two redundant readings. Any two of
-them could be the motors: which are, changes nothing.
+The sled has two degrees of freedom. The upper belts are modelled as the motors, the lower belts as
+redundant readings. The choice of the two motors does not affect the result.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from truepose.calibration.learnt import Learnt
 from truepose.exceptions import PoseError
 from truepose.robot.robot import Robot
 
-#: In the order of the readings: upper left and right, lower left and right.
+#: Order of the readings: upper left and right, lower left and right.
 BELTS = ("tl", "tr", "bl", "br")
-#: σ that is believed before anything is read, all assumed: of an anchor's coordinates and of a
-#: belt's zero, m; of the strain by which the lower belts are tightened, and by the sled's weight.
+#: Prior σ, all assumed: an anchor's coordinates and a belt's zero, m; the strain by tightening of
+#: the lower belts, and by the sled's weight.
 ANCHOR, OFFSET, STRAIN = 0.3, 0.005, 0.003
-#: Of a belt's reading, m, before the log says how well it is explained.
+#: Initial σ of a belt's reading, m; re-estimated from the log.
 READING = 1e-3
-#: Of the freedoms that the mean of N χ² of two freedoms each has, those that their median has: its
-#: relative variance is 1/(N log² 2), the mean's 1/N.
+#: Ratio of effective degrees of freedom of the median of N χ² of two degrees of freedom each to
+#: those of their mean: relative variances 1/(N log² 2) and 1/N.
 MEDIAN = np.log(2) ** 2
-#: Frames that are tried to begin with, m: width and height.
+#: Widths and heights of the frames tried as starting values, m.
 FRAMES = (np.arange(1.0, 5.01, 0.1), np.arange(1.0, 4.01, 0.1))
-#: Of the width: a pose that little left of the middle counts to the right, for the machine, whose
-#: middle is its own, calls x = 0 that.
+#: Share of the width. Poses up to this far left of the middle count as right, since the machine
+#: tightens by its own x = 0.
 MIDDLE = 0.02
-#: A frame that is no rectangle misfits the next rectangle by less than that, m, assumed.
+#: Assumed upper limit of a non-rectangular frame's misfit to the best rectangle, m.
 FITS = 0.1
-#: How the lower belts are tightened for a reading: on either side its own belt first, the other
-#: against it (Maslow's firmware, frame upright); both alike; or nothing stretches.
+#: Tightening of the lower belts for a reading: the belt of the sled's side first and the other
+#: against it (Maslow's firmware, frame upright); both alike; or no stretch.
 Tightened = Literal["sides", "alike", "off"]
 
 _SLED = """name = "sled"
@@ -90,7 +90,7 @@ noise = {sigma!r}
 _OFFSETS = """"chain*.encoder_offset" = {{ sigma = {offset!r} }}
 "b[lr].offset" = {{ sigma = {offset!r} }}
 """
-#: What the robot file calls an unknown, and what its owner does.
+#: Names of the unknowns: in the robot file, and in this command.
 NAMES = {
     "chain1.base.x": "tl.x",
     "chain1.base.y": "tl.y",
@@ -103,13 +103,13 @@ NAMES = {
 
 
 class Model(NamedTuple):
-    """What is unknown beside the anchors."""
+    """Unknowns in addition to the anchors."""
 
     offsets: bool = True
     tightened: Tightened = "sides"
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return the unknowns as text."""
         others = ["offsets"] * self.offsets
         others += [f"stretch ({self.tightened})"] if self.tightened != "off" else []
         return ", ".join(["anchors", *others])
@@ -117,22 +117,22 @@ class Model(NamedTuple):
 
 @dataclass(frozen=True)
 class Sled:
-    """A sled as its belts show it."""
+    """A calibrated sled."""
 
     fit: Calibration
-    lengths: Array  #: (N, 4) m, as read
+    lengths: Array  #: (N, 4) m, readings
     model: Model
-    sigma: float  #: of a belt's reading, m, as the log bears it out
+    sigma: float  #: of a belt's reading, m, estimated from the log
 
     @property
     def unknowns(self) -> dict[str, Learnt]:
-        """Anchors, offsets (m), strains: by their owner's names."""
+        """Anchors, offsets (m) and strains by the names of this command."""
         every = {**self.fit.parameters, **self.fit.influences}
         return {NAMES.get(name, name): of for name, of in every.items()}
 
     @property
     def anchors(self) -> dict[str, Learnt]:
-        """The five coordinates that were unknown."""
+        """The five unknown coordinates of the anchors."""
         return {n: of for n, of in self.unknowns.items() if n.endswith((".x", ".y"))}
 
     @property
@@ -143,13 +143,13 @@ class Sled:
         return width, (at["tl.y"] + at["tr.y"]) / 2
 
     def covariance(self) -> Array:
-        """Of `unknowns`, in their order."""
+        """Covariance of `unknowns`, in their order."""
         p = len(self.fit.names)
         cross, own = self.fit.beside[:, :p], self.fit.beside[:, p:]
         return np.block([[self.fit.covariance, cross.T], [cross, own]])
 
     def corrected(self, lengths: Array) -> Array:
-        """Take from the readings what stretch adds to them: those of belts that do not stretch."""
+        """Return the readings minus stretch: lengths of belts that do not stretch."""
         robot, result = self.fit.robot, lengths
         for _ in range(3 if self.fit.influences else 0):
             x = robot.fkm(result[:, :2])
@@ -161,7 +161,7 @@ class Sled:
         return result
 
     def predicted(self, lengths: Array) -> Array:
-        """What the upper belts predict of the lower ones, less what those read, (N, 2) in m."""
+        """Return lower belts predicted by the upper ones minus their readings, (N, 2) in m."""
         right = self.corrected(lengths)
         return (
             self.fit.robot.extended_positions(self.fit.robot.fkm(right[:, :2]))[:, 2:]
@@ -169,7 +169,7 @@ class Sled:
         )
 
     def suspects(self) -> list[tuple[int, str, float]]:
-        """Poses that a robust loss left out, the belt that explains each best, and by how much."""
+        """Return poses with low weight in the robust loss, the most suspect belt, and its error."""
         result = []
         H_x, _ = self.fit.robot.linearize(np.nan_to_num(self.fit.x), errors="nan")
         for k in self.fit.outliers:
@@ -183,9 +183,9 @@ class Sled:
 
 
 def influences(robot: Robot, x: Array, tightened: Tightened) -> list[NuisanceParameter]:
-    """Strain of every belt, by what tightens it: amounts are the strain of a lower belt.
+    """Return strains of all belts by cause; amounts are the strain of a lower belt.
 
-    The upper belts hold what the lower ones pull, and the sled's weight (its unit: that as well).
+    The upper belts carry the pull of the lower ones, and the sled's weight, whose unit is the same.
     """
     if tightened == "off":
         return []
@@ -194,7 +194,7 @@ def influences(robot: Robot, x: Array, tightened: Tightened) -> list[NuisancePar
     left = x[:, 0] < np.mean(ends) - MIDDLE * np.ptp(ends)
 
     def pulled(by: Array) -> Array:
-        """By the lower belts with these tensions, (N, 2): tension of all four."""
+        """Return tensions of all four belts for these tensions of the lower ones, (N, 2)."""
         force = np.zeros((len(x), 3))
         force[:, :2] = -np.einsum("kr,krj->kj", by, H_x[:, 2:])
         return np.hstack([tension(robot, x, force), by])
@@ -219,22 +219,17 @@ def calibrate(
     model: Model | None = None,
     frame: tuple[float, float] | None = None,
 ) -> Sled:
-    """Find anchors, offsets and strains from the lengths of four belts.
+    """Estimate anchors, offsets and strains from the lengths of four belts.
 
-    Parameters
-    ----------
-    lengths : ndarray, shape (N, 4)
-        m, in the order of `BELTS`.
-    heights : sequence of 4
-        Of the anchors over the sled's plane, m.
-    frame : (width, height), optional
-        To begin from, m; by default what explains the lengths best as a rectangle.
+    `lengths`, shape (N, 4), m, are in the order of `BELTS`. `heights` are those of the anchors
+    above the sled's plane, m. `frame` is a starting value (width, height), m, default the best
+    rectangle.
     """
     model = Model() if model is None else model
     width, height = frame_of(lengths, heights)[:2] if frame is None else frame
     corners = np.array([[0, height], [width, height], [0, 0], [width, 0]])
     sigma, sled, x = READING, None, None
-    for _ in range(4):  # patterns and σ follow from the fit, and hardly change it
+    for _ in range(4):  # patterns and σ depend weakly on the fit
         robot = robot_of(corners, heights, sigma, model)
         x = robot.fkm(lengths[:, :2], errors="nan") if x is None else x
         if not np.isfinite(x).all():
@@ -251,13 +246,12 @@ def calibrate(
 
 
 def _disagreement(sled: Sled) -> float:
-    """σ of a reading over that which the fit believed: median of χ², less what the fit has taken.
+    """Return the ratio of the residuals' σ to the assumed one, from the median of χ².
 
-    Of as many unknowns as are learnt, trace(I - Π⁻¹ Σ), the fit meets the readings by itself. What
-    is divided by a σ that f freedoms show is Student's t, of variance f/(f - 2): σ is stated so
-    much larger.
+    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, which are subtracted. A residual over a σ
+    of f degrees of freedom is Student's t with variance f/(f - 2), so σ is enlarged accordingly.
     """
-    chi2 = sled.fit.chi2[sled.fit.redundancy > 0]  # of two freedoms: median 2 log 2
+    chi2 = sled.fit.chi2[sled.fit.redundancy > 0]  # two degrees of freedom: median 2 log 2
     ratio2 = [of.ratio**2 for of in sled.unknowns.values()]
     left = max(1 - (len(ratio2) - sum(ratio2)) / (2 * len(chi2)), 0.1)
     f = max(2 * len(chi2) * left * MEDIAN, 4.0)
@@ -269,11 +263,11 @@ class Frame(NamedTuple):
 
     width: float
     height: float
-    misfit: float  #: of the lower belts, the upper ones given: median
+    misfit: float  #: median error of the lower belts predicted by the upper ones
 
 
 def frame_of(lengths: Array, heights: Sequence[float]) -> Frame:
-    """Find the rectangle whose upper belts predict the lower ones best."""
+    """Return the rectangle whose upper belts predict the lower ones best."""
     tl, tr, bl, br = (lengths**2 - np.square(heights)).T
     W, H = (side[..., None] for side in np.meshgrid(*FRAMES, indexing="ij"))
     x = (tl - tr + W**2) / (2 * W)
@@ -286,7 +280,7 @@ def frame_of(lengths: Array, heights: Sequence[float]) -> Frame:
 
 
 def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Model) -> Robot:
-    """A sled as drawn: anchors tl, tr, bl, br at these corners, (4, 2), m."""
+    """Return the nominal sled: anchors tl, tr, bl, br at these corners, (4, 2), m."""
     at = {
         belt: [*map(float, corner), float(z)]
         for belt, corner, z in zip(BELTS, corners, heights, strict=True)
@@ -305,14 +299,14 @@ def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Mode
 
 
 class HeldOut(NamedTuple):
-    """What a calibration predicts of lines that it did not see."""
+    """Predictions of a calibration on held-out rows."""
 
-    wrong: Array  #: (N, 2) lower belts by the upper ones, m
+    wrong: Array  #: (N, 2) error of the lower belts predicted by the upper ones, m
     rms: float
 
 
 def held_out(lengths: Array, heights: Sequence[float], model: Model, parts: int = 9) -> HeldOut:
-    """Predict every ninth line by the others; σ is found anew without it each time."""
+    """Predict every ninth row from the others; σ is re-estimated without it each time."""
     part = np.arange(len(lengths)) % parts
     wrong = np.zeros((len(lengths), 2))
     for k in range(parts):
@@ -325,14 +319,13 @@ class Spread(NamedTuple):
     """Scatter of the anchors over disjoint parts of the poses, in units of σ (rms)."""
 
     of_stated: float  #: of the mean stated σ
-    of_readings: float  #: of the share of it that parts do not have in common: not the prior's
+    of_readings: float  #: of its share by the readings, without the prior
 
 
 def spread(lengths: Array, heights: Sequence[float], model: Model, parts: int = 4) -> Spread:
-    """Calibrate on every fourth line by itself, four times: do the anchors agree as σ says?
+    """Calibrate on each quarter of the rows and compare the anchors' scatter with σ.
 
-    What the readings leave to the prior all parts take from it alike: of a covariance Σ after a
-    prior Π only Σ - Σ Π⁻¹ Σ scatters.
+    All parts share the prior, so of a covariance Σ with prior Π only Σ - Σ Π⁻¹ Σ scatters.
     """
     part = np.arange(len(lengths)) % parts
     found = [calibrate(lengths[part == k], heights, model) for k in range(parts)]
@@ -355,7 +348,7 @@ def spread(lengths: Array, heights: Sequence[float], model: Model, parts: int = 
 
 
 def mistakes(lengths: Array) -> str | None:
-    """Name what is wrong with a table of lengths as a whole, if something is."""
+    """Return an error that affects the whole table of lengths, or None."""
     size = float(np.median(lengths))
     if 0.02 < size < 0.13:
         return f"lengths of {1e3 * size:.0f} (median): in inches? must be mm"
@@ -365,10 +358,10 @@ def mistakes(lengths: Array) -> str | None:
 
 
 def swapped(lengths: Array, heights: Sequence[float]) -> str | None:
-    """Name belts whose columns are exchanged: no frame explains the lengths, but then one does.
+    """Return exchanged columns: no frame fits the lengths, but one fits after the exchange.
 
-    Two upper belts or the two lower ones: mirrored, the same. Two that are opposite each other give
-    a frame that stands on its side, which nothing but its shape tells (`Sled.size`).
+    Exchanging the two upper or the two lower belts is a mirror image. Exchanging opposite belts
+    gives a frame on its side, which only its shape reveals (`Sled.size`).
     """
     as_is = frame_of(lengths, heights).misfit
     if as_is < FITS:

@@ -19,13 +19,13 @@ from truepose.integrations.maslow.belts import BELTS, Model, Sled
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.terminal import Format, show
 
-#: Fewer poses than unknowns of the largest model leave most of them to the prior.
+#: With fewer poses than unknowns of the largest model, the prior determines most of them.
 FEWEST = 12
-#: Poses over the workspace, of which the next ones are chosen.
+#: Candidate poses over the workspace for the next ones.
 CANDIDATES = 400
-#: Of the scatter of anchors over its σ, within which σ is called honest.
+#: Range of the anchors' scatter over σ in which σ is accepted.
 HONEST = (0.8, 1.25)
-#: Parts of the poses that are calibrated on by themselves, each of `FEWEST` poses at least.
+#: Number of disjoint parts that are calibrated separately, each of `FEWEST` poses at least.
 PARTS = 4
 
 
@@ -65,7 +65,7 @@ def command(
     above = _heights(heights)
     lengths, lines = read(log, above)
     model = Model(True, tightened)
-    # All of it is said before anything is held out.
+    # Print these before the held-out fits, which take longer.
     before = [
         f"{len(lengths)} poses; anchors' heights {heights} mm; unknown: {model}",
         f"prior σ, assumed: anchors {1e3 * belts.ANCHOR:.0f} mm, offsets "
@@ -87,7 +87,7 @@ def command(
 
 
 def read(path: Path, heights: list[float]) -> tuple[Array, Array]:
-    """Lengths in m and their lines; InputError where they are none of a sled's."""
+    """Return lengths in m and their row numbers; raise InputError if they are not a sled's."""
     lengths, lines = logs.table(path, BELTS)
     for k, name in enumerate(BELTS):
         if (wrong := np.flatnonzero(~(lengths[:, k] > 0))).size:
@@ -128,7 +128,7 @@ def _heights(text: str) -> list[float]:
 
 
 def unknowns(sled: Sled) -> Table:
-    """One row for each unknown."""
+    """Return a table with one row for each unknown."""
     rows = []
     for name, of in sled.unknowns.items():
         strain = name.startswith("strain")
@@ -140,7 +140,7 @@ def unknowns(sled: Sled) -> Table:
 
 
 def models(sled: Sled, heights: list[float]) -> Table:
-    """How well each model predicts the lower belts on ninths that it did not see."""
+    """Return each model's errors of the lower belts on held-out ninths of the rows."""
     known = [Model(False, "off"), Model(True, "off"), Model(True, "alike"), Model(True, "sides")]
     rows = []
     for model in known:
@@ -153,7 +153,7 @@ def models(sled: Sled, heights: list[float]) -> Table:
 
 
 def on_its_side(sled: Sled) -> list[str]:
-    """Doubt a frame that is higher than wide: two columns exchanged across it explain as much."""
+    """Return a warning if the frame is higher than wide, as with two opposite columns exchanged."""
     width, height = (1e3 * side for side in sled.size)
     if height <= width:
         return []
@@ -164,7 +164,7 @@ def on_its_side(sled: Sled) -> list[str]:
 
 
 def apart(sled: Sled) -> list[str]:
-    """Which offsets the poses cannot tell from anchors: what one σ of them would move."""
+    """Return offsets that the poses cannot separate from anchors, and the effect of one σ."""
     unknowns, covariance = sled.unknowns, sled.covariance()
     names, said = list(unknowns), []
     prior = np.array([of.prior_sigma for of in unknowns.values()])
@@ -192,9 +192,9 @@ def apart(sled: Sled) -> list[str]:
 
 
 def worth_reading(sled: Sled, count: int) -> Table:
-    """Poses that would buy most, and the accuracy that each promises, stretch not known for sure.
+    """Return the poses with the largest marginal gain and the accuracy with each.
 
-    Where the sled works its belts are pulled otherwise: the accuracy is of the anchors and zeros.
+    The belts are pulled differently while working, so the accuracy is of anchors and zeros only.
     """
     robot = sled.fit.robot
     x = drawn(robot, CANDIDATES, 0)
@@ -212,7 +212,7 @@ def worth_reading(sled: Sled, count: int) -> Table:
 
 
 def suspects(sled: Sled, lines: Array) -> list[str]:
-    """Poses that do not fit, by line and belt."""
+    """Return poses that do not fit, by row and belt."""
     return [
         f"line {lines[k]}: {belt} reads {1e3 * wrong:+.1f} mm off what the other belts say: counts "
         "for next to nothing"
@@ -221,7 +221,7 @@ def suspects(sled: Sled, lines: Array) -> list[str]:
 
 
 def honesty(lengths: Array, heights: list[float], model: Model) -> list[str]:
-    """Whether anchors from disjoint quarters of the poses scatter as σ says."""
+    """Return whether anchors from disjoint quarters of the poses scatter as σ predicts."""
     if len(lengths) < PARTS * FEWEST:
         return [
             f"whether σ is honest quarters of {len(lengths)} poses are too few to say: "

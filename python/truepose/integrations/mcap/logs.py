@@ -1,7 +1,7 @@
 """Logs in MCAP, the format of Foxglove and PlotJuggler: channels of JSON messages.
 
-A line of a log is a message with the motors' readings and, of every other channel, the message
-nearest in time.
+A row of a log is a message of the motors' readings with the nearest message in time of every other
+channel.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from truepose.logs.reading import spoilt
 from truepose.logs.writing import Column
 
 MAGIC = b"\x89MCAP"
-#: Messages of two channels this far apart may be of one pose, s.
+#: Largest time between messages of two channels at one pose, s.
 TOLERANCE = 0.01
 
 
 def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
-    """Return the columns of an MCAP file's bytes; `wanted` are the readings' names."""
+    """Return the columns of an MCAP file's bytes; `wanted` are the names of the readings."""
     try:
         from mcap.reader import make_reader
     except ImportError:
         raise InputError(
-            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
+            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs no package"
         ) from None
     sent: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     owner: dict[str, str] = {}
@@ -50,7 +50,7 @@ def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
                 sent.setdefault(channel.topic, []).append((message.log_time, cells))
     except InputError:
         raise
-    except Exception as error:  # a spoilt file may break its reader anywhere
+    except Exception as error:  # a damaged file may raise anything
         raise spoilt(path, "MCAP", error) from None
     if not owner:
         raise InputError(f"{path}: no channel of JSON messages")
@@ -60,7 +60,7 @@ def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
 def _joined(
     path: Path, sent: dict[str, list], owner: dict[str, str], wanted: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Columns of channels whose messages do not come at the same times."""
+    """Return the columns of channels whose messages come at different times."""
     leading = next((owner[name] for name in wanted if name in owner), next(iter(sent)))
     at = {}
     for topic, messages in sent.items():
@@ -91,15 +91,15 @@ def _joined(
 
 
 def write(path: Path, listed: list[Column]) -> bytes:
-    """Encode one channel for each topic, a message for each row; JSON with its schema.
+    """Encode one channel per topic, one message per row, as JSON with its schema.
 
-    A row's time is the run's, or one second for each pose.
+    The time of a row is the run's, or one second per pose.
     """
     try:
         from mcap.writer import Writer
     except ImportError:
         raise InputError(
-            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
+            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs no package"
         ) from None
     buffer = io.BytesIO()
     writer = Writer(buffer)

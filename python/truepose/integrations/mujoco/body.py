@@ -16,19 +16,19 @@ from truepose.integrations.mujoco.mjcf_parts import turn
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
 
-_OPEN = 1e-4  # m: a loop that far open is not closed
+_OPEN = 1e-4  # m, largest gap of a closed loop
 
 
 class Settled(NamedTuple):
-    """Where the nacelle stands with the motors held."""
+    """Steady state of the nacelle with the motors held."""
 
     frame: Array  #: (..., 4, 4) of the nacelle in the base frame
     x: Array  #: (..., n) its coordinates
-    gap: Array  #: (...) by which the worst loop is open, m
+    gap: Array  #: (...) largest gap of a loop, m
 
 
 def require() -> Any:
-    """Return the module mujoco, or raise TrueposeError with a line that says how to get it."""
+    """Return the module mujoco; raise TrueposeError with the install command if missing."""
     try:
         import mujoco
     except ImportError:
@@ -37,20 +37,15 @@ def require() -> Any:
 
 
 class Body:
-    """A robot as MuJoCo holds it: model, state, and where in it the robot's joints are.
+    """MuJoCo's model and state of a robot, and the addresses of the robot's joints in it.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the geometry that it has now.
-    effects : Effects
-    timestep : float
+    `robot` has its present geometry; `effects` are none by default; `timestep` is in s.
     """
 
     def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
         mujoco = self.mujoco = require()
         self.robot, self.mechanism = robot, Model(robot)
-        # MuJoCo would write what it warns of into a file; here it becomes an error or a status.
+        # MuJoCo writes warnings to a file by default; here they raise or become a status.
         mujoco.set_mju_user_warning(lambda _: None)
         try:
             self.model = mujoco.MjModel.from_xml_string(self.mechanism.xml(effects, timestep))
@@ -67,7 +62,7 @@ class Body:
         self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
 
     def stand(self, posture: Posture) -> None:
-        """Put every body where a posture has it, at rest."""
+        """Move every body to its pose in a posture, at rest."""
         self.mujoco.mj_resetData(self.model, self.data)
         qpos = self.data.qpos
         for name, value in posture.joints.items():
@@ -85,7 +80,7 @@ class Body:
             self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
 
     def nacelle(self) -> tuple[Array, Array]:
-        """D and R of the nacelle as it stands."""
+        """Return D and R of the nacelle."""
         qpos, D, R = self.data.qpos, self.mechanism.home.D.copy(), np.eye(3)
         if self.mechanism.planar:
             D[:2] = [qpos[self._at[f"nacelle.{axis}"]] for axis in "xy"]
@@ -100,24 +95,24 @@ class Body:
         return qpos[at : at + 3].copy(), flat.reshape(3, 3)
 
     def frame(self) -> Array:
-        """The nacelle's frame, (4, 4)."""
+        """Return the nacelle's frame, (4, 4)."""
         frame = np.eye(4)
         frame[:3, 3], frame[:3, :3] = self.nacelle()
         return frame
 
     def coordinates(self) -> Array:
-        """Coordinates x of the nacelle, (n,)."""
+        """Return the nacelle's coordinates x, (n,)."""
         if self._axes:
             return self.data.qpos[self._axes].copy()
         return coordinates(self.robot, self.frame())
 
     def positions(self) -> tuple[Array, Array]:
-        """Motors' and arms' angles or slides: an arm that yields is not where its motor is."""
+        """Return motors' and arms' angles or slides; they differ by the arms' compliance."""
         motor = self.data.qpos[self.motors]
         return motor, motor + self.data.qpos[self.roots] if self.roots else motor
 
     def readings(self, theta: float = 0.0) -> Array:
-        """Exact readings (n + r,): no noise, no counts. `theta` says which turn θ is in."""
+        """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
         motor, arm = self.positions()
         psi = self.data.qpos[self.bars].tolist() if self.bars else []
         rest = [0.0] * (6 - self.robot.n)
@@ -132,13 +127,13 @@ class Body:
         return np.array(q_e)[: self.robot.n + self.robot.r]
 
     def hold(self) -> None:
-        """Hold the motors: where they are, or where `settle_at` takes them."""
+        """Hold the motors at their positions, or where `settle_at` moves them."""
         home = self.mechanism.home.position
         self.model.eq_data[self._holds, 0] = self.data.qpos[self.motors] - home
         self.data.eq_active[self._holds] = 1
 
     def gap(self) -> float:
-        """By how much the worst loop is open, m."""
+        """Return the largest gap of a loop, m."""
         self.mujoco.mj_kinematics(self.model, self.data)
         ends = [
             self.data.site(f"{rod}.{end}").xpos
@@ -149,7 +144,7 @@ class Body:
         return float(np.linalg.norm(np.array(ends[::2]) - np.array(ends[1::2]), axis=1).max())
 
     def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
-        """Move the motors from where they are to readings q, hold them, wait for rest."""
+        """Move the motors to readings q, hold them, and wait for the steady state."""
         model, data, step = self.model, self.data, self.mujoco.mj_step
         start = self.positions()[0]
         core = self.robot.core
@@ -162,7 +157,7 @@ class Body:
             step(model, data)
         for _ in range(100):
             step(model, data, 40)
-            if not np.abs(data.qvel).max() > 1e-8:  # or not a number
+            if not np.abs(data.qvel).max() > 1e-8:  # or NaN
                 break
         said = ", ".join(f"{value:.6g}" for value in q)
         gap = self.gap()

@@ -18,7 +18,7 @@ from truepose.show.terminal import Format
 def view(
     robot: RobotName,
     png: Annotated[
-        Path | None, typer.Option(help="Draw a picture instead; needs no screen.")
+        Path | None, typer.Option(help="Write a picture instead; needs no screen.")
     ] = None,
     force: Force = False,
 ) -> None:

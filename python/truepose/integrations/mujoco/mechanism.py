@@ -18,23 +18,17 @@ from truepose.robot.robot import Robot
 
 @dataclass(frozen=True)
 class Posture:
-    """Where every body stands when all loops are closed. SI, base frame."""
+    """Poses of all bodies with all loops closed. SI units, base frame."""
 
     D: Array  #: (3,)
     R: Array  #: (3, 3)
-    psi: Array  #: (bars,) turn of each lateral bar in the nacelle
-    position: Array  #: (n,) of the motors, before their encoders' offsets
-    joints: dict[str, float]  #: of arms, rods and passive axes in MuJoCo, by their joints' names
+    psi: Array  #: (bars,) angle of each lateral bar in the nacelle
+    position: Array  #: (n,) of the motors, without encoder offsets
+    joints: dict[str, float]  #: MuJoCo's joints of arms, rods and passive axes, by name
 
 
 class Mechanism:
-    """A robot as bodies and joints.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the parameter values that the bodies shall have.
-    """
+    """A robot with its present parameter values as bodies and joints."""
 
     def __init__(self, robot: Robot):
         if robot.loose:
@@ -49,13 +43,13 @@ class Mechanism:
         self.home = self.posture(robot.home)
 
     def rods(self, i: int) -> list[tuple[str, float]]:
-        """Name and side (+1, -1, or 0 of a single rod) of the rods of a chain."""
+        """Return name and side (+1, -1, or 0 of a single rod) of the rods of a chain."""
         if self.chains[i].rod_spacing > 0:
             return [(f"rod{i + 1}+", 1.0), (f"rod{i + 1}-", -1.0)]
         return [(f"rod{i + 1}", 0.0)]
 
     def posture(self, x: ArrayLike) -> Posture:
-        """All bodies at a pose whose loops are closed: at the full level where it exists."""
+        """Return all bodies' poses at x with closed loops, at the highest available level."""
         x = np.asarray(x, dtype=float)
         D, R, psi, position = self._pose(x)
         joints = {f"axis{j + 1}": float(x[j]) for j in range(self.robot.core.axes)}
@@ -72,7 +66,7 @@ class Mechanism:
         return Posture(D, R, psi, position, joints)
 
     def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
-        """D, R, bars' turns and motors' positions at x, beyond the motors' stops too."""
+        """Return D, R, bars' angles and motors' positions at x, even beyond the motors' stops."""
         robot, core, n = self.robot, self.robot.core, self.robot.n
         full = bool(robot.full)
         rows = np.ascontiguousarray(x[None], dtype=float)
@@ -89,18 +83,18 @@ class Mechanism:
         return frame[:3, 3], frame[:3, :3], psi, position
 
     def anchor(self, i: int, side: float, D: Array, R: Array, psi: Array) -> Array:
-        """Where a rod ends on the nacelle."""
+        """Return a rod's end on the nacelle."""
         chain = self.chains[i]
         body = R if chain.bar < 0 else R @ turn(2, psi[chain.bar])
         return D + R @ chain.pivot + body @ self.on_bar(i, side)
 
     def on_bar(self, i: int, side: float) -> Array:
-        """From a bar's pivot, or the chain's on the nacelle, to where a rod ends."""
+        """Return the vector from the bar's or the chain's pivot on the nacelle to a rod's end."""
         chain = self.chains[i]
         return chain.anchor + 0.5 * side * chain.rod_spacing * chain.pair_drawn
 
     def elbow(self, i: int, side: float, position: float) -> Array:
-        """Where a rod begins."""
+        """Return a rod's end at the motor."""
         chain, mount = self.chains[i], self.mount(i, position)
         B = np.array(chain.base)
         if chain.actuator == _core.Actuator.revolute:
@@ -110,12 +104,12 @@ class Mechanism:
         return B + 0.5 * side * chain.rod_spacing * mount[:, 2]
 
     def mount(self, i: int, position: float) -> Array:
-        """Frame of the rods' carrier: x along the arm, z the axis of their first hinge."""
+        """Return the frame of the rods' carrier: x along the arm, z along their first hinge."""
         turned = self.chains[i].actuator == _core.Actuator.revolute
         return self._frames[i] @ turn(2, position) if turned else self._frames[i]
 
     def _frame(self, i: int, pose: tuple) -> Array:
-        """The mount at position 0; of carriages and legs x is near the rods' direction at home."""
+        """Return the mount at position 0; without an arm, x is near the rods' direction at home."""
         chain = self.chains[i]
         if chain.actuator == _core.Actuator.revolute:
             return axes(chain.zero, chain.axis)
@@ -133,11 +127,11 @@ class Mechanism:
 
     @property
     def size(self) -> float:
-        """Of the robot at home, m: what drawn thicknesses go by."""
+        """Return the robot's size at home, m, which scales drawn thicknesses."""
         return float(np.ptp(self.outline(), axis=0).max())
 
     def outline(self) -> Array:
-        """Points of base, arms and nacelle at home."""
+        """Return points of base, arms and nacelle at home."""
         points = [np.array(chain.base) for chain in self.chains] + [self.home.D]
         for i in range(self.robot.n):
             points.append(self.elbow(i, 0, self.home.position[i]))

@@ -1,10 +1,9 @@
 """Export of a robot as MJCF, MuJoCo's model format.
 
-The tree: arms (or carriages, or legs) on the base with their rods hanging on them, and the nacelle
-by itself with its lateral bars on pivots, or on the passive axes that carry it. `equality/connect`
-joins each rod's end to the nacelle.
-A rod hangs on a universal joint, which lets it point anywhere but not spin about itself. Every
-number is in the text: the file needs nothing of truepose.
+Arms (or carriages, or legs) on the base carry their rods. The nacelle is free, or on its passive
+axes, with its lateral bars on pivots. `equality/connect` joins each rod's end to the nacelle. A rod
+is on a universal joint, which leaves all directions free but no spin. The file contains all numbers
+and does not need truepose.
 """
 
 from __future__ import annotations
@@ -35,24 +34,16 @@ from truepose.integrations.mujoco.mjcf_parts import (
 from truepose.robot.passive import passive_axes
 from truepose.robot.robot import Robot
 
-#: s; small enough for a 1500 rad/s tracking loop, long enough for hundreds of poses a minute.
+#: s; small enough for a 1500 rad/s tracking loop, large enough for hundreds of poses per minute.
 TIMESTEP = 2.5e-4
-_HARD = "0.9999 0.9999 0.001"  # solimp: the most impedance MuJoCo allows
+_HARD = "0.9999 0.9999 0.001"  # solimp: MuJoCo's largest impedance
 
 
 class Model(Mechanism):
-    """A mechanism that writes itself as MJCF."""
+    """A mechanism with export to MJCF."""
 
     def xml(self, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
-        """Return the MJCF file.
-
-        Parameters
-        ----------
-        effects : Effects, optional
-            Of these what is mechanics: friction, compliance.
-        timestep : float
-            s.
-        """
+        """Return the MJCF file with friction and compliance of `effects`; `timestep` in s."""
         effects = Effects.none() if effects is None else effects
         root = ET.Element("mujoco", model=self.robot.name)
         root.append(ET.Comment(mark("model")))
@@ -95,8 +86,8 @@ class Model(Mechanism):
         return ET.tostring(root, encoding="unicode") + "\n"
 
     def _base(self, world: ET.Element) -> None:
-        """What the motors stand on, drawn; and what legs need to weigh what they do."""
-        # MuJoCo looks at gravcomp only where some body's is positive; a leg's is negative.
+        """Add the base as seen, and a body that makes MuJoCo apply the legs' gravcomp."""
+        # MuJoCo applies gravcomp only if some body's is positive; a leg's is negative.
         add(
             add(world, "body", name="gravcomp", gravcomp=1),
             "inertial",
@@ -114,7 +105,7 @@ class Model(Mechanism):
                 capsule(world, "base", bases.mean(axis=0), bases[i], self.size / 60)
 
     def _chain(self, i: int, effects: Effects, world: ET.Element) -> None:
-        """Arm, carriage or leg of a chain, and its rods."""
+        """Add the arm, carriage or leg of a chain, and its rods."""
         chain, p = self.chains[i], self.home.position[i]
         mount = self.mount(i, p)
         motor = {
@@ -131,7 +122,7 @@ class Model(Mechanism):
         offset = [0.0, 0.0, 0.0] if revolute else p * np.array(chain.axis)
         name = f"{'arm' if revolute else 'carriage'}{i + 1}"
         body = add(world, "body", name=name, pos=chain.base + np.array(offset), xyaxes=xy(mount))
-        # The reduced model's one inertia, and a weight in the arm's middle: as a slender arm and a
+        # The reduced model's single inertia with the weight in the arm's middle: slender arm plus
         # rotor. An arm heavier than its inertia allows keeps its weight by gravcomp.
         lever2 = chain.arm**2 / 3 if revolute else 1.0
         mass = max(min(chain.arm_mass, 0.9 * chain.drive_inertia / lever2), MASSLESS)
@@ -178,14 +169,14 @@ class Model(Mechanism):
     def _hang(
         self, body: ET.Element, rod: str, pos: ArrayLike, mount: Array, effects: Effects
     ) -> ET.Element:
-        """Hang a rod on a universal joint: swing about the mount's z, then lean."""
+        """Add a rod on a universal joint: swing about the mount's z, then lean."""
         swing, lean = (self.home.joints[f"{rod}.{joint}"] for joint in ("swing", "lean"))
         turned = turn(2, swing) @ turn(1, lean)
         on_world = body.tag == "worldbody"
         hung = add(
             body, "body", name=rod, pos=pos, xyaxes=xy(mount @ turned if on_world else turned)
         )
-        # Both of a rod's ball joints rub; their friction is in this one.
+        # The friction of both ball joints of a rod is applied at this one.
         rub = 2 * effects.joint_friction
         hinges: dict[str, Any] = {"swing": turn(1, -lean)[:, 2], "lean": [0, 1, 0]}
         for joint, ref in (("swing", swing), ("lean", lean)):
@@ -203,10 +194,10 @@ class Model(Mechanism):
     def _leg(
         self, i: int, rod: str, side: float, motor: dict, effects: Effects, world: ET.Element
     ) -> None:
-        """A leg whose length is driven; what it weighs is stretched evenly along it.
+        """Add a leg of driven length with its weight distributed evenly.
 
-        As in the reduced model, whose file does not say what is cylinder and what is piston: m/3 at
-        the end moves as the whole does, and gravcomp makes it weigh m/2 there.
+        The reduced model's file does not distinguish cylinder and piston: m/3 at the end has the
+        leg's inertia, and gravcomp gives it the weight m/2 there.
         """
         chain, length = self.chains[i], self.home.position[i]
         leg = self._hang(world, rod, self.elbow(i, side, length), self.mount(i, length), effects)
@@ -221,12 +212,12 @@ class Model(Mechanism):
         add(tip, "site", name=f"{rod}.end")
 
     def _nacelle(self, effects: Effects, world: ET.Element) -> None:
-        """The nacelle, its lateral bars and where the rods end on them."""
+        """Add the nacelle, its lateral bars and the rods' ends on them."""
         home, core = self.home, self.robot.core
         body = add(world, "body", name="nacelle", pos=home.D, xyaxes=xy(home.R))
         self._freedom(effects, body)
         centre = core.body(0)
-        # An inertia that the ideal level never asks for: as large as the largest it knows.
+        # The ideal level never uses this inertia: set it to the largest known one.
         inertia = np.diag(centre.inertia).copy()
         reach = max(float(np.linalg.norm(chain.pivot)) for chain in self.chains)
         spare = inertia.max() or max(centre.mass, MASSLESS) * max(reach, 0.1 * self.size) ** 2 / 3
@@ -249,9 +240,9 @@ class Model(Mechanism):
                 capsule(on, kind, ends[0], ends[1], self.size / 80)
 
     def _freedom(self, effects: Effects, body: ET.Element) -> None:
-        """How the nacelle may move before rods hold it: in the plane, on its axes, or anywhere."""
+        """Add the nacelle's joints without rods: planar, on passive axes, or free."""
         spec, home = self.robot.spec, self.home
-        # A joint of several turns the axes of those after it; here as they stand at home.
+        # Each of several joints rotates the axes of those after it; use the axes at home.
         for j, (place, along) in enumerate(passive_axes(self.robot.core, self.robot.home)):
             pos = home.R.T @ (place - home.D)
             add(
@@ -288,7 +279,7 @@ class Model(Mechanism):
             add(body, "freejoint", name="nacelle")
 
     def _bar(self, k: int, effects: Effects, body: ET.Element) -> ET.Element:
-        """A lateral bar on its pivot."""
+        """Add a lateral bar on its pivot."""
         home, core = self.home, self.robot.core
         pivot = core.body(1 + k).pivot
         capsule(body, "central bar", [0, 0, 0], pivot, self.size / 50)
@@ -310,21 +301,10 @@ class Model(Mechanism):
 
 
 def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
-    """MJCF of a robot at home, its loops closed.
+    """Return the MJCF of a robot at home with closed loops.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the parameter values that the bodies shall have.
-    effects : Effects, optional
-        Friction and compliance; none by default.
-    timestep : float
-        s.
-
-    Raises
-    ------
-    InputError
-        The rods leave a body of the nacelle free.
+    `robot` has the bodies' parameter values; friction and compliance of `effects` are included,
+    default none; `timestep` is in s. InputError: the rods leave a body of the nacelle free.
 
     Examples
     --------

@@ -11,30 +11,30 @@ from truepose.arguments import Array
 from truepose.robot.frames import rotation
 from truepose.show.colours import COLOURS
 
-MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something
-_NEEDLE = 1e-9  # a slender rod's inertia about itself, of that across
-_SPRING_DAMPING = 0.05  # of critical, of a rotor on its arm's spring, a rod's mass on the rod's
+MASSLESS = 1e-9  # kg: MuJoCo needs a mass of moving bodies
+_NEEDLE = 1e-9  # ratio of a slender rod's axial to transverse inertia
+_SPRING_DAMPING = 0.05  # share of critical damping of springs of arms and rods
 
 
 def text(value: ArrayLike | str) -> str:
-    """Numbers as MJCF reads them back bit for bit; text as it is."""
+    """Return numbers as text that MJCF reads back bit for bit; return text unchanged."""
     if isinstance(value, str):
         return value
     return " ".join(f"{float(v):.17g}" for v in np.atleast_1d(value))
 
 
 def add(parent: ET.Element, tag: str, **attributes: ArrayLike | str) -> ET.Element:
-    """Append an element with these attributes."""
+    """Append an element with these attributes, and return it."""
     return ET.SubElement(parent, tag, {key: text(v) for key, v in attributes.items()})
 
 
 def turn(axis: int, angle: float) -> Array:
-    """Rotation about the x, y or z axis (0, 1, 2)."""
+    """Return the rotation about the x, y or z axis (0, 1, 2)."""
     return rotation(angle * np.eye(3)[axis])
 
 
 def axes(x: ArrayLike, z: ArrayLike) -> Array:
-    """Columns x, y, z: x as near to what is asked for as z allows."""
+    """Return columns x, y, z with this z, and x as near as possible to the given one."""
     up, near = np.asarray(z, dtype=float), np.asarray(x, dtype=float)
     up = up / np.linalg.norm(up)
     near = near - (near @ up) * up
@@ -43,14 +43,14 @@ def axes(x: ArrayLike, z: ArrayLike) -> Array:
 
 
 def xy(R: Array) -> Array:
-    """An orientation as the attribute xyaxes."""
+    """Return an orientation as attribute xyaxes."""
     return np.concatenate([R[:, 0], R[:, 1]])
 
 
 def slender(
     body: ET.Element, mass: float, length: float, start: float = 0.0, along: ArrayLike = (1, 0, 0)
 ) -> None:
-    """Inertia of a slender rod from `start` lengths to `start` + 1 along a direction."""
+    """Add the inertia of a slender rod from `start` to `start` + 1 lengths along a direction."""
     across = max(mass * length**2 / 12, 1e-12)
     frame = axes(along, np.cross(np.asarray(along), np.eye(3)[np.abs(along).argmin()]))
     add(
@@ -64,14 +64,14 @@ def slender(
 
 
 def point(body: ET.Element, mass: float) -> None:
-    """Inertia of a point mass at the body's origin."""
+    """Add the inertia of a point mass at the body's origin."""
     add(body, "inertial", pos=[0, 0, 0], mass=mass, diaginertia=[1e-12] * 3)
 
 
 def spring(
     body: ET.Element, name: str, kind: str, axis: ArrayLike, stiffness: float, inertia: float
 ) -> None:
-    """A joint that gives: what it carries moves on a spring, little damped."""
+    """Add a compliant joint: a spring with little damping."""
     damping = 2 * _SPRING_DAMPING * np.sqrt(stiffness * max(inertia, MASSLESS))
     add(body, "joint", name=name, type=kind, axis=axis, stiffness=stiffness, damping=damping)
 
@@ -82,7 +82,7 @@ def _colour(part: str) -> list[float]:
 
 
 def capsule(body: ET.Element, part: str, start: ArrayLike, end: ArrayLike, radius: float) -> None:
-    """Draw a capsule (a ball where both ends are one) in the colour of a part."""
+    """Add a capsule (a ball if both ends coincide) in the colour of a part."""
     start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     if np.linalg.norm(end - start) < 1e-6:
         add(body, "geom", type="sphere", pos=start, size=radius, rgba=_colour(part))
@@ -91,7 +91,7 @@ def capsule(body: ET.Element, part: str, start: ArrayLike, end: ArrayLike, radiu
 
 
 def scene(root: ET.Element, world: ET.Element, outline: Array, planar: bool) -> None:
-    """Floor, light and a camera that sees all of the robot, its points being `outline`."""
+    """Add floor, light and a camera that shows all points of `outline`."""
     size = float(np.ptp(outline, axis=0).max())
     low, high = outline.min(axis=0), outline.max(axis=0)
     centre = (low + high) / 2

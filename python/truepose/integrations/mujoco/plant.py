@@ -1,7 +1,7 @@
 """A plant of rigid bodies in MuJoCo.
 
-The bodies and joints are those of :mod:`truepose.integrations.mujoco.mjcf`; readings come from the
-core's sensor models at the pose that MuJoCo finds, and torques from the core's control cycle.
+Bodies and joints are those of :mod:`truepose.integrations.mujoco.mjcf`. Readings come from the
+core's sensor models at MuJoCo's pose, torques from the core's control cycle.
 """
 
 from __future__ import annotations
@@ -28,34 +28,33 @@ from truepose.simulation.drive import unanswered
 from truepose.simulation.plants import Visit
 from truepose.threads import each
 
-_RIPPLES = 6  # periods of the torque ripple in a turn of the motor
-_RANGE = 40  # poses that one thread visits on end: what was where before does not depend on cores
-_WINDOW = 0.05  # s in which a pose at rest moves by less than
+_RIPPLES = 6  # periods of the torque ripple per turn of the motor
+_RANGE = 40  # poses per thread: fixed, so results do not depend on the number of cores
+_WINDOW = 0.05  # s, time in which a robot at rest moves by less than _STILL
 _STILL = 2e-5  # m, and ten times that in rad
-_SWINGS = 1e-3  # m: more than that at the end of the longest wait is no pose
+_SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 
 class MujocoPlant:
-    """A true robot in MuJoCo, every rod by itself.
+    """A true robot in MuJoCo, every rod on its own.
 
     Parameters
     ----------
     truth : Robot
-        The true robot, cold.
+        True robot, cold.
     effects : Effects
-        Effects that the model omits; none by default.
+        Effects that the model omits, default none.
     seed : int
-        Of the phases of eccentricity and ripple, and of the noise of readings.
-    duration, hold : float
-        Of a move from pose to pose, and the least time after it, s.
-    longest : float
-        After which a robot that has not come to rest is measured as it is, s after the move.
+        Seed of the phases of eccentricity and ripple, and of the readings' noise.
+    duration, hold, longest : float
+        Time of a move, least time after it, and time after it at which a robot that is not at rest
+        is measured anyway, s.
     pose_time : float
-        From one pose to the next by the clock of the warm-up, s: moving, resting, measuring.
+        Time from one pose to the next in the warm-up: moving, resting, measuring, s.
     timestep : float
-        Of MuJoCo, s; a whole number of them makes a control period.
+        MuJoCo's time step, s; the control period must be a multiple.
     faults : sequence of Fault
-        Readings that lie. Their time is the warm-up's: the k-th move begins at k · `pose_time`.
+        Sensor faults, in the warm-up's time: the k-th move begins at k · `pose_time`.
 
     Raises
     ------
@@ -83,7 +82,7 @@ class MujocoPlant:
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
-        in_core(truth, faults, math.inf)  # whatever the controller's period
+        in_core(truth, faults, math.inf)  # for any control period
         self.truth = truth
         self.effects = Effects.none() if effects is None else effects
         self.seed = check_seed(seed)
@@ -92,18 +91,14 @@ class MujocoPlant:
         self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
 
     def body(self, time: float = 0.0) -> Body:
-        """Return the robot in MuJoCo as it is some time after a cold start, at home and at rest."""
+        """Return the robot in MuJoCo at home and at rest, `time` after a cold start."""
         return Body(self.effects.geometry(self.truth, time, self.seed), self.effects, self.timestep)
 
     def settle_at(self, q: ArrayLike) -> Settled:
-        """Hold the motors at readings q (..., n) and return where the nacelle comes to rest.
+        """Hold the motors at readings q (..., n) and return the steady state of the nacelle.
 
-        The motors go there from home along a straight line, so that the robot keeps its branch.
-
-        Raises
-        ------
-        PoseError
-            The loops do not close there, or the robot does not come to rest.
+        The motors move there from home on a straight line, which keeps the working mode. PoseError:
+        the loops do not close there, or the robot does not come to rest.
         """
         rows, lead = flattened(self.truth, q, self.truth.n, "q", "raise")
         found = [self.body().settle_at(row) for row in rows]
@@ -117,20 +112,11 @@ class MujocoPlant:
         controller: Controller,
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
-        """Drive from pose to pose, each from rest to rest, and read what is there.
+        """Move through poses x_d (N, n), each from rest to rest, and read the sensors there.
 
-        Ranges of poses run side by side, each from home; which they are does not depend on the
-        number of cores, nor do the results. With faults all poses are one range.
-
-        Parameters
-        ----------
-        robot : Robot
-            What the controller believes.
-        x_d : array_like, shape (N, n)
-            Desired poses, in their order.
-        controller : Controller
-        progress : callable
-            Called after each pose.
+        `robot` is the controller's model; `progress` is called after each pose. Ranges of poses run
+        in parallel, each from home; neither they nor the results depend on the number of cores.
+        With faults all poses are one range.
         """
         x_d = numbers_of(x_d, "x_d")
         if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
@@ -146,7 +132,7 @@ class MujocoPlant:
             np.full((len(x_d), n), np.nan),
             np.full(len(x_d), "", dtype=object),
         )
-        length = len(x_d) if self.faults else _RANGE  # what is stuck stays so from pose to pose
+        length = len(x_d) if self.faults else _RANGE  # a stuck reading persists from pose to pose
         starts = range(0, len(x_d), max(1, length))
 
         def work(start: int) -> None:
@@ -162,7 +148,7 @@ class MujocoPlant:
 
 
 class _Drive:
-    """One robot under control, from pose to pose."""
+    """One robot under control, moving from pose to pose."""
 
     def __init__(
         self, plant: MujocoPlant, robot: Robot, controller: Controller, seed: int, time: float
@@ -181,7 +167,7 @@ class _Drive:
         self.seed, self.cycles = seed, 0
         lying = in_core(plant.truth, plant.faults, controller.period)
         self.faults = _core.FaultyReadings(lying, controller.period)
-        # A geared encoder stands on the tool's axis: the gear's play is between it and the nacelle.
+        # A geared encoder is on the tool's axis, so backlash is between it and the nacelle.
         self.geared = np.array(
             [
                 plant.truth.parameters[f"{s.name}.gain"].value if s.geared else 0.0
@@ -193,7 +179,7 @@ class _Drive:
         self.restart()
 
     def restart(self) -> None:
-        """Stand at home, switched off and on."""
+        """Restart at home."""
         self.body.stand(self.body.mechanism.home)
         self.state = _core.ControlState()
         self.bus = _core.Slow(self.slow) if any(self.slow) else None
@@ -206,7 +192,7 @@ class _Drive:
         return math.atan2(R[1, 0], R[0, 0])
 
     def go(self, x_d: Array, time: float) -> tuple:
-        """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
+        """Move to a pose, wait for rest, and read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
         rows = np.ascontiguousarray(x_d[None])
         _, status, chain = _core.ikm(self.believed.core, rows, False)
@@ -217,7 +203,7 @@ class _Drive:
         period, plant = self.controller.period, self.plant
         ends, since = plant.duration + plant.longest, plant.duration + plant.hold
         window = max(1, round(_WINDOW / period))
-        self.silent: list[int] = []  # why the controller had no answer, cycle by cycle
+        self.silent: list[int] = []  # status of each cycle without a control output
         trail: list[Array] = []
         start, moved = self.at, np.inf
         for cycle in range(round(ends / period) + 1):
@@ -239,7 +225,7 @@ class _Drive:
         return q_e, self.body.frame(), self.body.coordinates(), said
 
     def _warm(self, time: float) -> None:
-        """Grow with the temperature: the same state in the model of now."""
+        """Apply the thermal expansion, keeping the state."""
         effects = self.plant.effects
         if not effects.warm_up or min(time, effects.warm_up_time) <= self.time:
             return
@@ -249,12 +235,12 @@ class _Drive:
             getattr(self.body.data, name)[:] = getattr(old, name)
 
     def _trace(self) -> Array:
-        """D and a tenth of R: what has to stand still."""
+        """Return D and R / 10, which must be constant at rest."""
         D, R = self.body.nacelle()
         return np.concatenate([D, 0.1 * R.ravel()])
 
     def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
-        """One control period of a move that began then; what went wrong, or nothing."""
+        """Run one control period of a move that began at `began`; return an error or ""."""
         body, plant, n = self.body, self.plant, self.n
         pad = [0.0] * (6 - n)
         core = self.believed.core
@@ -271,7 +257,7 @@ class _Drive:
         if status > 0:
             if not plant.faults:
                 return _core.describe(status)
-            self.silent.append(status)  # a machine holds the last torque
+            self.silent.append(status)  # hold the last torque, like a machine
         torque = np.array(self.state.torque)[:n]
         applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
         if plant.effects.torque_ripple:
@@ -288,7 +274,7 @@ class _Drive:
         return np.asarray(self.faults.read([time], self._read()[None]))[0]
 
     def _read(self) -> Array:
-        """What whole encoders say now."""
+        """Return the readings of healthy encoders."""
         exact = self.body.readings(self.theta)
         self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
         half = 0.5 * self.plant.effects.tool_backlash

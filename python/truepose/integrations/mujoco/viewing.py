@@ -1,8 +1,7 @@
 """A robot in MuJoCo's viewer, or as a picture.
 
-As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture
-under the MUJOCO_GL that it is given: a driver that is missing or broken takes no more than that
-with it.
+As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture with
+the given MUJOCO_GL, in its own process because a broken driver may crash it.
 """
 
 from __future__ import annotations
@@ -21,16 +20,13 @@ from truepose.robot.robot import Robot
 
 _WIDTH, _HEIGHT = 1600, 1200
 _DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
-_PATIENCE = 120  # s for one picture
+_PATIENCE = 120  # timeout of one picture, s
 
 
 def show(robot: Robot) -> None:
-    """Open MuJoCo's viewer on the robot at home, its motors held; returns when it is closed.
+    """Open MuJoCo's viewer on the robot at home, motors held; return when it is closed.
 
-    Raises
-    ------
-    TrueposeError
-        MuJoCo is not installed, or there is no screen.
+    TrueposeError: MuJoCo is not installed, or there is no screen.
     """
     require()
     on_linux = sys.platform.startswith("linux")
@@ -46,20 +42,9 @@ def show(robot: Robot) -> None:
 def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     """Draw the robot at home into a PNG file. Needs no screen.
 
-    Parameters
-    ----------
-    robot : Robot
-    path : Path
-        A picture that truepose drew before is replaced.
-    force : bool
-        Replace any other file, too.
-
-    Raises
-    ------
-    InputError
-        The file cannot or may not be written.
-    TrueposeError
-        MuJoCo is not installed, or no OpenGL driver works.
+    A picture drawn by truepose is replaced; `force` replaces any other file as well. InputError:
+    the file cannot or may not be written. TrueposeError: MuJoCo is missing, or no OpenGL driver
+    works.
     """
     require()
     if path.suffix.lower() != ".png":

@@ -1,4 +1,4 @@
-"""What the workbench shows of a state: steady states, their σ, conditioning."""
+"""Answers of the workbench for a state: steady states, their σ, conditioning."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.simulation.equilibrium import steady_state
 
-#: What the accuracy is after, as the page calls it: (self-calibrated, referenced).
+#: Cases of the accuracy by their label on the page: (self-calibrated, referenced).
 HOWS = {
     "as built": (False, False),
     "referenced": (False, True),
     "self-calibrated": (True, False),
     "self-calibrated, referenced": (True, True),
 }
-#: Poses drawn from the workspace that it is asked for at, and that a calibration visits.
+#: Numbers of sampled workspace poses at which accuracy is evaluated, and that a calibration visits.
 POSES = 64
 
 
 class Rest(NamedTuple):
-    """Where the true robot comes to rest under a law."""
+    """Steady state of the true robot under a law."""
 
     x: Array | None  #: (n,)
-    off: Array  #: (3,) of the nacelle's reference point from where it was sent, m
-    turn: float  #: from the orientation that it was sent to, rad
-    why: str  #: there is none
+    off: Array  #: (3,) position error of the nacelle's reference point, m
+    turn: float  #: orientation error, rad
+    why: str  #: the reason if there is no steady state
 
 
 def rests(state: State) -> dict[Law, Rest]:
-    """Where each of the laws takes the true robot.
+    """Return the steady state of the true robot under each law.
 
     Examples
     --------
@@ -63,22 +63,21 @@ def rests(state: State) -> dict[Law, Rest]:
 
 
 def position_error(state: State, law: Law, over: Array) -> float:
-    """Return the steady-state error of the position (of a pivot: the turn), rms, m or rad."""
+    """Return the steady-state position error (of a rotational robot: rotation), rms, m or rad."""
     x = steady_state(state.robot, state.truth, over, law, errors="nan")
     off = (x - over)[:, summed(state.robot).columns]
     return float(np.sqrt(np.nanmean(np.sum(off**2, axis=1))))
 
 
 def predicted(robot: Robot, over: Array, on: Array) -> float:
-    """Return the bound of that after a calibration at the poses `on`: 1 σ, rms, m or rad."""
+    """Return the bound of that error after a calibration at poses `on`: 1 σ, rms, m or rad."""
     return accuracy(robot, over, calibrated_on=on, errors="nan").rms
 
 
 def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Array, Array | None]:
-    """Points of the chains, (n, 4, 3), of the robot as drawn at x_d, and of the true one at x.
+    """Return points of the chains, (n, 4, 3): the nominal robot at x_d, and the true one at x.
 
-    The latter `magnified` times as far from the former as they are, as structures are drawn under
-    load: millimetres would not be seen.
+    Deviations of the true robot are `magnified`, since millimetres would be invisible.
     """
     ghost = state.drawn.skeleton(state.x_d)
     if x is None:
@@ -87,7 +86,7 @@ def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Ar
 
 
 def covariance(state: State, how: str) -> Array:
-    """Covariance of the best estimate of the pose, (n, n), after what `HOWS` names."""
+    """Return the covariance of the best pose estimate, (n, n), in the case `how` of `HOWS`."""
     learnt, touched = HOWS[how]
     robot = state.robot
     return accuracy(
@@ -99,7 +98,7 @@ def covariance(state: State, how: str) -> Array:
 
 
 def ellipsoid(robot: Robot, P: Array) -> tuple[Array, Array]:
-    """Half axes (3,), m, and their directions, columns of (3, 3): one σ of the position."""
+    """Return the 1 σ ellipsoid of the position: half axes (3,), m, and directions as columns."""
     axes = ["xyz".index(name) for name, _ in robot.coordinates if name in "xyz"]
     whole = np.zeros((3, 3))
     whole[np.ix_(axes, axes)] = P[: len(axes), : len(axes)]
@@ -109,7 +108,7 @@ def ellipsoid(robot: Robot, P: Array) -> tuple[Array, Array]:
 
 
 def bounds(robot: Robot) -> dict[str, Array]:
-    """σ of each coordinate and of the position, (n + 1,), rms over the workspace; m and rad.
+    """Return σ of each coordinate and of the position, (n + 1,), rms over the workspace; m, rad.
 
     Examples
     --------
@@ -130,7 +129,7 @@ def bounds(robot: Robot) -> dict[str, Array]:
 
 
 def workspace_poses(robot: Robot) -> Array:
-    """Poses drawn from the workspace that can be reached; home alone where there is none."""
+    """Return reachable poses sampled from the workspace; home only without a workspace."""
     box = robot.spec.workspace
     if box is None:
         return robot.home[None]
@@ -142,30 +141,24 @@ def workspace_poses(robot: Robot) -> Array:
 
 
 class Price(NamedTuple):
-    """What the sensors in use cost."""
+    """Price of the sensors in use."""
 
     total: float
-    unpriced: tuple[str, ...]  #: sensors whose price the file does not say
+    unpriced: tuple[str, ...]  #: sensors without a price in the file
 
 
 def price(robot: Robot) -> Price:
-    """Add up what the file says of the prices of the sensors in use."""
+    """Add up the file's prices of the sensors in use."""
     prices = {sensor.name: getattr(sensor, "price", None) for sensor in robot.spec.used}
     total = sum(value for value in prices.values() if value is not None)
     return Price(float(total), tuple(name for name, value in prices.items() if value is None))
 
 
 def conditioning_map(state: State, points: int = 41, beyond: float = 0.3) -> tuple[Array, Array]:
-    """Places of the nacelle about the workspace and how far from singular it is there, 0 to 1.
+    """Return reachable positions about the workspace, (k, 3), m, and their conditioning, (k,).
 
-    The first two coordinates vary, the others stay.
-
-    Returns
-    -------
-    places : ndarray, shape (k, 3)
-        Those that can be reached.
-    worst : ndarray, shape (k,)
-        The smaller of the parallel and the serial conditioning.
+    Only the first two coordinates vary. The conditioning, 0 (singular) to 1, is the smaller of
+    parallel and serial.
     """
     robot = state.robot
     box = robot.spec.workspace

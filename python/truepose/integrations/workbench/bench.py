@@ -13,7 +13,7 @@ class Tab:
         self.page = page
 
     def follow(self, state: State) -> None:
-        """Show the state; a hand did not do it."""
+        """Show the state, after a change from elsewhere."""
 
     def tick(self, now: float) -> None:
-        """Take a step of the animation."""
+        """Advance the animation to the time `now`."""

@@ -25,24 +25,24 @@ def command(
             autocompletion=completing(list_robots),
         ),
     ] = None,
-    log: Annotated[Path | None, typer.Option(help="A log to play back.")] = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="That serves the page.")] = serve.PORT,
+    log: Annotated[Path | None, typer.Option(help="Log file to play back.")] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the page.")] = serve.PORT,
     host: Annotated[
         str,
         typer.Option(
-            help="Address to serve on; 0.0.0.0: all of this machine's, to every device that has "
+            help="Address to serve on; 0.0.0.0: all addresses of this machine, for devices with "
             "the printed address."
         ),
     ] = serve.HOST,
     dark: Annotated[bool, typer.Option("--dark", help="Begin with a dark page.")] = False,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Open none; the page is there all the same.")
+        bool, typer.Option("--no-browser", help="Serve the page without opening a browser.")
     ] = False,
 ) -> None:
     """Open a robot in the browser: move it, add errors, choose sensors, play a log.
 
-    Without a robot it shows an H4 with one rod 3 mm too long: one button calibrates it from its own
-    readings. Needs viser: pip install "truepose[workbench]".
+    The default is an H4 with one rod 3 mm too long; one button calibrates it from its own readings.
+    Needs viser: pip install "truepose[workbench]".
 
     Example: **truepose workbench h4**
     """

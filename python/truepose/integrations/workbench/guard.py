@@ -1,9 +1,9 @@
-"""Access control of the workbench: its token, and requests of its own page only.
+"""Access control of the workbench: a token, and requests of its own page only.
 
-A server on a port of this machine is open to every page that a browser here shows: another site's
-script may connect its WebSocket, and a name that an attacker points at 127.0.0.1 (DNS rebinding)
-makes it the same origin. So every request must name this machine as its host, come from no other
-page, and bring the token that the printed address holds; the first one makes it a cookie.
+A server on a local port is open to every page in a local browser. Another site's script may connect
+its WebSocket, and a name that resolves to 127.0.0.1 (DNS rebinding) makes it the same origin. Every
+request must therefore name this machine as its host, come from no other page, and have the token
+of the printed address, which becomes a cookie on the first request.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from urllib.parse import parse_qs, urlsplit
 
 
 class Guard:
-    """Refuses requests before anything of the page is sent.
+    """Refuse requests before any part of the page is sent.
 
     Examples
     --------
@@ -35,12 +35,12 @@ class Guard:
         self._names = {host.lower(), "localhost", own, f"{own.partition('.')[0]}.local"}
         self._cookie = f"truepose-{port}"
         self.token = secrets.token_urlsafe(16)
-        self.guards = False  #: whether a server asks it
+        self.guards = False  #: whether it is installed in a server
 
     def refuses(
         self, hosts: list[str], origins: list[str], target: str, cookies: list[str]
     ) -> str | None:
-        """Return why a request is refused, from its headers' values; None where it is not."""
+        """Return the reason to refuse a request, from its headers' values, or None."""
         if len(hosts) != 1 or not self._is_own(hosts[0]):
             return f"host {' '.join(hosts)} is not this machine"
         if any(origin.partition("://")[2].lower() != hosts[0].lower() for origin in origins):
@@ -52,7 +52,7 @@ class Guard:
         return None
 
     def _is_own(self, host: str) -> bool:
-        """Whether a header names this machine: an address, which needs no lookup, or its names."""
+        """Return whether a header names this machine by address (no lookup) or by its names."""
         try:
             name = urlsplit(f"//{host}").hostname or ""
             if name not in self._names:
@@ -82,7 +82,7 @@ class Guard:
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
-        """Guard the server that viser, which has no hook for it, starts meanwhile."""
+        """Install the guard in a server that viser starts meanwhile; viser has no hook for it."""
         from websockets.asyncio import server
 
         plain: Any = server.serve

@@ -19,13 +19,13 @@ from truepose.integrations.workbench.playback import Playback
 from truepose.integrations.workbench.state import State
 from truepose.robot.units import in_print
 
-_LINES = 5  #: of a log played in a second
-_POSES = 40  #: of a log that the robot on the bench writes
+_LINES = 5  #: rows of a log played per second
+_POSES = 40  #: poses of a simulated log
 BEFORE, AFTER = "#d6604d", "#4393c3"
 
 
 class LogTab(Tab):
-    """A log, its residuals line by line, the calibration run on it."""
+    """A log, its residuals row by row, and the calibration on it."""
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
@@ -38,7 +38,7 @@ class LogTab(Tab):
             with page.doing():
                 self._upload(event.target.value)
 
-        page.pressed(gui.add_button(f"Let it write one, {_POSES} poses"), self._simulate_log)
+        page.pressed(gui.add_button(f"Simulate a log of {_POSES} poses"), self._simulate_log)
         self._calibrate: Any = gui.add_button("Calibrate on it", disabled=True)
         page.pressed(self._calibrate, self._fit)
         self._believe: Any = gui.add_checkbox(
@@ -64,14 +64,14 @@ class LogTab(Tab):
             path.write_bytes(file.content)
             try:
                 self.open(path)
-            except TrueposeError as error:  # by the name that the file has where it comes from
+            except TrueposeError as error:  # name the file as it was uploaded
                 raise InputError(str(error).replace(str(path), path.name)) from None
 
     def _simulate_log(self) -> None:
         self._take(playback.simulated_log(self.page.state, _POSES))
 
     def calibrate(self) -> Array:
-        """Write a log and calibrate on it; return its poses, (N, n), as they are then known."""
+        """Simulate a log and calibrate on it; return its estimated poses, (N, n)."""
         self._simulate_log()
         self._fit()
         assert self.played is not None
@@ -79,7 +79,7 @@ class LogTab(Tab):
         return x[np.isfinite(x).all(axis=1)]
 
     def _take(self, played: Playback) -> None:
-        """Begin with another log."""
+        """Open another log."""
         self.played = played
         self._believe.value = False
         self.page.state = self.page.state.believing(None)
@@ -108,7 +108,7 @@ class LogTab(Tab):
         self.page.state = self.page.state.believing(robot)
 
     def _go(self) -> None:
-        """Stand where the robot was at the line, if that is known."""
+        """Show the robot at the row's pose, if estimated."""
         if self.played is None:
             return
         x = self.played.pose(int(self._line.value) - 1)
@@ -117,7 +117,7 @@ class LogTab(Tab):
         self.page.send(self.page.state.sent(x))
 
     def _plot(self) -> None:
-        """Draw every line's residual of the sensor that is chosen."""
+        """Plot every row's residual of the selected sensor."""
         if self.played is None:
             return
         if self._chart is not None:
@@ -146,7 +146,7 @@ class LogTab(Tab):
             )
 
     def tick(self, now: float) -> None:
-        """Go to the next line, where it is played."""
+        """Go to the next row during playback."""
         if self.played is None or not self._run.value or now < self._next:
             return
         self._next = now + 1 / _LINES
@@ -158,7 +158,7 @@ class LogTab(Tab):
         self.page.show()
 
     def follow(self, state: State) -> None:
-        """Write the residuals of the line; another set of sensors is another log's."""
+        """Show the row's residuals; another set of sensors needs another log."""
         if self.played is None:
             return
         if self.played.names != state.drawn.sensors:

@@ -1,4 +1,4 @@
-"""A lap of the robot with faults and fault monitor, for the workbench."""
+"""Simulated back-and-forth motion with faults and fault monitor, for the workbench."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from truepose.simulation.moves import default_move
 from truepose.simulation.paths import Waypoints
 from truepose.simulation.simulate import Simulation, simulate
 
-LAPS, LEG = 2, 0.6  #: there and back, of a run; s of one way
+LAPS, LEG = 2, 0.6  #: laps (there and back) of a run; time of one way, s
 
 
 def run(
     state: State, law: Law | None = None, faults: Sequence[Fault] = (), watched: bool = True
 ) -> Simulation:
-    """Send the true robot there and back, as often as `LAPS` says.
+    """Simulate `LAPS` laps of the true robot, there and back.
 
-    What happens up to a time depends on the faults before it alone: a fault that is switched on
-    while a run is played is a run of the same seed with that fault from then on.
+    The motion up to a time depends only on the faults before it. A fault that is switched on during
+    playback is thus a run of the same seed with that fault from then on.
 
     Examples
     --------
@@ -40,7 +40,7 @@ def run(
 
 
 def lights(played: Simulation, k: int) -> list[tuple[str, str, str]]:
-    """Name, health and symptom of every reading in the period k; the symptom "" of a valid one."""
+    """Return name, health and symptom ("" if valid) of every reading in period k."""
     found = []
     for column, name in enumerate(played.robot.readings):
         health = HEALTH[played.health[k, column]]
@@ -50,7 +50,7 @@ def lights(played: Simulation, k: int) -> list[tuple[str, str, str]]:
 
 
 def ended(faults: Sequence[Fault], reading: str, time: float) -> list[Fault]:
-    """Return the faults, those of a reading ending at this time; they last from before it."""
+    """Return the faults, with those of a reading ended at `time` if they began before it."""
     return [
         replace(fault, until=time)
         if fault.reading == reading and fault.until is None and fault.at < time

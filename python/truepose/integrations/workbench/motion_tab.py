@@ -1,4 +1,4 @@
-"""The tab of motion: faults by hand, and the fault monitor's lights."""
+"""Motion tab: faults switched by hand, and the fault monitor's status."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from truepose.robot.units import reading_units, summed
 from truepose.show.units import printed
 from truepose.simulation.simulate import Simulation
 
-#: What a fault's size is called, its unit, and a usual value, by the core's name of the unit.
+#: Label, unit and usual value of a fault's size, by the core's name of its unit.
 _SIZES = {
     "": ("No size", 1.0, 0.0),
     "reading": ("Size (mm, mrad)", 1e-3, 10.0),
     "reading/s": ("Size (mm/s, mrad/s)", 1e-3, 10.0),
-    "s": ("Late by (ms)", 1e-3, 10.0),
+    "s": ("Delay (ms)", 1e-3, 10.0),
     "1": ("Factor", 1.0, 1.05),
 }
 
 
 class MotionTab(Tab):
-    """The robot moves there and back; readings begin to lie, and end, by hand."""
+    """The robot moves there and back; faults are switched on and off by hand."""
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
@@ -42,7 +42,7 @@ class MotionTab(Tab):
         self._move: Any = gui.add_checkbox("Move", False, hint="there and back; key M")
         page.when(self._move, lambda _: self._begin())
         self._law: Any = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
-        self._watched: Any = gui.add_checkbox("Watch", True)
+        self._watched: Any = gui.add_checkbox("Fault monitor", True)
         for handle in (self._law, self._watched):
             page.when(handle, lambda _: self._again())
         self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
@@ -52,17 +52,17 @@ class MotionTab(Tab):
         for handle in (self._reading, self._kind):
             page.when(handle, lambda _: self._name_size())
         self._name_size()
-        self._on: Any = gui.add_checkbox("Fault", False, hint="from now on, until it is taken off")
+        self._on: Any = gui.add_checkbox("Fault", False, hint="from now until it is switched off")
         page.when(self._on, lambda value: self._begin_fault() if value else self._end_fault())
         self._lights: Any = gui.add_html(words.page(words.note("At rest.")))
 
     def toggle(self) -> None:
-        """Move, or stop."""
+        """Start or stop the motion."""
         self._move.value = not self._move.value
         self._begin()
 
     def _begin(self) -> None:
-        """Start from rest, or stop where the nacelle was last sent by hand."""
+        """Start from rest, or stop at the nacelle's last target."""
         self._time, self._faults = 0.0, []
         self._on.value = False
         self.page.moving = bool(self._move.value)
@@ -75,7 +75,7 @@ class MotionTab(Tab):
         self._again()
 
     def _again(self) -> None:
-        """Run once more, with the faults as they are by now."""
+        """Simulate again with the present faults."""
         if not self.page.moving:
             return
         self._of = self._robots(self.page.state)
@@ -89,7 +89,7 @@ class MotionTab(Tab):
             raise
 
     def _name_size(self) -> None:
-        """Say what the size is of, and propose one; offer what could be swapped with it."""
+        """Label the size, propose a value, and list readings that can be swapped with it."""
         row = _core.fault_kinds[self._kind.value]
         self._size.label, _, self._size.value = _SIZES[row.size]
         self._size.visible = bool(row.size)
@@ -125,7 +125,7 @@ class MotionTab(Tab):
         self._again()
 
     def tick(self, now: float) -> None:
-        """Show the run as far as it has come; begin a new one at its end."""
+        """Show the run up to now; start a new one at its end."""
         run = self._run
         if run is None or not self.page.moving:
             return
@@ -145,13 +145,13 @@ class MotionTab(Tab):
         if self._watched.value:
             parts.insert(0, words.lights(motion.lights(run, k)))
         if run.stops[k]:
-            parts.append(words.note("The watch stops the robot.", wrong=True))
+            parts.append(words.note("The fault monitor stops the robot.", wrong=True))
         if run.ended and k == len(run.time) - 1:
             parts.append(words.note(one_line(run.ended), wrong=True))
         self._lights.content = words.page(*parts)
 
     def _lap(self) -> None:
-        """Begin anew; active faults act from the start."""
+        """Start a new run in which active faults act from the start."""
         lasting = [f for f in self._faults if f.until is None and _core.fault_kinds[f.kind].lasts]
         self._faults = [replace(fault, at=0.0) for fault in lasting]
         self._time = 0.0
@@ -162,7 +162,7 @@ class MotionTab(Tab):
             self._lights.content = words.page(words.note(one_line(error, 300), wrong=True))
 
     def follow(self, state: State) -> None:
-        """Readings are those of the sensors in use; another robot is another run."""
+        """List the readings of the sensors in use; restart for another robot."""
         if tuple(self._reading.options) != state.drawn.readings:
             self._reading.options = state.drawn.readings
             there = {None, *state.drawn.readings}

@@ -20,19 +20,19 @@ from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import Law, usual
 
-#: Of a tab, from the page and its panel.
+#: Constructor of a tab from the page and its panel.
 Made = Callable[["Page", GuiApi], Any]
-FRAMES = 20  #: a second, of animations
+FRAMES = 20  #: animation frames per second
 
 
 class Page:
-    """A served page. All that changes it goes through :meth:`doing`, one change at a time."""
+    """A served page. All changes go through :meth:`doing`, one at a time."""
 
     def __init__(
         self, state: State, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
     ):
         self._guard = Guard(host, port)
-        with contextlib.redirect_stdout(io.StringIO()):  # viser says where it is; so do we
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints an address without token
             with self._guard.installed():
                 label = f"truepose: {state.drawn.name}"
                 self.server = ViserServer(host, port, label=label, verbose=False)
@@ -40,15 +40,15 @@ class Page:
                 self.server.stop()
                 raise TrueposeError("the workbench cannot guard this viser: install viser 1.1")
         self.state = state
-        self.law: Law = usual(state.drawn)  #: under which the drawn robot stands
+        self.law: Law = usual(state.drawn)  #: law of the displayed robot
         self.magnified = 10.0
-        self.how: str | None = "as built"  #: of the ellipsoid; None: no ellipsoid
+        self.how: str | None = "as built"  #: case of the ellipsoid; None: no ellipsoid
         self.coloured = self.mapped = False
-        self.moving = False  #: by itself: by a run, not by a hand
+        self.moving = False  #: moved by a run, not by hand
         self.lock = threading.RLock()
         self._newest: object = None
         self._stopped = threading.Event()
-        self.dark = dark  #: to begin with
+        self.dark = dark  #: initial theme
         self.dress(dark)
         gui = self.server.gui
         self._said = ""
@@ -70,11 +70,11 @@ class Page:
         self._player.start()
 
     def address(self, host: str) -> str:
-        """Return the address that opens the page, with its token; `host` as browsers reach it."""
+        """Return the page's address with its token; `host` is the name that browsers use."""
         return f"http://{host}:{self.server.get_port()}/?token={self._guard.token}"
 
     def dress(self, dark: bool) -> None:
-        """Choose a dark page or a light one."""
+        """Set a dark or a light page."""
         self.server.gui.configure_theme(
             dark_mode=dark,
             show_logo=False,
@@ -83,18 +83,18 @@ class Page:
         )
 
     def when(self, handle: Any, do: Callable[[Any], None]) -> Any:
-        """Do something with a handle's value whenever a hand changes it; return the handle."""
+        """Call `do` with a handle's value whenever the user changes it; return the handle."""
 
         @handle.on_update  # type: ignore[untyped-decorator]
         def _(event: Any) -> None:
-            if event.client is not None:  # else it was set from here
+            if event.client is not None:  # None: set by this program
                 with self.doing():
                     do(event.target.value)
 
         return handle
 
     def pressed(self, handle: Any, do: Callable[[], None]) -> None:
-        """Do something whenever a button is pressed."""
+        """Call `do` whenever a button is pressed."""
 
         @handle.on_click  # type: ignore[untyped-decorator]
         def _(_event: Any) -> None:
@@ -103,7 +103,7 @@ class Page:
 
     @contextlib.contextmanager
     def doing(self) -> Iterator[None]:
-        """Change something, alone, and show it; what goes wrong is said in one line."""
+        """Lock, change, and show the state; report errors in one line."""
         with self.lock, self.server.atomic():
             self._said = ""
             try:
@@ -113,7 +113,7 @@ class Page:
             self.show()
 
     def _dragged(self, frame: Array, ended: bool) -> None:
-        """Follow a drag to its newest frame; those overtaken meanwhile are left out."""
+        """Move to the newest frame of a drag; overtaken frames are skipped."""
         self._newest = frame
         with self.lock:
             if self._newest is not frame:
@@ -124,7 +124,7 @@ class Page:
                 self.scene.place_gizmos(self.state)
 
     def show(self) -> None:
-        """Show the state; a run shows the moving robot itself."""
+        """Show the state; during a run the motion tab shows the robot."""
         state, said = self.state, self._said
         found = answers.rests(state)
         P = None
@@ -148,16 +148,16 @@ class Page:
             tab.follow(state)
 
     def place_gizmos(self) -> None:
-        """Put what is dragged where the nacelle is sent."""
+        """Move the drag handles to the nacelle's target."""
         self.scene.place_gizmos(self.state)
 
     def send(self, state: State) -> None:
-        """Take over a state in which the nacelle was sent elsewhere, but not by a drag."""
+        """Accept a state with a new target that was not set by dragging."""
         self.state = state
         self.place_gizmos()
 
     def _keys(self, gui: GuiApi) -> None:
-        """Keys for what hands do most; the command palette lists them."""
+        """Add keys for frequent actions; the command palette lists them."""
         home = self.state.drawn.home
 
         def step(which: int) -> None:
@@ -181,16 +181,16 @@ class Page:
                     do()
 
     def _play(self) -> None:
-        """Let what moves by itself take its next step, until the page is stopped."""
+        """Advance the animations until the page is stopped."""
         while not self._stopped.wait(1 / FRAMES):
             now = time.perf_counter()
             with self.lock, self.server.atomic():
                 for tab in self.tabs:
-                    with contextlib.suppress(TrueposeError):  # a pose that cannot be drawn
+                    with contextlib.suppress(TrueposeError):  # an unreachable pose
                         tab.tick(now)
 
     def calibrate(self) -> None:
-        """Let the robot write a log and calibrate on it; show the error before and after."""
+        """Simulate a log and calibrate on it; show the error before and after."""
         log, law, over = self.tabs[3], self.law, answers.workspace_poses(self.state.drawn)
         before = answers.position_error(self.state.believing(None), law, over)
         visited = log.calibrate()
@@ -207,7 +207,7 @@ class Page:
             self.show()
 
     def stop(self) -> None:
-        """Serve the page no more."""
+        """Stop serving the page."""
         self._stopped.set()
         self._player.join()
         with contextlib.redirect_stdout(io.StringIO()):

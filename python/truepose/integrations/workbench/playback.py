@@ -21,43 +21,40 @@ from truepose.simulation.simulated_log import simulate_log
 
 @dataclass(frozen=True, eq=False)
 class Playback:
-    """A log that is played: N lines, k = r columns that the motors predict."""
+    """Playback of a log: N rows, k = r columns predicted from the motors."""
 
-    robot: Robot  #: whose readings they are, at the prior mean
+    robot: Robot  #: robot of the log, at the prior mean
     log: Log
-    notes: tuple[str, ...]  #: what was noticed in it
-    before: Expectation  #: by the motors, at the prior mean
-    assessment: Assessment | None = None  #: once it is calibrated
+    notes: tuple[str, ...]  #: findings of the log's checks
+    before: Expectation  #: predicted from the motors, at the prior mean
+    assessment: Assessment | None = None  #: after a calibration
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the columns of residuals."""
+        """Names of the residuals' columns."""
         return self.robot.sensors
 
     @property
     def after(self) -> Expectation | None:
-        """By the motors, at the calibrated geometry."""
+        """Expectation from the motors, at the calibrated geometry."""
         return None if self.assessment is None else self.assessment.after
 
     def pose(self, line: int) -> Array:
-        """Where the robot was, (n,), as well as it is known by now; NaN where it is not."""
+        """Return the estimated pose of a row, (n,); NaN if unknown."""
         known = self.before if self.after is None else self.after
         return known.x[line]
 
 
 def opened(robot: Robot, log: Log) -> Playback:
-    """Look a log over, and predict its every line.
+    """Check a log, and predict every row.
 
-    Raises
-    ------
-    InputError
-        Units, signs or columns are wrong; or no sensor was read, and so nothing is predicted.
+    InputError: units, signs or columns are wrong, or no sensor was read.
     """
     log, findings = log_checks.check(robot, log)
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError("; ".join(refused))
     if not robot.sensors:
-        raise InputError(f"{robot.name}: no sensor is in use: its motors alone predict no reading")
+        raise InputError(f"{robot.name}: no sensor is in use; a log needs at least one")
     model = robot.expected()
     notes = tuple(finding.text for finding in findings)
     return Playback(model, log, notes, expect(model, log.readings))
@@ -69,14 +66,14 @@ def read(robot: Robot, path: str | Path) -> Playback:
 
 
 def simulated_log(state: State, poses: int, seed: int = 0) -> Playback:
-    """Let the true robot that stands on the bench write a log, at poses of its workspace."""
+    """Simulate a log of the true robot at poses of its workspace."""
     q_e = simulate_log(state.drawn, state.truth, poses, seed).q_e
     table = dict(zip(state.drawn.readings, q_e.T, strict=True))
     return opened(state.drawn, logs.of(state.drawn, table))
 
 
 def calibrated(played: Playback) -> Playback:
-    """Calibrate on the log, robustly, as `truepose calibrate` does.
+    """Calibrate on the log with a robust loss, as `truepose calibrate` does.
 
     Examples
     --------
@@ -94,5 +91,5 @@ def calibrated(played: Playback) -> Playback:
 
 
 def rms(values: Array) -> Array:
-    """Root mean square of each column's finite values."""
+    """Return the root mean square of each column's finite values."""
     return np.sqrt(np.nanmean(np.square(values), axis=0))

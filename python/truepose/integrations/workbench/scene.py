@@ -17,30 +17,30 @@ from truepose.robot.laws import LAWS
 from truepose.robot.parts import Part, parts_of
 from truepose.show.colours import COLOURS
 
-#: Of each law, in the scene and in the table.
+#: Colour of each law, in the scene and in the table.
 LAW_COLOURS = dict(zip(LAWS, ("#d6604d", "#4393c3", "#5aae61", "#e08214", "#9970ab"), strict=True))
-#: Colours of a conditioning of 0, singular, to 1: red, yellow, blue, which all eyes tell apart.
+#: Colours of conditioning 0 (singular) to 1: red, yellow, blue, distinct for colour-blind users.
 _RAMP = (0.0, 0.35, 1.0), ((178, 24, 43), (254, 224, 139), (33, 102, 172))
-_WIDTH = 2.2e-3  #: radius of a part over its line width, of a robot of 1 m
+_WIDTH = 2.2e-3  #: ratio of a part's radius to its line width, for a robot of 1 m
 _GHOST = (150, 155, 165)
-#: A part that would be lost on a dark page is drawn lighter.
+#: Lighter colours for parts that are invisible on a dark page.
 _PARTS = COLOURS | {"motor": "#5b6270", "carriage": "#5b6270"}
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue of "#rrggbb"."""
+    """Return red, green and blue of "#rrggbb"."""
     return tuple(bytes.fromhex(colour[1:]))  # type: ignore[return-value]
 
 
 def ramp(conditioning: Array) -> Array:
-    """Colours (..., 3), uint8, of conditionings from 0 to 1."""
+    """Return colours (..., 3), uint8, of conditionings from 0 to 1."""
     at, colours = _RAMP
     channels = [np.interp(conditioning, at, channel) for channel in zip(*colours, strict=True)]
     return np.stack(channels, axis=-1).astype(np.uint8)
 
 
 class Scene:
-    """Draws states; tells of frames to which the nacelle is dragged."""
+    """Draw states, and report frames to which the nacelle is dragged."""
 
     def __init__(self, server: ViserServer, state: State, dragged: Callable[[Array, bool], None]):
         self._server = server
@@ -75,7 +75,7 @@ class Scene:
         self._gizmos = self._add_gizmos(state, dragged)
 
     def _camera(self, state: State, centre: Array) -> None:
-        """Look at the whole robot: beside the panel, or above it on a narrow screen."""
+        """Show the whole robot: beside the panel, or above it on a narrow screen."""
         camera = self._server.initial_camera
         planar = state.drawn.spec.mobility.startswith("planar")
         away = np.array([0.0, -0.25, 1.9]) if planar else np.array([1.15, -1.45, 0.75])
@@ -89,17 +89,17 @@ class Scene:
         def _(client: Any) -> None:
             aspect = client.camera.aspect
             far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else 1.0)
-            half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # of the view
+            half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # half of the view
             aside = (
                 -half / 2 * up if aspect < 1 else 0.25 * half * right
-            )  # the panel's half or side
+            )  # part hidden by the panel
             client.camera.position = centre + far + aside
             client.camera.look_at = centre + aside
 
     def _add_gizmos(
         self, state: State, dragged: Callable[[Array, bool], None]
     ) -> list[TransformControlsHandle]:
-        """One to shift the nacelle, and one to turn it about what its mobility leaves free."""
+        """Add handles to shift the nacelle, and to rotate it within its mobility."""
         planar = state.drawn.spec.mobility.startswith("planar")
         units = [unit for _, unit in state.drawn.coordinates]
         free = (True, True, not planar)
@@ -108,7 +108,7 @@ class Scene:
         if "m" in units:
             shift = add("/shift", 0.22 * self._size, active_axes=free, disable_rotations=True)
             gizmos.append(shift)
-        if "rad" in units:  # both axes beside the one turned about
+        if "rad" in units:  # the axes normal to the rotation
             about = (True, True, "m" not in units or units.count("rad") > 1)
             gizmos.append(
                 add(
@@ -132,18 +132,18 @@ class Scene:
         return gizmos
 
     def place_gizmos(self, state: State) -> None:
-        """Put what is dragged back to where the nacelle is sent."""
+        """Move the drag handles to the nacelle's target."""
         frame = frames(state.robot, state.x_d)
         wxyz = SO3.from_matrix(frame[:3, :3]).wxyz
         for gizmo in self._gizmos:
             gizmo.position, gizmo.wxyz = frame[:3, 3], wxyz
 
     def show_robot(self, state: State, x: Array | None, magnified: float, coloured: bool) -> None:
-        """Draw the true robot at x, magnified away from the ghost at x_d."""
+        """Draw the true robot at x; its deviation from the ghost at x_d is magnified."""
         ghost, real = skeletons(state, x, magnified)
         self._draw("ghost", parts_of(state.drawn, ghost, state.x_d), None)
         apart = real is not None and float(np.abs(real - ghost).max()) > 1e-4 * self._size
-        self._bars["ghost"].visible = apart  # else it would only shine through
+        self._bars["ghost"].visible = apart  # hidden if it coincides with the robot
         if real is not None and x is not None:
             off = magnified * (x - state.x_d)
             shown = parts_of(state.truth, real, state.x_d + off)
@@ -151,12 +151,12 @@ class Scene:
             self._draw("robot", shown, _colours(shown, state.robot.n, at))
 
     def _draw(self, name: str, parts: list[Part], colours: Array | None) -> None:
-        """One cylinder for every straight piece of every part: one mesh, many times."""
+        """Draw each straight piece of each part as an instance of one cylinder mesh."""
         of = np.repeat(np.arange(len(parts)), [len(points) - 1 for _, points, _ in parts])
         a = np.concatenate([points[:-1] for _, points, _ in parts])
         b = np.concatenate([points[1:] for _, points, _ in parts])
         length = np.linalg.norm(b - a, axis=1)
-        point = length < 1e-9  # a motor without an axis of its own: a short piece
+        point = length < 1e-9  # draw a motor without an axis as a short piece
         a[point, 2] -= 0.012 * self._size
         length[point] = 0.012 * self._size
         radii = _WIDTH * self._size * np.array([width for _, _, width in parts])[of]
@@ -189,7 +189,7 @@ class Scene:
         )
 
     def show_rests(self, state: State, found: dict, magnified: float) -> None:
-        """Mark where laws take the nacelle's reference point, magnified away from x_d."""
+        """Mark the steady-state reference point under each law, deviations from x_d magnified."""
         sent = frames(state.robot, state.x_d)[:3, 3]
         for law, mark in self._marks.items():
             rest: Rest | None = found.get(law)
@@ -198,7 +198,7 @@ class Scene:
                 mark.position = sent + magnified * rest.off
 
     def show_ellipsoid(self, state: State, P: Array | None, magnified: float) -> None:
-        """Draw one σ of the position's estimate, magnified alike."""
+        """Draw the 1 σ ellipsoid of the position estimate, equally magnified."""
         self._ellipsoid.visible = P is not None
         if P is None:
             return
@@ -208,8 +208,8 @@ class Scene:
         self._ellipsoid.position = frames(state.robot, state.x_d)[:3, 3]
 
     def show_map(self, state: State, wanted: bool) -> None:
-        """Colour the places about the workspace by how far from singular they are."""
-        if wanted:  # made anew: of another number of points, which a change may not have
+        """Colour places about the workspace by their conditioning."""
+        if wanted:  # create anew, as an update cannot change the number of points
             places, worst = conditioning_map(state)
             self._map = self._server.scene.add_point_cloud(
                 "/map",
@@ -224,13 +224,13 @@ class Scene:
             self._map.visible = False
 
     def show_gizmos(self, wanted: bool) -> None:
-        """Show what is dragged, or hide it while the robot moves by itself."""
+        """Show the drag handles, or hide them during a run."""
         for gizmo in self._gizmos:
             gizmo.visible = wanted
 
 
 def _colours(parts: list[Part], n: int, conditioning: Any) -> Array:
-    """Of each part, (k, 3): its own, or that of its chain's and the nacelle's conditioning."""
+    """Return each part's colour, (k, 3): its own, or by its chain's or nacelle's conditioning."""
     colours = np.array([rgb(_PARTS[name]) for name, _, _ in parts], dtype=np.uint8)
     if conditioning is None:
         return colours
@@ -244,11 +244,11 @@ def _colours(parts: list[Part], n: int, conditioning: Any) -> Array:
 
 
 def _cylinder(sides: int = 14) -> tuple[Array, Array]:
-    """Vertices and faces of a closed cylinder of radius 1 and length 1 about z."""
+    """Return vertices and faces of a closed cylinder of radius 1 and length 1 about z."""
     turn = 2 * np.pi * np.arange(sides) / sides
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     side = [np.column_stack([ring, np.full(sides, z)]) for z in (-0.5, 0.5)]
-    vertices = np.vstack([*side, *side, [[0, 0, -0.5], [0, 0, 0.5]]])  # caps have their own edges
+    vertices = np.vstack([*side, *side, [[0, 0, -0.5], [0, 0, 0.5]]])  # sharp edges at the caps
     k, after = np.arange(sides), (np.arange(sides) + 1) % sides
     low, high = 2 * sides, 3 * sides
     faces = np.vstack(

@@ -1,4 +1,4 @@
-"""The workbench's server: a free port, viser, and who may connect."""
+"""The workbench's server: port, viser, and access."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from truepose.robot.robot import Robot
 if TYPE_CHECKING:
     from truepose.integrations.workbench.page import Page
 
-HOST, PORT = "127.0.0.1", 8080  #: of this machine alone
+HOST, PORT = "127.0.0.1", 8080  #: local access only
 
 
 def require() -> None:
@@ -27,9 +27,9 @@ def require() -> None:
 
 
 def require_free(host: str, port: int) -> None:
-    """Raise InputError where the port is taken, or the host is none of this machine's.
+    """Raise InputError if the port is in use, or the host is not an address of this machine.
 
-    viser itself would take the next one, and the page would stand where nobody looks.
+    viser itself would use the next free port, which differs from the printed address.
     """
     with socket.socket() as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -41,22 +41,22 @@ def require_free(host: str, port: int) -> None:
 
 
 def own_address() -> str | None:
-    """Return this machine's address on its network; None where it has none."""
+    """Return this machine's address on its network, or None."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # sends nothing: the system only chooses the way
+            probe.connect(("192.0.2.1", 9))  # sends nothing; the system only selects a route
         except OSError:
             return None
         return str(probe.getsockname()[0])
 
 
 def require_browser() -> None:
-    """Raise a TrueposeError where there is no browser to open."""
+    """Raise a TrueposeError if there is no browser to open."""
     try:
         webbrowser.get()
     except webbrowser.Error:
         raise TrueposeError(
-            "no browser is found here: --no-browser serves the page to one elsewhere"
+            "no browser found; --no-browser serves the page for one on another machine"
         ) from None
 
 
@@ -68,14 +68,9 @@ def open_page(
     log: Path | None = None,
     dark: bool = False,
 ) -> Page:
-    """Serve the page of a robot, or of a state of one, until its `stop` is called.
+    """Serve the page of a robot, or of a state, until its `stop` is called.
 
-    Raises
-    ------
-    InputError
-        The port is taken; the log cannot be read or is refused.
-    TrueposeError
-        viser is not installed.
+    InputError: the port is in use, or the log is invalid. TrueposeError: viser is not installed.
     """
     require()
     require_free(host, port)
@@ -88,7 +83,7 @@ def open_page(
     shown |= {"Log": LogTab, "Faults": MotionTab, "View": tabs.ViewTab}
     page = Page(subject if isinstance(subject, State) else begin(subject), host, port, shown, dark)
     try:
-        if page.server.get_port() != port:  # taken meanwhile
+        if page.server.get_port() != port:  # port taken meanwhile
             raise InputError(f"--port {port}: {host}:{port}: already in use; choose another")
         if log is not None:
             page.open_log(log)

@@ -1,4 +1,4 @@
-"""The state of the workbench: the believed robot, the true one, the target."""
+"""State of the workbench: controller's model, true robot, target."""
 
 from __future__ import annotations
 
@@ -15,60 +15,60 @@ from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import unit_of
 
-#: How far a slider moves an error that no tolerance speaks of, by its unit: m, rad, of a gain.
+#: Range of an error's slider without a tolerance, by unit: m, rad, of a gain.
 _REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6}
-_SIGMAS = 4  #: of a tolerance, that a slider reaches
-_BEYOND = 0.25  #: of the workspace, to which a coordinate's slider goes on each side
+_SIGMAS = 4  #: range of a slider, σ of the tolerance
+_BEYOND = 0.25  #: range of a coordinate's slider beyond the workspace, as a share of it
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All that a page shows follows from this. Immutable: every method returns another one."""
+    """State that determines everything shown. Immutable: methods return a new one."""
 
-    drawn: Robot  #: the file's, with the sensors in use
-    robot: Robot  #: what controllers believe: drawn, or calibrated
-    truth: Robot  #: what is there, at its finest level
-    x_d: Array  #: (n,) where the nacelle is sent
+    drawn: Robot  #: nominal robot of the file, with the sensors in use
+    robot: Robot  #: controllers' model: nominal, or calibrated
+    truth: Robot  #: true robot, at its highest level
+    x_d: Array  #: (n,) target of the nacelle
 
     @property
     def errors(self) -> dict[str, float]:
-        """True less drawn of the parameters that differ, m and rad."""
+        """Return true − nominal of the parameters that differ, m and rad."""
         drawn = self.drawn.parameters
         off = {name: p.value - drawn[name].value for name, p in self.truth.parameters.items()}
         return {name: value for name, value in off.items() if value}
 
     def sent(self, x: ArrayLike) -> State:
-        """Send the nacelle to x; PoseError where the robot, drawn or believed, does not get."""
+        """Set the target to x; PoseError if the nominal robot or the model cannot reach it."""
         x = np.array(x, dtype=float)
         for robot in (self.robot, self.drawn):
             robot.ikm(x, own_mode=True)
         return replace(self, x_d=x)
 
     def dragged(self, frame: ArrayLike) -> State:
-        """Send the nacelle to a frame, (4, 4), of which what the mobility lacks is dropped."""
+        """Set the target to a frame, (4, 4), ignoring components outside the mobility."""
         return self.sent(coordinates(self.robot, frame))
 
     def driven(self, q: ArrayLike) -> State:
-        """Turn the motors to q, shape (n,); PoseError where they hold no pose."""
+        """Move the motors to q, shape (n,); PoseError if no pose exists there."""
         return self.sent(self.robot.fkm(q, guess=self.x_d))
 
     def with_errors(self, errors: Mapping[str, float]) -> State:
-        """Let these parameters of the true robot be off by so much of the drawn ones, m and rad."""
+        """Set these parameters of the true robot to nominal plus the errors, m and rad."""
         drawn = self.drawn.parameters
         values = {name: drawn[name].value + error for name, error in errors.items()}
         return replace(self, truth=self.truth.replace(values))
 
     def without_errors(self) -> State:
-        """Let the true robot be as drawn."""
+        """Make the true robot nominal."""
         return self.with_errors(dict.fromkeys(self.errors, 0.0))
 
     def with_drawn_errors(self, seed: int) -> State:
-        """Draw the true robot from the file's tolerances."""
+        """Sample the true robot from the file's tolerances."""
         truth = self.drawn.sample(seed)
         return replace(self, truth=_real(truth.with_sensors(*self.drawn.sensors)))
 
     def with_sensors(self, names: Iterable[str]) -> State:
-        """Read these sensors, in the file's order; InputError beyond what the core holds."""
+        """Use these sensors, in the file's order; InputError if the core's limit is exceeded."""
         wanted = set(names)
         used = [sensor.name for sensor in self.drawn.spec.sensor if sensor.name in wanted]
         most = min(_core.max_sensors, _core.max_readings - self.drawn.n)
@@ -82,13 +82,13 @@ class State:
         )
 
     def believing(self, robot: Robot | None) -> State:
-        """Let controllers believe a calibrated robot; None: the drawn one."""
+        """Set the controllers' model to a calibrated robot; None: the nominal one."""
         robot = self.drawn if robot is None else robot
         return replace(self, robot=robot.with_sensors(*self.drawn.sensors))
 
 
 def begin(robot: Robot) -> State:
-    """Put a robot on the bench, without errors, at home.
+    """Return the state of a robot without errors at home.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def begin(robot: Robot) -> State:
 
 
 def demonstration() -> State:
-    """Put an H4 with a θ encoder and a z telemeter on the bench, one rod 3 mm too long.
+    """Return the state of an H4 with θ encoder and z telemeter, and one rod 3 mm too long.
 
     Examples
     --------
@@ -117,9 +117,9 @@ def _real(robot: Robot) -> Robot:
 
 
 def pose_range(robot: Robot) -> Array:
-    """Lowest and highest value of each coordinate's slider, (n, 2): a little beyond the workspace.
+    """Return the slider range of each coordinate, (n, 2): a little beyond the workspace.
 
-    Where the file has no workspace 0.1 m and 0.5 rad about home.
+    Without a workspace it is 0.1 m and 0.5 rad about home.
     """
     box = robot.spec.workspace
     if box is None:
@@ -133,7 +133,7 @@ def pose_range(robot: Robot) -> Array:
 
 
 def motor_range(robot: Robot) -> Array:
-    """Lowest and highest reading of each motor over the reach of the coordinates, (n, 2)."""
+    """Return the range of each motor's reading over the coordinates' range, (n, 2)."""
     low, high = pose_range(robot).T
     poses = np.random.default_rng(0).uniform(low, high, (500, robot.n))
     q = robot.ikm(np.vstack([robot.home, poses]), errors="nan")
@@ -141,7 +141,7 @@ def motor_range(robot: Robot) -> Array:
 
 
 def error_range(robot: Robot, name: str) -> float:
-    """How far an error's slider goes, each way: some σ of its tolerance, which may be off centre.
+    """Return an error slider's range, each way: some σ of the tolerance, which may be off centre.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def error_range(robot: Robot, name: str) -> float:
 
 
 def groups(robot: Robot) -> dict[str, list[str]]:
-    """Parameters by what they belong to: chain1, …, bar1, …, and each sensor in use.
+    """Return parameters by group: chain1, …, bar1, …, and each sensor in use.
 
     Examples
     --------

@@ -23,11 +23,11 @@ from truepose.robot.laws import LAWS
 from truepose.robot.units import in_print, reading_units
 from truepose.show.units import PRINT
 
-_STEPS = 400  #: of a slider
+_STEPS = 400  #: steps of a slider
 
 
 def _slider(gui: GuiApi, label: str, low: float, high: float, value: float) -> Any:
-    """In print units; its ends and its value are multiples of its step."""
+    """Add a slider in display units; its ends and its value are multiples of its step."""
     step = 10.0 ** np.floor(np.log10((high - low) / _STEPS))
     low, high = (
         round(float(end), 9) for end in (np.floor(low / step) * step, np.ceil(high / step) * step)
@@ -36,18 +36,18 @@ def _slider(gui: GuiApi, label: str, low: float, high: float, value: float) -> A
 
 
 def _set(slider: Any, value: float) -> None:
-    """Set a slider, as far as it goes, where it is not there already."""
+    """Set a slider, clipped to its range, if its value differs."""
     if abs(value - slider.value) > 0.5 * slider.step:
         slider.value = _stepped(value, slider.min, slider.max, slider.step)
 
 
 def _stepped(value: float, low: float, high: float, step: float) -> float:
-    """Round to a multiple of the step, and that to the digits which it has."""
+    """Round to a multiple of the step, and to the step's digits."""
     return round(float(np.clip(round(value / step) * step, low, high)), 9)
 
 
 class PoseTab(Tab):
-    """Sliders of the coordinates and of the motors; each moves the others."""
+    """Sliders of coordinates and motors; each group follows the other."""
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
@@ -94,19 +94,19 @@ class PoseTab(Tab):
 
 
 class ErrorsTab(Tab):
-    """Sliders of any parameter's error, a group at a time."""
+    """Sliders of parameter errors, one group at a time."""
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         self._gui = gui
         self._sliders: dict[str, Any] = {}
         self._seed: Any = gui.add_number("Seed", 1, min=0, max=2**31, step=1)
-        self._draw: Any = gui.add_button_group("True robot", ("as drawn", "from tolerances"))
+        self._draw: Any = gui.add_button_group("True robot", ("nominal", "from tolerances"))
 
         @self._draw.on_click
         def _(event: Any) -> None:
             with page.doing():
-                if event.target.value == "as drawn":
+                if event.target.value == "nominal":
                     page.state = page.state.without_errors()
                 else:
                     page.state = page.state.with_drawn_errors(int(self._seed.value))
@@ -118,7 +118,7 @@ class ErrorsTab(Tab):
         self._fill()
 
     def _fill(self) -> None:
-        """Make the sliders of the group that is chosen."""
+        """Create the sliders of the selected group."""
         for handle in self._sliders.values():
             handle.remove()
         robot, errors = self.page.state.drawn, self.page.state.errors
@@ -135,7 +135,7 @@ class ErrorsTab(Tab):
         self.page.state = self.page.state.with_errors({name: value / factor})
 
     def follow(self, state: State) -> None:
-        """Set the sliders to the errors; those of the sensors in use can be chosen."""
+        """Set the sliders to the errors; offer groups of the sensors in use."""
         there = tuple(groups(state.drawn))
         if there != tuple(self._group.options):
             self._group.options = there
@@ -148,7 +148,7 @@ class ErrorsTab(Tab):
 
 
 class SensorsTab(Tab):
-    """Ticks of the sensors, with what they promise and cost."""
+    """Check boxes of the sensors, with predicted accuracy and price."""
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
@@ -168,7 +168,7 @@ class SensorsTab(Tab):
         self.page.state = self.page.state.with_sensors(names)
 
     def follow(self, state: State) -> None:
-        """Predict anew where the sensors, or what is known of the robot, have changed."""
+        """Predict again if the sensors or the model changed."""
         if state.robot is self._robot:
             return
         self._robot = state.robot
@@ -184,7 +184,7 @@ class SensorsTab(Tab):
 
 
 class ViewTab(Tab):
-    """What is drawn, and how."""
+    """Selection of the scene's contents."""
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
@@ -193,7 +193,7 @@ class ViewTab(Tab):
         def choose(what: str, value: Any) -> None:
             setattr(page, what, value)
 
-        self._law: Any = gui.add_dropdown("Robot stands under", LAWS, initial_value=page.law)
+        self._law: Any = gui.add_dropdown("Law of the shown robot", LAWS, initial_value=page.law)
         page.when(self._law, lambda value: choose("law", value))
         page.when(
             gui.add_slider("Errors shown ×", 1.0, 100.0, 1.0, page.magnified),
@@ -214,6 +214,6 @@ class ViewTab(Tab):
         page.when(gui.add_checkbox("Dark page", page.dark), page.dress)
 
     def follow(self, state: State) -> None:
-        """A key may have chosen the law."""
+        """Show the law, which a key may have changed."""
         if self._law.value != self.page.law:
             self._law.value = self.page.law

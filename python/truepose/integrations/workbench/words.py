@@ -18,14 +18,14 @@ from truepose.robot.units import in_print, summed, unit_of
 from truepose.show.table import number
 from truepose.show.units import PRINT, printed
 
-#: Of a watch's lights.
+#: Colours of the fault monitor's status.
 LIGHTS = {"valid": "#5aae61", "suspect": "#e08214", "failed": "#d6604d"}
 _PAGE = "padding:0.2em 0.9em;font-size:0.82em;line-height:1.45"
 _CELL = "padding:0 0.45em 0 0;text-align:right;font-variant-numeric:tabular-nums"
 
 
-#: On a narrow screen viser's panel leaves a strip beside it and little above: as wide as the
-#: screen, and half as high.
+#: On narrow screens viser's panel has unused space beside it and little height: make it as wide as
+#: the screen and half as high.
 NARROW = (
     "<style>@media (max-width: 40em) { .mantine-Paper-root[style*='bottom: 0px'] "
     "{ width: 100% !important; max-height: 50% !important } "
@@ -35,12 +35,12 @@ NARROW = (
 
 
 def page(*parts: str) -> str:
-    """Put parts below each other, as wide as the panel."""
+    """Stack parts, as wide as the panel."""
     return f'<div style="{_PAGE}">{"".join(parts)}</div>'
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Lay rows of HTML cells out; the first column is words."""
+    """Lay out rows of HTML cells; the first column is text."""
 
     def line(cells: Sequence[str], tag: str) -> str:
         style = [_CELL.replace("right", "left"), *[_CELL] * (len(cells) - 1)]
@@ -76,13 +76,13 @@ def dot(colour: str, hollow: bool = False) -> str:
 
 
 def note(text: str, wrong: bool = False) -> str:
-    """Write a line of words; what went wrong stands out."""
+    """Write a line of text; errors stand out."""
     colour = "color:#d6604d;" if wrong else "opacity:0.8;"
     return f'<div style="{colour}margin-top:0.3em">{escape(text)}</div>'
 
 
 def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
-    """Where each law rests: how far off, and how far turned."""
+    """Return position and orientation error of each law at steady state."""
     rows, failed = [], []
     for law, rest in found.items():
         name = dot(colours[law], rest.x is None) + escape(law)
@@ -92,12 +92,12 @@ def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
             continue
         off, turn = float(np.linalg.norm(rest.off)), rest.turn
         rows.append([name, number(1e3 * off, 3), number(float(np.degrees(turn)), 3)])
-    # One reason is enough: the others are the same one, or begin alike.
-    return table(["comes to rest", "off (mm)", "turned (°)"], rows) + "".join(failed[:1])
+    # Show one reason only: the others are equal or similar.
+    return table(["steady state", "off (mm)", "turned (°)"], rows) + "".join(failed[:1])
 
 
 def conditioning(at: Conditioning) -> str:
-    """Say how far from singular the robot is, of the nacelle and of the worst chain."""
+    """Return the conditioning of the nacelle and of the worst chain."""
     worst = int(np.argmin(at.serial))
     return note(
         f"Conditioning {float(at.parallel):.2f}, of chain {worst + 1} "
@@ -106,17 +106,17 @@ def conditioning(at: Conditioning) -> str:
 
 
 def pose(state: State, magnified: float) -> str:
-    """Say where the nacelle is sent."""
+    """Return the nacelle's target."""
     words = [
         f"{name} {printed(value, unit, '.1f')}"
         for value, (name, unit) in zip(state.x_d, state.robot.coordinates, strict=True)
     ]
-    drawn = f"; errors drawn × {magnified:g}" if magnified != 1 and state.errors else ""
-    return note(f"Sent to {', '.join(words)}{drawn}")
+    drawn = f"; errors shown × {magnified:g}" if magnified != 1 and state.errors else ""
+    return note(f"Target {', '.join(words)}{drawn}")
 
 
 def accuracy(robot: Robot, found: Mapping[str, Array]) -> str:
-    """Write σ over the workspace, before and after what can be done about it."""
+    """Return σ over the workspace, as built and with each improvement."""
     total = summed(robot)
     factor, shown = PRINT[total.unit]
     turns = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
@@ -132,7 +132,7 @@ def accuracy(robot: Robot, found: Mapping[str, Array]) -> str:
 
 
 def bill(robot: Robot, cost: Price) -> str:
-    """Say what the sensors in use cost, as far as the file says it."""
+    """Return the price of the sensors in use, as far as the file has it."""
     if not robot.sensors:
         return note("Motors alone")
     if len(cost.unpriced) == robot.r:
@@ -142,10 +142,10 @@ def bill(robot: Robot, cost: Price) -> str:
 
 
 def errors(state: State, most: int = 6) -> str:
-    """List the parameters that are not as drawn."""
+    """List the parameters that differ from nominal."""
     found = state.errors
     if not found:
-        return note("The true robot is as drawn.")
+        return note("The true robot is nominal.")
     words = []
     for name, value in list(found.items())[:most]:
         factor, unit = PRINT[unit_of(state.drawn, name)]
@@ -155,7 +155,7 @@ def errors(state: State, most: int = 6) -> str:
 
 
 def lights(readings: Sequence[tuple[str, str, str]]) -> str:
-    """Draw a light for every reading: valid, suspect, failed, and why."""
+    """Draw the status of every reading: valid, suspect, failed, and why."""
     rows = [
         [dot(LIGHTS[health]) + escape(name), escape(f"{health} ({why})" if why else health)]
         for name, health, why in readings
@@ -164,7 +164,7 @@ def lights(readings: Sequence[tuple[str, str, str]]) -> str:
 
 
 def residuals(played: Playback, line: int) -> str:
-    """Write each sensor's residual at a line and over all of them, before and after."""
+    """Return each sensor's residual in a row and over all rows, before and after calibration."""
     before, after = played.before, played.after
     over, then = rms(before.residual), None if after is None else rms(after.residual)
     rows = []

@@ -168,7 +168,7 @@ WRONG = {
             '<connect name="loop1" site1="end1" site2="A1"/>',
             "",
         ),
-        "foot: 2 passive axes and 1 rods with motors: must be as many",
+        "foot: 2 passive axes, 1 rods with motors: must be equal",
     ),
     "a passive axis that is driven": (
         ('<motor joint="motor2"/>', '<motor joint="motor2"/><motor joint="ankle-roll"/>'),
@@ -187,15 +187,15 @@ WRONG = {
             'body1="rod2" body2="crank2" anchor="0.005 0 0.17"',
             'body1="foot" body2="crank2" anchor="0 0 0"',
         ),
-        "loop2 joins it to crank2, which motor2 turns: no rod is between",
+        "loop2 joins it to crank2, turned by motor2, without a rod between",
     ),
     "a motor that is coupled to another": (
         ("</equality>", '<joint name="gear" joint1="motor1" joint2="motor2"/></equality>'),
-        "foot: motor1 is coupled by gear: a robot's motors move alone",
+        "foot: motor1 is coupled by gear: motors must move independently",
     ),
     "motors on two bodies": (
         ('<body name="crank2" pos="-0.03 0 -0.04">', '</body><body name="b"><body name="crank2">'),
-        "motors motor1 and motor2 stand on two bodies, shank and world: must be one",
+        "motors motor1 and motor2 stand on two bodies, shank and world: must be the same",
     ),
     "no XML": (("<mujoco", "<mujoc"), "leg.xml: not XML: "),
 }
@@ -226,14 +226,14 @@ def test_a_motor_beyond_its_limit_wherever_it_could_stand_is_refused(tmp_path, r
     status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
     assert (status, out) == (2, "") and not (tmp_path / "x.toml").exists()
     assert err == (
-        "truepose: error: leg.xml: foot: stands neither as drawn nor at zero nor mid-range: "
+        "truepose: error: leg.xml: foot: no home at the model's pose, zero or mid-range: "
         "home = [0.0, 0.0]: beyond a joint limit, chain 1: 0.239714 of [-0.2, 0.2]\n"
     )
 
 
 def test_that_home_was_moved_is_said_and_why(tmp_path, run):
     """A foot that is drawn beyond its own range."""
-    said = "home is mid-range, not as drawn: home = [0.0, 0.0]: beyond a joint limit of axis ankle_"
+    said = "home is mid-range, not the model's pose: home = [0.0, 0.0]: beyond a joint limit"
     (tmp_path / "leg.xml").write_text(LEG.replace('range="-0.7 0.5"', 'range="0.1 0.5"'))
     status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
     assert (status, err) == (0, "") and said in out
@@ -247,7 +247,7 @@ def test_that_home_was_moved_is_said_and_why(tmp_path, run):
 def test_an_imported_robot_lacks_its_tolerances_alone(tmp_path, run):
     (tmp_path / "leg.xml").write_text(LEG)
     status, out, _ = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
-    assert status == 0 and "left to add: [tolerances]" in out
+    assert status == 0 and "to add by hand: [tolerances]" in out
     assert "[workspace] is 85 % of the axes' ranges about home" in out
     box = tp.load(tmp_path / "x.toml").spec.workspace
     assert np.allclose((box.minimum, box.maximum), 0.85 * np.array([[-0.7, -0.3], [0.5, 0.3]]))
@@ -339,7 +339,11 @@ def _rotation(roll, pitch, yaw):
     [
         ("low_tip, ", "lowtip, ", "neck.yaml: unknown link 'lowtip'; did you mean 'low_tip'?"),
         ("'6d'", "'5d'", "neck.yaml: unknown type '5d'"),
-        ("['6d']", "['6d', '3d']", "neck.yaml: 1 of closed_loop, 2 of type: must be as many"),
+        (
+            "['6d']",
+            "['6d', '3d']",
+            "neck.yaml: 1 of closed_loop, 2 of type: the numbers must be equal",
+        ),
         ("SPHERICAL", "SCREW", "neck.yaml: unknown joint_type 'SCREW'"),
         ("SPHERICAL", "UJOINT_ZX", "foot and top are both universal joints, which hold the rod's"),
         ("[motor]", "[moter]", "neck.yaml: unknown joint 'moter'; did you mean 'motor'?"),
@@ -355,7 +359,10 @@ def test_loops_that_are_not_as_they_must_be_are_told(neck, old, new, said):
 
 
 def test_a_urdf_that_is_none_is_told(neck):
-    for text, said in (("<robot", "not XML"), ("<sdf/>", "<sdf>: a URDF is a <robot>")):
+    for text, said in (
+        ("<robot", "not XML"),
+        ("<sdf/>", "<sdf>: the root of a URDF must be <robot>"),
+    ):
         with pytest.raises(InputError, match=said):
             neck(urdf=text)
 

@@ -241,7 +241,8 @@ def test_without_a_browser_one_line_says_what_else(run, monkeypatch):
     status, out, err = run("workbench", "h4", "--port", free())
     assert (status, out) == (2, "")
     assert err == (
-        "truepose: error: no browser is found here: --no-browser serves the page to one elsewhere\n"
+        "truepose: error: no browser found; --no-browser serves the page for one on another "
+        "machine\n"
     )
 
 
@@ -462,10 +463,10 @@ def test_in_a_browser_a_key_moves_the_robot(page, browser, width, dark):  # noqa
     seen.set_default_timeout(90_000)
     seen.on("pageerror", lambda error: wrong.append(str(error)))
     seen.goto(page.address("127.0.0.1"))
-    seen.wait_for_selector("text=comes to rest")
+    seen.wait_for_selector("text=steady state")
     for law in LAWS:
         assert seen.get_by_text(law, exact=True).count() >= 1
-    box = seen.get_by_text("comes to rest").bounding_box()
+    box = seen.get_by_text("steady state").bounding_box()
     assert box["x"] >= 0 and box["x"] + box["width"] <= width
     assert seen.evaluate("document.scrollingElement.scrollWidth") <= width
     background = seen.locator(".mantine-Paper-root").first.evaluate(
