@@ -191,7 +191,7 @@ def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, ta
     assert found.unseen == ("q2", "q3", "q4")
     assert np.isinf(found.moving_isolated).all() and np.isinf(found.detected[:, 1:4]).all()
     told = list(faults.notes(found))
-    assert "over all 13 poses, by parallel signatures: q1 = second." in told[-2]
+    assert "over all 13 poses (parallel signatures): q1 = second." in told[-2]
     assert told[-1] == "Undetectable by any test at any pose: q2, q3, q4."
     G = found.parity.signature
     assert G[..., 0] == pytest.approx(-G[..., 4])
@@ -321,8 +321,8 @@ def test_the_command_prints_limits_harm_and_what_is_alike(run, table2):
         "over 100 poses: isolated",
         "Pose error of a fault just below detection, worst pose",
         "as built, ideal level, robot on paper, effects backlash",
-        "at any one pose, by parallel signatures: q1 = q2 = q3 = q4 = theta.",
-        "over all 625 poses, by parallel signatures: none.",
+        "at any one pose (parallel signatures): q1 = q2 = q3 = q4 = theta.",
+        "over all 625 poses (parallel signatures): none.",
         "unbounded",
         "all others",
         "Wrote f.png",
