@@ -204,7 +204,7 @@ def test_a_robot_is_saved_in_the_place_of_a_file_by_force_only(h4, tmp_path, kin
     else:
         path.write_text("a = 1\n", encoding="utf-8")
         path.chmod(0o444 if kind == "read-only" else 0o644)
-    with pytest.raises(tp.InputError, match=r"mine.toml: (cannot be written: it is|exists; --force)"):
+    with pytest.raises(tp.InputError, match=r"mine.toml: (cannot be written: it is|exists)"):
         h4.save(path, force=kind != "text")
     if kind == "text":
         h4.save(path, force=True)

@@ -110,7 +110,7 @@ def test_the_overview_names_the_best_law_sensors_and_poses(run, h4):
     half = np.random.default_rng(0).permutation(found.poses)[:40]
     known = tp.accuracy(h4, found.poses, calibrated_on=half).rms
     assert table.records()[1]["40 poses (mm)"] == pytest.approx(1e3 * known)
-    assert "the bound the mean: chain1.arm" in run("accuracy", "h4")[1]
+    assert "the bound uses the mean: chain1.arm" in run("accuracy", "h4")[1]
 
 
 def test_the_command_draws_a_map(run, tmp_path):
