@@ -174,7 +174,7 @@ def test_yaml_that_unfolds_is_refused_in_one_line(tmp_path, loops):
     status, errors = limited(*words, cwd=tmp_path)
     assert status == 2 and errors.count("\n") == 1, errors
     assert errors.startswith("truepose: error: loops.yaml: ")
-    assert "aliases are not read; write its value there" in errors or "more than 262144" in errors
+    assert "not supported; write the value instead" in errors or "more than 262144" in errors
 
 
 def test_comments_and_a_few_copies_are_read(tmp_path):

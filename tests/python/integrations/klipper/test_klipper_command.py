@@ -495,8 +495,7 @@ def test_a_plan_of_more_readings_than_there_are_is_refused(run, config):
     status, out, err = run("printer.cfg", "--plan", 1000)
     assert (status, out) == (2, "")
     assert err == (
-        "truepose: error: printer.cfg: --plan 1000: n = 1000: 232 candidates that the machine can "
-        "reach\n"
+        "truepose: error: printer.cfg: --plan 1000: n = 1000: only 232 candidates are reachable\n"
     )
 
 
