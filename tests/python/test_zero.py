@@ -185,7 +185,7 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
             ("--at", "0,0,-9", "--sigma", "1mm"),
             "at (--at): delta: pose",
         ),
-        ("delta", "q1,q2,q3", "0,0,0", (), "--sigma: missing; give σ of delta's pose"),
+        ("delta", "q1,q2,q3", "0,0,0", (), "sigma (--sigma): missing; give σ of delta's pose"),
     ],
 )
 def test_what_cannot_be_zeroed_is_told(run, tmp_path, robot, header, row, options, said):
@@ -263,6 +263,9 @@ def test_poses_measured_in_degrees_are_refused(ankle, rng, columns):
 def test_readings_without_a_pose_are_refused(ankle):
     with pytest.raises(InputError, match="must be greater than 0"):
         tp.calibration.zero(ankle, [[0.0, 0.0]], sigma=0.0)
+    delta = tp.load("delta")
+    with pytest.raises(tp.InputError, match="missing; give σ of delta's pose"):
+        tp.calibration.zero(delta, delta.extended_positions([delta.home]))
 
 
 def three(ankle, seed, off):

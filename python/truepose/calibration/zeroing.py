@@ -96,7 +96,7 @@ def zero(
     readings: ArrayLike | Any,
     *,
     at: ArrayLike | None = None,
-    sigma: ArrayLike | float = logs.FLAT,
+    sigma: ArrayLike | float | None = None,
 ) -> Zeroing:
     """Identify homing offsets from readings at a known reference pose.
 
@@ -117,9 +117,9 @@ def zero(
         Pose as far as it was not measured, m and rad; NaN: unknown. By default 0 on a rotational
         platform (axes parallel to gravity unknown), else home. Not with a column "posture", which
         implies it.
-    sigma : float, or array_like, shape (n,)
-        σ of the pose, m or rad. The default 0.05° (assumed) is for rotational platforms; other
-        robots need a value.
+    sigma : float, or array_like, shape (n,), optional
+        σ of the pose, m or rad. By default 0.05° (assumed) on a rotational platform; other robots
+        need a value.
 
     Raises
     ------
@@ -201,7 +201,10 @@ def _pose(robot: Robot, at: ArrayLike | None) -> Array:
     return robot.home
 
 
-def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
+def _sigma(robot: Robot, sigma: ArrayLike | float | None) -> Array:
+    if sigma is None and robot.spec.mobility != "rotational":
+        raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
+    sigma = logs.FLAT if sigma is None else sigma
     values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
     if not (np.isfinite(values) & (values > 0)).all():
         raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")

@@ -81,12 +81,10 @@ def command(
     wrote(how, out)
 
 
-def _sigma(robot: Robot, text: str | None) -> list[float]:
-    """Return σ of the reference pose for every coordinate, m and rad."""
-    if text is None and robot.spec.mobility == "rotational":
-        return [logs.FLAT] * robot.n
+def _sigma(robot: Robot, text: str | None) -> list[float] | None:
+    """Return σ of the reference pose for every coordinate, m and rad; None where not given."""
     if text is None:
-        raise InputError(f"--sigma: missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
+        return None
     by = dict(zip(("m", "rad"), parse_sizes(text, "--sigma"), strict=True))
     found = [by[unit] for _, unit in robot.coordinates]
     if None in found:
