@@ -235,7 +235,7 @@ def registration_table(fit: Calibration) -> Table | None:
         factor, unit = PRINT[known.unit]
         cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
         rows.append([f"{known.name} ({unit})", *cells])
-    title = "Registration: the base in the tracker's frame, the marker on the nacelle"
+    title = "Registration: the base in the tracker's frame, the marker on the platform"
     return Table("registration", title, ["found", "value", "σ"], rows)
 
 

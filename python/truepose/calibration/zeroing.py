@@ -69,7 +69,7 @@ class Zeroing(Shown):
             sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
             name = named("motor", axis.name, axis.unit)
             rows.append([name, *(number(axis.factor * size, data=size) for size in sizes)])
-        header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
+        header = ["motor", "reads", "nominal", "off", "σ before", "σ"]
         return Table("motors", "Motors where the robot stands", header, rows)
 
     def _draw(self, figure: Any) -> None:

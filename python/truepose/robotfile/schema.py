@@ -104,7 +104,7 @@ class Chain(Section):
     encoder_offset: Annotated[Number, unit("rad or m")] = key("reading = gain * q - offset", 0.0)
     gain: Number = key(
         "of the motor's reading: its encoder's scale, its screw's or belt's pitch over the "
-        "drawn one, or -1 for a reading that counts backwards",
+        "nominal one, or -1 for a reading that counts backwards",
         1.0,
     )
     spool_buildup: Annotated[Number, unit("1/m")] = key(
@@ -142,8 +142,8 @@ class Chain(Section):
         "of the motor, either way; paths that ask for more are refused", None
     )
     drive_inertia: Annotated[NonNegative, unit("kg·m² or kg")] = key(
-        "rotor and arm about the motor's axis; of a slide motor and carriage. As it is with "
-        "the drawn arm: another value of the parameter 'arm' does not change it",
+        "rotor and arm about the motor's axis; of a slide motor and carriage. Of "
+        "the nominal arm: the parameter 'arm' does not change it",
         0.0,
     )
     arm_mass: Mass = key("arm, or carriage", 0.0)
@@ -389,7 +389,7 @@ class RobotFile(Section):
     quantized: bool = key("false: encoders and sensors have no counts", True)
     pattern: Pattern | None = key("the file's chains are a motif, repeated about an axis", None)
     chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
-    bar: tuple[Bar, ...] = key("lateral bars of an articulated nacelle, two at most", ())
+    bar: tuple[Bar, ...] = key("lateral bars of an articulated platform, two at most", ())
     passive_axis: tuple[PassiveAxis, ...] = key(
         "of a rotational platform: one to three, the base's first", ()
     )

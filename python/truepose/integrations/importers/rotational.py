@@ -213,7 +213,9 @@ class _Pivot:
             if not {*link.ids} <= self.m.hinges:
                 raise self._wrong(f"{link.name}: a passive axis must be a hinge of its own")
             if self._driven(link):
-                raise self._wrong(f"{link.name} is driven: an axis of a pivot is passive")
+                raise self._wrong(
+                    f"{link.name} is driven: an axis of a rotational platform is passive"
+                )
             joints += link.ids
         if len(joints) > 3:
             raise self._wrong(
