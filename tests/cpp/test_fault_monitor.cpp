@@ -38,7 +38,9 @@ class Scene {
   }
   Outcome cycle(int k, const Extended& q_e) {
     const Weighing weighing{&known, work_.data()};
-    return monitor_faults<K>(robot, settings, weighing, motors_of<K>(read(k)), q_e, seen, believed);
+    Joint desired = motors_of<K>(read(k));
+    for (int i = 0; i < n; ++i) desired[i] += lag;
+    return monitor_faults<K>(robot, settings, weighing, desired, q_e, seen, believed);
   }
   /// Healthy cycles 0 to k - 1.
   bool healthy(int k) {
@@ -52,6 +54,7 @@ class Scene {
   FaultMonitorSettings settings;
   FaultMonitor seen;
   Extended believed{};
+  double lag = 0;  ///< of the motors behind their setpoints
 
  private:
   Coordinates home_;
@@ -170,6 +173,19 @@ TEST("a spike is bridged; three in a second are a failure") {
       CHECK((scene.cycle(k, q_e).status == Status::ok) == !(k % 100 == 50 || third));
       CHECK((scene.seen.reading[0].health == Health::failed) == third);
     }
+  });
+}
+
+TEST("a motor that drops out is extrapolated with its following error") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    scene.lag = 2e-3;
+    CHECK(scene.healthy(1000));
+    Extended q_e = scene.read(1000);
+    const double there = q_e[0];
+    q_e[0] = std::nan("");
+    scene.cycle(1000, q_e);
+    CHECK(std::fabs(scene.believed[0] - there) < 0.1 * scene.lag);
   });
 }
 
