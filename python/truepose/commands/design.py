@@ -13,7 +13,6 @@ import typer
 
 from truepose import files, robotfile
 from truepose.arguments import Array
-from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -32,6 +31,7 @@ from truepose.design.placement import place_sensors as find_place
 from truepose.design.selection import SensorSelection, SensorSet, machined
 from truepose.design.sensors import in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
+from truepose.logs.pose_file import read_poses
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed, unit_of
 from truepose.robotfile import path_of

@@ -13,7 +13,6 @@ import typer
 
 from truepose import logs
 from truepose.arguments import Array, Level
-from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -38,6 +37,7 @@ from truepose.faults.limits import (
     false_alarm_rate,
     limit_cell,
 )
+from truepose.logs.pose_file import read_poses
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, reading_axes

@@ -14,7 +14,6 @@ from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.differences import measurements
 from truepose.calibration.fit import Calibration
-from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -33,6 +32,7 @@ from truepose.design.candidates import COUNT, CandidatePoses, drawn
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
 from truepose.exceptions import InputError
+from truepose.logs.pose_file import read_poses
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.show.table import as_csv, number

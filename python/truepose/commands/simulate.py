@@ -12,7 +12,6 @@ from rich.console import Console
 
 from truepose import files, logs
 from truepose.arguments import Array
-from truepose.commands.accuracy import read_poses, read_samples
 from truepose.commands.options import (
     Faults,
     Force,
@@ -34,6 +33,7 @@ from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.monitor import FaultMonitor
+from truepose.logs.pose_file import read_poses, read_samples
 from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law

@@ -181,7 +181,7 @@ def overview(found: Prediction, level: Level | None = None) -> Table:
         sizes = (total.factor * values[k] for values in columns.values())
         rows.append([named, *(number(v if np.isfinite(v) else None) for v in sizes)])
     unit = PRINT[total.unit][1]
-    title = f"1σ of the {total.name}, rms: as built, by law; self-calibrated on N poses"
+    title = f"Error of the {total.name}, 1σ rms: as built, by law; self-calibrated on N poses"
     return Table("overview", title, ["sensors", *(f"{name} ({unit})" for name in columns)], rows)
 
 
