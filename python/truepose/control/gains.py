@@ -62,7 +62,6 @@ def kept(margin: Margin) -> bool:
     return all(has >= least for has, least in zip(margin, LEAST, strict=True))
 
 
-@lru_cache(maxsize=4)
 def responses(
     robot: Robot,
     law: Law,
@@ -72,24 +71,7 @@ def responses(
     sigma_scale: int = 1,
 ) -> Responses:
     """Return the loops of a robot at its :func:`poses`."""
-    return responses_at(robot, poses(robot), law, effects, period, diagonal, sigma_scale)
-
-
-def responses_at(
-    robot: Robot,
-    x: Array,
-    law: Law,
-    effects: Effects,
-    period: float,
-    diagonal: bool,
-    sigma_scale: int = 1,
-) -> Responses:
-    """Return the loops of a robot at poses, its gains diagonal or not."""
-    inertia = None
-    if diagonal:
-        J = robot.jacobian(robot.home)
-        inertia = np.diag(J.T @ robot.mass_matrix(robot.home) @ J)
-    return Responses(plants(robot, x, law, effects, period, inertia, sigma_scale))
+    return Responses(plants(robot, poses(robot), law, effects, period, diagonal, sigma_scale))
 
 
 @lru_cache(maxsize=64)

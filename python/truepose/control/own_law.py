@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.control.controller import Controller, ControllerInput
+from truepose.control.linear import joint_inertia
 from truepose.control.motor_error import motor_error
 from truepose.robot.robot import Robot
 
@@ -27,10 +28,9 @@ class Torques:
 
     def inertia(self, x: Array) -> Array:
         """Return the joint inertia of the gains, (n, n): JᵀMJ at x, or its diagonal at start."""
-        at = x if self.controller.gains == "inertia" else self._start
-        J = self.robot.jacobian(at)
-        whole = J.T @ self.robot.mass_matrix(at) @ J
-        return whole if self.controller.gains == "inertia" else np.diag(np.diag(whole))
+        if self.controller.gains == "inertia":
+            return joint_inertia(self.robot, x)
+        return np.diag(np.diag(joint_inertia(self.robot, self._start)))
 
     def feed_forward(self, x: Array, rate: Array, acceleration: Array) -> Array:
         """Return the controller's feed-forward torques of the nominal robot, (n,)."""
