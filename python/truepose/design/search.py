@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import heapq
 import itertools
 from collections.abc import Callable, Iterable, Sequence
@@ -18,6 +19,8 @@ MANY = 20
 MOST = 20_000
 #: Relative difference below which two costs are equal.
 SAME = 1e-9
+
+Set = tuple[int, ...]  #: candidates in ascending order
 
 
 class Search:
@@ -49,17 +52,17 @@ class Search:
 
     def __init__(
         self,
-        cost: Callable[[Sequence[int]], float],
+        cost: Callable[[Set], float],
         prices: Sequence[float],
         must: Sequence[int],
         survives: bool,
         ladders: Sequence[Sequence[int]] = (),
         relaxation: Relaxation | None = None,
     ):
-        self._cost, self._survives, self._relaxation = cost, survives, relaxation
+        self._of, self._survives, self._relaxation = functools.cache(cost), survives, relaxation
         self.prices, self.must = list(prices), tuple(sorted(must))
-        self.known: dict[tuple[int, ...], float] = {}  #: cost of each compared set
-        self._plain: dict[tuple[int, ...], float] = {}
+        self._free = [k for k in range(len(prices)) if k not in must]
+        self.known: dict[Set, float] = {}  #: cost of each compared set
         self._needs = {k: tuple(own[:at]) for own in ladders for at, k in enumerate(own)}
 
     def spent(self, chosen: Iterable[int]) -> float:
@@ -75,19 +78,11 @@ class Search:
             self.known[own] = max(map(self._of, left or [own]))
         return self.known[own]
 
-    def _of(self, own: tuple[int, ...]) -> float:
-        if own not in self._plain:
-            self._plain[own] = self._cost(own)
-        return self._plain[own]
-
-    def _free(self) -> list[int]:
-        return [k for k in range(len(self.prices)) if k not in self.must]
-
-    def with_one(self, own: Iterable[int], k: int) -> tuple[int, ...]:
+    def with_one(self, own: Iterable[int], k: int) -> Set:
         """Return a set with one more, and with those that it needs."""
         return tuple(sorted({*own, *self._needs.get(k, ()), k}))
 
-    def without_one(self, own: Iterable[int], gone: int) -> tuple[int, ...]:
+    def without_one(self, own: Iterable[int], gone: int) -> Set:
         """Return a set with one less, and without those that need it."""
         return tuple(k for k in own if k != gone and gone not in self._needs.get(k, ()))
 
@@ -96,7 +91,7 @@ class Search:
         held = set(own)
         return all(held.issuperset(self._needs.get(k, ())) for k in held)
 
-    def greedy(self, budget: float) -> tuple[int, ...]:
+    def greedy(self, budget: float) -> Set:
         """Fill a budget, then remove one and fill again without it while that lowers the cost.
 
         If any one may fail, it also starts from the best set without failures, because the first of
@@ -104,33 +99,31 @@ class Search:
         """
         found = self._grown(budget, self.cost)
         if self._survives:
-            whole = self._grown(budget, lambda own: self._of(tuple(sorted(own))))
+            whole = self._grown(budget, self._of)
             found = min(found, self._exchanged(whole, budget, self.cost), key=self.cost)
         return found
 
-    def _grown(self, budget: float, cost: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
+    def _grown(self, budget: float, cost: Callable[[Set], float]) -> Set:
         starts = (self._filled(self.must, budget, rate, cost) for rate in (False, True))
         return self._exchanged(min(starts, key=cost), budget, cost)
 
-    def first(self, budget: float) -> tuple[tuple[int, ...], float]:
+    def first(self, budget: float) -> tuple[Set, float]:
         """Return a good initial set, and a lower bound of the cost by the relaxation (else 0)."""
         best, floor = self.greedy(budget), 0.0
-        if self._relaxation is not None and len(self._free()) > MANY and not self._survives:
+        if self._relaxation is not None and len(self._free) > MANY and not self._survives:
             floor, shares = self._relaxation.most_accurate(budget)
             best = min(best, self.rounded(budget, shares.tolist()), key=self.cost)
         return best, floor
 
-    def rounded(self, budget: float, shares: Sequence[float]) -> tuple[int, ...]:
+    def rounded(self, budget: float, shares: Sequence[float]) -> Set:
         """Fill a budget by the greatest shares, which include gains of combinations."""
         chosen = self.must
-        for k in sorted(self._free(), key=lambda k: -shares[k]):
+        for k in sorted(self._free, key=lambda k: -shares[k]):
             more = self.with_one(chosen, k)
             chosen = more if self.spent(more) <= budget else chosen
         return self._exchanged(chosen, budget, self.cost)
 
-    def _exchanged(
-        self, best: tuple[int, ...], budget: float, cost: Callable[[Sequence[int]], float]
-    ) -> tuple[int, ...]:
+    def _exchanged(self, best: Set, budget: float, cost: Callable[[Set], float]) -> Set:
         while True:
             again = [
                 self._filled(self.without_one(best, k), budget, rate, cost, k)
@@ -144,37 +137,28 @@ class Search:
             best = other
 
     def _filled(
-        self,
-        own: Sequence[int],
-        budget: float,
-        rate: bool,
-        cost: Callable[[Sequence[int]], float],
-        banned: int = -1,
-    ) -> tuple[int, ...]:
+        self, chosen: Set, budget: float, rate: bool, cost: Callable[[Set], float], banned: int = -1
+    ) -> Set:
         """Add the candidate with the largest gain, or gain per price, until none fits."""
-        chosen = tuple(own)
         while True:
-            room, least = budget - self.spent(chosen), cost(chosen)
-            more = {
-                k: self.with_one(chosen, k)
-                for k in self._free()
-                if k not in chosen and k != banned and banned not in self._needs.get(k, ())
-            }
-            price = {k: self.spent(own) - self.spent(chosen) for k, own in more.items()}
-            fits = [k for k in more if price[k] <= room]
-            gain = {k: least - cost(more[k]) for k in fits}
-            worth = {k: gain[k] / max(price[k], 1e-12) for k in fits} if rate else gain
-            best = max(fits, key=worth.__getitem__, default=None)
-            if best is None or (gain[best] <= 0 and not self._survives):
-                return tuple(sorted(chosen))
-            chosen = more[best]
+            spent, least, most, best = self.spent(chosen), cost(chosen), -np.inf, None
+            for k in self._free:
+                more = self.with_one(chosen, k)
+                price = self.spent(more) - spent
+                if k not in chosen and banned not in more and price <= budget - spent:
+                    gain = (least - cost(more)) / (max(price, 1e-12) if rate else 1.0)
+                    if gain > most:
+                        most, best = gain, more
+            if best is None or (most <= 0 and not self._survives):
+                return chosen
+            chosen = best
 
-    def most_accurate(self, budget: float) -> tuple[tuple[int, ...], float]:
+    def most_accurate(self, budget: float) -> tuple[Set, float]:
         """Return the best set within a budget and a lower bound of the cost: branch and bound."""
         best, floor = self.first(budget)
         least = self.cost(best)
         free = self._in_order()
-        queue: list[tuple[float, int, tuple[int, ...], int]] = [(0.0, 0, self.must, 0)]
+        queue: list[tuple[float, int, Set, int]] = [(0.0, 0, self.must, 0)]
         ties = itertools.count(1)
         while queue:
             lower, _, own, at = heapq.heappop(queue)
@@ -200,7 +184,7 @@ class Search:
 
     def _in_order(self) -> list[int]:
         """Return the free candidates by gain, each after those that it needs."""
-        free = self._free()
+        free = self._free
         worth = {k: self.cost(self.with_one(self.must, k)) for k in free}
         first = {k: max(worth[j] for j in (*self._needs.get(k, ()), k) if j in worth) for k in free}
         return sorted(free, key=lambda k: (first[k], len(self._needs.get(k, ()))))
@@ -215,7 +199,7 @@ class Search:
                 rest.append(k)
         return rest
 
-    def cheapest(self, target: float) -> tuple[tuple[int, ...], float]:
+    def cheapest(self, target: float) -> tuple[Set, float]:
         """Return the cheapest set whose cost reaches a target, and a lower bound of the price."""
         best = tuple(range(len(self.prices)))
         free = self._in_order()
@@ -246,7 +230,7 @@ class Search:
         Up to `EXACT` candidates it finds the best set, then the best cheaper one and so on, each
         proven. With more it makes greedy choices for many budgets.
         """
-        free = self._free()
+        free = self._free
         whole = self.spent(range(len(self.prices)))
         base = self.spent(self.must)
         if len(free) > EXACT:
@@ -258,13 +242,13 @@ class Search:
             best, bound = self.most_accurate(budget)
             if bound < self.cost(best) * (1 - SAME):
                 return False
-            for k in self._free():  # drop those without effect
+            for k in self._free:  # drop those without effect
                 less = self.without_one(best, k)
                 best = less if self.cost(less) <= self.cost(best) * (1 + SAME) else best
             budget = self.spent(best) - SAME * max(whole, 1.0)
         return True
 
-    def front(self) -> list[tuple[int, ...]]:
+    def front(self) -> list[Set]:
         """Return the Pareto front of the compared sets, cheapest first."""
         least, found = np.inf, []
         needed = set(self.must)
