@@ -121,8 +121,6 @@ def place_sensors(
     others = robot.sensors if beside is None else beside
     used = list(dict.fromkeys([*others, *sensors]))
     over = asked_poses(robot, poses)
-    known: dict[str, Any] = {"calibrated_on": calibrated_on, "reference_pose": reference_pose}
-    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
     low, high = np.array([boxes[name] for name in names]).T
 
     def placed(at: Array) -> Robot:
@@ -130,8 +128,9 @@ def place_sensors(
         return robot.with_mounting(there).with_sensors(*used)
 
     def sigma(at: Array) -> float:
-        P = accuracy(placed(at), over, **known, reference_sigma=reference_sigma, errors="nan")
-        return float(np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, linear].sum(axis=1).mean()))
+        known = {"reference_sigma": reference_sigma, "errors": "nan"}
+        P = accuracy(placed(at), over, calibrated_on, reference_pose, **known)
+        return float(np.sqrt((P.sigma[:, -1] ** 2).mean()))
 
     def cost(share: Array) -> float:
         found = sigma(low + share * (high - low))
@@ -175,18 +174,20 @@ def place_sensors(
 def _searched(robot: Robot, sensors: Sequence[str]) -> list[str]:
     """Return the names of the coordinates of these sensors' points."""
     every = {sensor.name: sensor for sensor in robot.spec.sensor}
-    names = []
+    points = {
+        name: [key for key in sensor.mounting.values() if key in POINTS]
+        for name, sensor in every.items()
+    }
     for name in sensors:
         if name not in every:
             raise InputError(f"place: {choose('sensor', name, every)}")
-        points = [key for key in every[name].mounting.values() if key in POINTS]
-        if not points:
-            placeable = [s.name for s in robot.spec.sensor if {*s.mounting.values()} & {*POINTS}]
+        if not points[name]:
+            placeable = [name for name, own in points.items() if own]
             raise InputError(
                 f"place: {name}: {every[name].kind} has no mounting place; sensors with one: "
                 f"{', '.join(placeable) or 'none'}"
             )
-        names += [f"{name}.{key}.{axis}" for key in points for axis in "xyz"]
+    names = [f"{name}.{key}.{axis}" for name in sensors for key in points[name] for axis in "xyz"]
     if not names:
         raise InputError("place: no sensor")
     learnt, file = robot.spec.calibration, drawn(robot.spec)
@@ -210,12 +211,10 @@ def _boxes(
     boxes = {}
     for name in names:
         _, point, axis = name.split(".")
-        own = next((box for group, box in within.items() if fnmatch.fnmatchcase(name, group)), None)
-        file = robot.parameters[name].value
-        if own is None:
-            known = (points[:, 0] if point == "origin" else ends)[:, "xyz".index(axis)]
-            own = min(*known, file), max(*known, file)
-        low, high = own
+        known = (points[:, 0] if point == "origin" else ends)[:, "xyz".index(axis)]
+        known = [*known, robot.parameters[name].value]
+        fits = (box for group, box in within.items() if fnmatch.fnmatchcase(name, group))
+        low, high = next(fits, (min(known), max(known)))
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise InputError(f"within: {name} = {low!r} to {high!r}: must increase")
         boxes[name] = (float(low), float(high))

@@ -110,14 +110,10 @@ def predict(
         poses, left_out = grid[good], int((~good).sum())
     poses = np.atleast_2d(numbers_of(poses, "poses"))
     sigma = {}
-    for learnt in (False, True)[: 1 + calibrated]:
+    for visited in (None, poses)[: 1 + calibrated]:
         for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
-            rows = []
-            for candidate in candidates:
-                visited = poses if learnt else None
-                found = accuracy(candidate, poses, visited, touched, level)
-                rows.append(np.sqrt((found.sigma**2).mean(axis=0)))
-            sigma[state_of(visited, touched)] = np.array(rows)
+            bounds = [accuracy(c, poses, visited, touched, level).sigma for c in candidates]
+            sigma[state_of(visited, touched)] = np.sqrt((np.array(bounds) ** 2).mean(axis=1))
     return Prediction(robot, sets, poses, left_out, calibrated, sigma)
 
 
@@ -150,9 +146,8 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
     H_xi = robot.linearize(poses, "nan", level)[1][..., [every.index(name) for name in names]]
     off = [[robot.parameters[name].mean - robot.parameters[name].value] for name in names]
     S = robot.cross_sensitivity(poses, law, "nan")
-    of_readings = [H_xi @ knowledge.root(robot, names), H_xi @ off]
-    roots = S @ np.concatenate(of_readings, axis=-1)
-    roots = np.concatenate([roots, S * knowledge.reading_sigma(robot)], axis=-1)
+    by_parameters = S @ H_xi @ np.hstack([knowledge.root(robot, names), off])
+    roots = np.concatenate([by_parameters, S * knowledge.reading_sigma(robot)], axis=-1)
     return float(np.sqrt(np.nanmean((roots[:, summed(robot).columns] ** 2).sum(axis=(1, 2)))))
 
 
