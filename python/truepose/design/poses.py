@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -122,8 +122,8 @@ def plan_poses(
         raise InputError(
             "seen: needs candidates with measured_sigma, of a tracker in a frame of its own"
         )
-    asked = Seen if seen else Sought
-    sought = asked(robot, rows, level, model_error, poses, reference)
+    criterion = Seen if seen else Sought
+    sought = criterion(robot, rows, level, model_error, poses, reference)
     found = _chosen(sought, n, target)
     rng, count = np.random.default_rng(seed), len(rows.steps)
     sets = [rng.permutation(count)[: len(found)].tolist() for _ in range(RANDOM)]
@@ -190,35 +190,35 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     return found
 
 
+@dataclass(eq=False)
 class Sought:
     """The requested accuracy as a function of the posterior covariance Σ = G Gᵀ."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        rows: Rows,
-        level: Level,
-        model_error: bool,
-        poses: ArrayLike | None,
-        reference: Array,
-    ):
-        self.robot, self.rows, self.level, self.model_error = robot, rows, level, model_error
-        self._model, self._full = robot.expected(), robot.is_full(level)
-        self._reference = reference
+    robot: Robot
+    rows: Rows
+    level: Level
+    model_error: bool
+    asked: ArrayLike | None  #: poses, (T, c); by default a grid over the workspace
+    reference: Array  #: (1, n) or (0, n) pose whose estimate is subtracted
+
+    def __post_init__(self) -> None:
+        robot, rows = self.robot, self.rows
+        self._model, self._full = robot.expected(), robot.is_full(self.level)
         names = knowledge.learnable(robot)
         self._root = rows.root[: len(names)]
         every = list(robot.parameters)
         self._at = [every.index(name) for name in names]
         self._linear = summed(robot).columns
-        given = workspace_grid(robot) if poses is None else poses
+        given = workspace_grid(robot) if self.asked is None else self.asked
         x, _ = flattened(robot, given, robot.n, "poses", "raise")
         good = np.isfinite(self._variance(x, self._root)).all(axis=1)
-        if not good.all() and poses is not None:
+        if not good.all() and self.asked is not None:
             raise InputError(f"poses {np.flatnonzero(~good)[0]}: cannot be reached, or is singular")
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
         self.poses = x[good]
-        self._H, self._H_reference = (self._by_parameters(at) for at in (self.poses, reference))
+        self._H = self._by_parameters(self.poses)
+        self._H_reference = self._by_parameters(self.reference)
 
     def _by_parameters(self, x: Array) -> Array:
         return self._model.linearize(x, level=self.level)[1][..., self._at]
@@ -231,9 +231,9 @@ class Sought:
 
     def _variance(self, x: Array, half: Array) -> Array:
         """Return the variances (T, c) of the coordinates at poses x."""
-        acting = compliance.acting(self._model, np.vstack([x, self._reference]), self._full)
+        acting = compliance.acting(self._model, np.vstack([x, self.reference]), self._full)
         P, *_ = _core.accuracy(
-            self._model.core, self._known(half), x, self._reference, self._full, acting
+            self._model.core, self._known(half), x, self.reference, self._full, acting
         )
         return np.diagonal(P, axis1=1, axis2=2)
 
@@ -267,26 +267,26 @@ class Sought:
             return (gain[:, self._linear] @ H) @ self._root
 
         A = leak(self.poses, self._H)
-        if len(self._reference):
-            A = A - leak(self._reference, self._H_reference)
+        if len(self.reference):
+            A = A - leak(self.reference, self._H_reference)
         return _squared(A)
 
 
 class Seen(Sought):
     """The accuracy of the pose in the frame of a tracker."""
 
-    def __init__(self, robot: Robot, rows: Rows, *others: Any):
-        super().__init__(robot, rows, *others)
-        assert rows.frames is not None
-        self._both = rows.root[: len(self._root) + UNKNOWNS]
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        assert self.rows.frames is not None
+        self._both = self.rows.root[: len(self._root) + UNKNOWNS]
         none = np.full_like(self.poses, np.nan)
         _, _, self._H_x, self._H_frames, *_ = _core.seen(
-            self._model.core, *rows.frames, self.poses, none
+            self._model.core, *self.rows.frames, self.poses, none
         )
         self._reading_sigma = (
-            knowledge.stated_sigma(robot, self.level)
+            knowledge.stated_sigma(self.robot, self.level)
             if self.model_error
-            else knowledge.reading_sigma(robot)
+            else knowledge.reading_sigma(self.robot)
         )
 
     def _by_unknowns(self, G: Array) -> tuple[Array, Array]:
@@ -309,4 +309,4 @@ class Seen(Sought):
 
 def _squared(A: Array) -> Array:
     """Return the mean of AᵀA over poses, (T, m, p)."""
-    return np.einsum("tmi,tmj->ij", A, A, optimize=True) / len(A)
+    return np.tensordot(A, A, ((0, 1), (0, 1))) / len(A)

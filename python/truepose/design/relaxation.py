@@ -20,6 +20,7 @@ each has a tangent.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -36,17 +37,9 @@ ABSENT = 1e-3
 ROUNDED = 1e-7
 
 
+@dataclass(eq=False)
 class Relaxation:
     """Bounds on the variance and the price of all sets of N candidates.
-
-    Parameters
-    ----------
-    relaxed : callable
-        Returns the variance at shares (N,), and its gradient.
-    prices, must, ladders
-        As for :class:`truepose.design.search.Search`.
-    fail : sequence of int
-        Candidates of which any one may fail; empty: none fails.
 
     Examples
     --------
@@ -60,31 +53,30 @@ class Relaxation:
     1.333333
     """
 
-    def __init__(
-        self,
-        relaxed: Callable[[Array], tuple[float, Array]],
-        prices: Sequence[float],
-        must: Sequence[int] = (),
-        ladders: Sequence[Sequence[int]] = (),
-        fail: Sequence[int] = (),
-    ):
-        self._relaxed, self._fail = relaxed, list(fail)
-        self._prices = np.array(prices, dtype=float)
+    relaxed: Callable[[Array], tuple[float, Array]]
+    #: the variance at shares (N,), and its gradient
+    prices: Sequence[float]
+    must: Sequence[int] = ()
+    ladders: Sequence[Sequence[int]] = ()  #: as for :class:`truepose.design.search.Search`
+    fail: Sequence[int] = ()  #: candidates of which any one may fail; empty: none fails
+
+    def __post_init__(self) -> None:
+        self._prices = np.array(self.prices, dtype=float)
         self._low = np.zeros(len(self._prices))
-        self._low[list(must)] = 1.0
-        steps = [pair for own in ladders for pair in pairwise(own)]
+        self._low[list(self.must)] = 1.0
+        steps = [pair for own in self.ladders for pair in pairwise(own)]
         self._order = np.zeros((len(steps), len(self._prices)))
         for row, (first, then) in zip(self._order, steps, strict=True):
             row[[first, then]] = -1.0, 1.0
-        self._least = relaxed(np.ones(len(self._prices)))[0]
+        self._least = self.relaxed(np.ones(len(self._prices)))[0]
         self._tangents: list[tuple[float, Array]] = []  # φ <= a + h·w, in units of 1 / _least
 
     def _lay(self, w: Array) -> float:
         """Add tangents at these shares; return φ there."""
         least = np.inf
-        for k in [k for k in self._fail if w[k] > ABSENT] or [-1]:
+        for k in [k for k in self.fail if w[k] > ABSENT] or [-1]:
             left = np.arange(len(w)) != k
-            variance, gradient = self._relaxed(w * left)
+            variance, gradient = self.relaxed(w * left)
             phi = self._least / variance
             slope = -gradient * left * phi / variance
             self._tangents.append((float(phi - slope @ w), slope))

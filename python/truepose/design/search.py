@@ -6,6 +6,7 @@ import functools
 import heapq
 import itertools
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,23 +24,9 @@ SAME = 1e-9
 Set = tuple[int, ...]  #: candidates in ascending order
 
 
+@dataclass(eq=False)
 class Search:
     """Search over sets of candidates 0, 1, …, with a table of the costs found.
-
-    Parameters
-    ----------
-    cost : callable
-        Cost of a set; a further candidate never raises it.
-    prices : sequence of float
-        Price of each candidate, without those that it needs.
-    must : sequence of int
-        Candidates that every set contains.
-    survives : bool
-        Whether the cost is that after the worst failure of one candidate.
-    ladders : sequence of sequences of int
-        Levels of one group, each needing those before it; they do not fail.
-    relaxation : Relaxation, optional
-        Convex relaxation of the same problem, if there is one.
 
     Examples
     --------
@@ -50,20 +37,20 @@ class Search:
     (0, 2)
     """
 
-    def __init__(
-        self,
-        cost: Callable[[Set], float],
-        prices: Sequence[float],
-        must: Sequence[int],
-        survives: bool,
-        ladders: Sequence[Sequence[int]] = (),
-        relaxation: Relaxation | None = None,
-    ):
-        self._of, self._survives, self._relaxation = functools.cache(cost), survives, relaxation
-        self.prices, self.must = list(prices), tuple(sorted(must))
-        self._free = [k for k in range(len(prices)) if k not in must]
-        self.known: dict[Set, float] = {}  #: cost of each compared set
-        self._needs = {k: tuple(own[:at]) for own in ladders for at, k in enumerate(own)}
+    plain: Callable[[Set], float]  #: cost of a set; a further candidate never raises it
+    prices: Sequence[float]  #: of each candidate, without those that it needs
+    must: Sequence[int]  #: candidates that every set contains
+    survives: bool  #: whether the cost is that after the worst failure of one candidate
+    ladders: Sequence[Sequence[int]] = ()
+    #: levels of one group, each needing those before it; they do not fail
+    relaxation: Relaxation | None = None  #: convex relaxation of the same problem, if there is one
+    known: dict[Set, float] = field(default_factory=dict, init=False)  #: cost of each compared set
+
+    def __post_init__(self) -> None:
+        self.plain, self.prices = functools.cache(self.plain), list(self.prices)
+        self.must = tuple(sorted(self.must))
+        self._free = [k for k in range(len(self.prices)) if k not in self.must]
+        self._needs = {k: tuple(own[:at]) for own in self.ladders for at, k in enumerate(own)}
 
     def spent(self, chosen: Iterable[int]) -> float:
         """Return the price of a set."""
@@ -73,9 +60,9 @@ class Search:
         """Return the cost of a set: its variance, or that after the worst failure of one."""
         own = tuple(sorted(chosen))
         if own not in self.known:
-            fail = [gone for gone in own if gone not in self._needs] if self._survives else []
+            fail = [gone for gone in own if gone not in self._needs] if self.survives else []
             left = [tuple(k for k in own if k != gone) for gone in fail]
-            self.known[own] = max(map(self._of, left or [own]))
+            self.known[own] = max(map(self.plain, left or [own]))
         return self.known[own]
 
     def with_one(self, own: Iterable[int], k: int) -> Set:
@@ -98,8 +85,8 @@ class Search:
         two sensors that replace each other has no gain alone.
         """
         found = self._grown(budget, self.cost)
-        if self._survives:
-            whole = self._grown(budget, self._of)
+        if self.survives:
+            whole = self._grown(budget, self.plain)
             found = min(found, self._exchanged(whole, budget, self.cost), key=self.cost)
         return found
 
@@ -110,8 +97,8 @@ class Search:
     def first(self, budget: float) -> tuple[Set, float]:
         """Return a good initial set, and a lower bound of the cost by the relaxation (else 0)."""
         best, floor = self.greedy(budget), 0.0
-        if self._relaxation is not None and len(self._free) > MANY and not self._survives:
-            floor, shares = self._relaxation.most_accurate(budget)
+        if self.relaxation is not None and len(self._free) > MANY and not self.survives:
+            floor, shares = self.relaxation.most_accurate(budget)
             best = min(best, self.rounded(budget, shares.tolist()), key=self.cost)
         return best, floor
 
@@ -149,7 +136,7 @@ class Search:
                     gain = (least - cost(more)) / (max(price, 1e-12) if rate else 1.0)
                     if gain > most:
                         most, best = gain, more
-            if best is None or (most <= 0 and not self._survives):
+            if best is None or (most <= 0 and not self.survives):
                 return chosen
             chosen = best
 
@@ -165,8 +152,8 @@ class Search:
             if lower >= least * (1 - SAME):
                 return best, least
             if len(self.known) > MOST:
-                if self._relaxation is not None and not floor:
-                    floor, _ = self._relaxation.most_accurate(budget)
+                if self.relaxation is not None and not floor:
+                    floor, _ = self.relaxation.most_accurate(budget)
                 return best, min(max(lower, floor), least)
             rest = self._affordable(own, free[at:], budget)
             whole = own + tuple(rest)
@@ -210,8 +197,8 @@ class Search:
             if price >= self.spent(best):
                 break
             if len(self.known) > MOST:
-                if self._relaxation is not None:
-                    price = max(price, self._relaxation.cheapest(target))
+                if self.relaxation is not None:
+                    price = max(price, self.relaxation.cheapest(target))
                 return best, min(price, self.spent(best))
             if self.cost(own) <= target:
                 best = tuple(sorted(own))

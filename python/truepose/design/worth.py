@@ -10,6 +10,7 @@ reading of each of its parameters: it adds to the information 1/σ² of the tole
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -31,25 +32,9 @@ class _Left(NamedTuple):
     solved: Array  #: (V, S, p) weighted earlier readings
 
 
+@dataclass(eq=False)
 class Worth:
     """Mean variance of the position as a function of the sensor set.
-
-    Parameters
-    ----------
-    robot : Robot
-    names : sequence of str
-        Candidate sensors.
-    poses : ndarray, shape (T, c)
-        Poses where the accuracy counts.
-    calibrated_on : ndarray, shape (V, c)
-        Poses of a self-calibration; may be empty.
-    touched : ndarray, shape (1, c)
-        Externally known pose at which all sensors are read; may be empty.
-    reference_sigma : sequence of float
-        σ of the coordinates of `touched`.
-    finer : sequence of mappings
-        Information that each machining tolerance adds, by parameter name. These candidates follow
-        the sensors.
 
     Examples
     --------
@@ -63,17 +48,18 @@ class Worth:
     True
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        names: Sequence[str],
-        poses: Array,
-        calibrated_on: Array,
-        touched: Array,
-        reference_sigma: Sequence[float],
-        finer: Sequence[Mapping[str, float]] = (),
-    ):
-        self._robot, self._names = robot, list(names)
+    robot: Robot
+    names: Sequence[str]  #: candidate sensors
+    poses: Array  #: (T, c) where the accuracy counts
+    calibrated_on: Array  #: (V, c) poses of a self-calibration; may be empty
+    touched: Array
+    #: (1, c) externally known pose at which all sensors are read; may be empty
+    reference_sigma: Sequence[float]  #: of the coordinates of `touched`
+    finer: Sequence[Mapping[str, float]] = ()
+    #: information that each machining tolerance adds, by parameter; these follow the sensors
+
+    def __post_init__(self) -> None:
+        robot, touched = self.robot, self.touched
         self._linear = summed(robot).columns
         every = list(robot.parameters)
         uncertain = [name for name, p in robot.parameters.items() if p.sigma > 0]
@@ -84,29 +70,29 @@ class Worth:
         if more:  # the motor readings there do not depend on the set
             H, B = self._jacobians(touched)
             there = B[0] @ root
-            there[:, -more:] = H[0] * np.asarray(reference_sigma)
+            there[:, -more:] = H[0] * np.asarray(self.reference_sigma)
             motors = there[:n]
             left = np.linalg.inv(np.linalg.cholesky(np.eye(len(root.T)) + motors.T @ motors)).T
             root, there = root @ left, there[n:] @ left
-        self._F, self._by_motors = self._rows(poses, root)
-        rows, noise = self._rows(calibrated_on, root)
+        self._F, self._by_motors = self._rows(self.poses, root)
+        rows, noise = self._rows(self.calibrated_on, root)
         size = len(self._linear)
         rows, noise = rows[:, size:], noise[:, size:, size:]
         if more:
             rows = np.concatenate([rows, there[None]])
-            noise = np.concatenate([noise, np.zeros((1, len(names), len(names)))])
+            noise = np.concatenate([noise, np.zeros((1, *noise.shape[1:]))])
         self._R, self._noise = rows, noise  # (V, S, p), (V, S, S): earlier readings
         #: (L, p, p) information that each tolerance adds.
-        self._finer = np.zeros((len(finer), len(root.T), len(root.T)))
-        for k, added in enumerate(finer):
+        self._finer = np.zeros((len(self.finer), len(root.T), len(root.T)))
+        for k, added in enumerate(self.finer):
             own = root[[uncertain.index(name) for name in added]]
             self._finer[k] = own.T @ np.diag([*added.values()]) @ own
 
     def _jacobians(self, x: Array) -> tuple[Array, Array]:
         """Return H_x and H_ξ of motors and all sensors, in units of each reading's σ."""
-        robot = self._robot
+        robot = self.robot
         most = min(_core.max_sensors, _core.max_readings - robot.n)
-        groups = [self._names[k : k + most] for k in range(0, len(self._names), most)]
+        groups = [self.names[k : k + most] for k in range(0, len(self.names), most)]
         H: list[Array] = []
         B: list[Array] = []
         for group in groups or [[]]:
@@ -120,7 +106,7 @@ class Worth:
 
     def _rows(self, x: Array, root: Array) -> tuple[Array, Array]:
         """Return rows of the position error and of all sensors, and the motors' noise in them."""
-        n = self._robot.n
+        n = self.robot.n
         H, B = self._jacobians(x)
         B = B @ root
         E = np.linalg.inv(H[:, :n])
@@ -131,15 +117,15 @@ class Worth:
 
     def variance(self, chosen: Sequence[int]) -> float:
         """Return the mean variance of the position, m², with these sensors and tolerances."""
-        shares = np.zeros(len(self._names) + len(self._finer))
+        shares = np.zeros(len(self.names) + len(self._finer))
         shares[list(chosen)] = 1.0
-        return self._left(shares, [k for k in chosen if k < len(self._names)]).variance
+        return self._left(shares, [k for k in chosen if k < len(self.names)]).variance
 
     def _left(self, shares: Array, own: Sequence[int]) -> _Left:
         """Return what the sensors `own` and the tolerances leave with these shares."""
         from scipy.linalg.lapack import dtrtri  # inverse of a triangle, an eighth of the work
 
-        sensors, size = len(self._names), len(self._linear)
+        sensors, size = len(self.names), len(self._linear)
         d, eye = np.sqrt(np.maximum(shares[own], 0.0))[:, None], np.eye(len(own))
         read = d * self._R[:, own]
         solved = np.linalg.solve(eye + d * self._noise[:, own][..., own] * d.T, read)
@@ -169,7 +155,7 @@ class Worth:
         shares : ndarray, shape (N,)
             From 0 to 1; with shares of 0 and 1 only, the variance is that of the set.
         """
-        left = self._left(shares, range(len(self._names)))
+        left = self._left(shares, range(len(self.names)))
         L = left.position.reshape(-1, len(left.G))
         middle = L.T @ L / len(left.position)
         C = (self._R - self._noise @ left.solved) @ left.G
