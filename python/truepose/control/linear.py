@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.control import delays
@@ -121,7 +122,7 @@ def plants(
     return [_plant(robot, x, law, effects, period, home, sigma_scale) for x in poses]
 
 
-def joint_inertia(robot: Robot, x: Array) -> Array:
+def joint_inertia(robot: Robot, x: ArrayLike) -> Array:
     """Return JᵀMJ at a pose, (n, n)."""
     J = robot.jacobian(x)
     return J.T @ robot.mass_matrix(x) @ J
@@ -194,16 +195,7 @@ def _plant(
 
 
 def ringing(robot: Robot, x: Array, effects: Effects) -> float:
-    """Return the fastest frequency of rotors oscillating against their arms, rad/s; 0: none.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.control.linear import ringing
-    >>> h4 = tp.load("h4")
-    >>> 1500 < ringing(h4, h4.home, tp.Effects()) < 1700
-    True
-    """
+    """Return the fastest frequency of rotors oscillating against their arms, rad/s; 0: none."""
     M = robot.mass_matrix(x)
     _, K = _turning(robot, x, M)
     springy, own, left = _apart(robot, effects, M, K)

@@ -184,11 +184,10 @@ def stability_margins(
         controller = Controller.for_robot(robot, effects, controller, period=chosen)
     elif period is not None:
         raise InputError("period: the Controller has its own")
-    x, lead = flattened(
-        robot, gains.poses(robot) if poses is None else poses, robot.n, "poses", "raise"
-    )
+    given = gains.poses(robot) if poses is None else poses
+    x, lead = flattened(robot, given, robot.n, "poses", "raise")
     if len(lead) != 1 or not len(x):
-        raise InputError(f"poses: shape {np.shape(poses)}, must be (P, {robot.n})")
+        raise InputError(f"poses: shape {np.shape(given)}, must be (P, {robot.n})")
     law, diagonal = controller.built_in, controller.gains == "diagonal"
     found = Responses(
         plants(robot, x, law, effects, controller.period, diagonal, controller.sigma_scale)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -171,7 +171,11 @@ def rows_of(
     model, none = robot.expected(), _core.Links([], 0)
 
     def linearized(
-        x: Array, seen: Sequence[Array], first: int, links: _core.Links, acting: Array
+        x: Array,
+        seen: tuple[Array, Array, Array, Array],
+        first: int,
+        links: _core.Links,
+        acting: Array,
     ) -> tuple[Array, Array]:
         """Return rows in units of the root, and the visit of each."""
         beside = _beside(acting, compliance.acting(model, x, full))
@@ -216,7 +220,8 @@ def _expanded(
                 f"candidates: {given.name}: must be numbers of poses, 0 to {len(x) - 1}"
             )
         own = len(visited) + np.arange(lines.size).reshape(lines.shape)
-        differences.append(replace(given, **{key: own}))
+        numbered: dict[str, Any] = {key: own}
+        differences.append(replace(given, **numbered))
         steps += [(given.name, np.atleast_1d(row).tolist()) for row in lines]
         visited += lines.ravel().tolist()
     alone = sorted({*range(len(x))}.difference(visited))
@@ -243,11 +248,12 @@ def _tracker(
         base, marker = after.registration.base, after.registration.marker
     each = candidates.measured_sigma
     if each is None and candidates.measured_angle_sigma is None:
-        return _Tracker(*np.zeros((2, 0, robot.n)), base, marker, np.zeros(0))
+        none = np.zeros((0, robot.n))
+        return _Tracker(none, none, base, marker, np.zeros(0))
     blind = np.zeros(robot.n, dtype=bool)
-    if np.shape(each) == (robot.n,):
-        blind = np.isinf(each)
-        each = np.where(blind, 1.0, each)
+    if each is not None and np.asarray(each).shape == (robot.n,):
+        blind = np.isinf(np.asarray(each, dtype=float))
+        each = np.where(blind, 1.0, np.asarray(each))
     noise = sigmas(robot, each, candidates.measured_angle_sigma, len(x))
     seen = _core.seen(robot.core, base, marker, x, np.full_like(x, np.nan))
     outside = np.where(blind, np.nan, seen[0])

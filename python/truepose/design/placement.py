@@ -123,21 +123,30 @@ def place_sensors(
     over = asked_poses(robot, poses)
     low, high = np.array([boxes[name] for name in names]).T
 
-    def placed(at: Array) -> Robot:
-        there = dict(zip(names, at.tolist(), strict=True))
+    def placed(place: Array) -> Robot:
+        there = dict(zip(names, place.tolist(), strict=True))
         return robot.with_mounting(there).with_sensors(*used)
 
-    def sigma(at: Array) -> float:
-        known = {"reference_sigma": reference_sigma, "errors": "nan"}
-        P = accuracy(placed(at), over, calibrated_on, reference_pose, **known)
+    def sigma(place: Array) -> float:
+        P = accuracy(
+            placed(place),
+            over,
+            calibrated_on,
+            reference_pose,
+            errors="nan",
+            reference_sigma=reference_sigma,
+        )
         return float(np.sqrt((P.sigma[:, -1] ** 2).mean()))
 
+    def at(share: Array) -> Array:
+        return low + np.clip(share, 0.0, 1.0) * (high - low)
+
     def cost(share: Array) -> float:
-        found = sigma(low + share * (high - low))
+        found = sigma(at(share))
         return float(np.log(found)) if np.isfinite(found) else 0.0
 
     def room(share: Array) -> Array:
-        return _room(placed(low + share * (high - low)), sensors, over)
+        return _room(placed(at(share)), sensors, over)
 
     file = np.array([robot.parameters[name].value for name in names])
     span = np.where(high > low, high - low, 1.0)
@@ -146,19 +155,13 @@ def place_sensors(
     starts += sorted(some, key=cost)[: STARTS - 1]
     ranged = any(s.name in sensors and s.range is not None for s in robot.spec.sensor)
     free = [(0.0, float(there)) for there in high > low]
+    limits = [{"type": "ineq", "fun": room}] if ranged else ()
     best = np.clip(file, low, high)
     least = sigma(best)
     for start in starts:
-        found = minimize(
-            cost,
-            start,
-            method="SLSQP",
-            bounds=free,
-            constraints=[{"type": "ineq", "fun": room}] if ranged else (),
-        )
-        at = low + np.clip(found.x, 0.0, 1.0) * (high - low)
-        if (not ranged or (room(found.x) >= -1e-9).all()) and sigma(at) < least:
-            best, least = at, sigma(at)
+        found = minimize(cost, start, method="SLSQP", bounds=free, constraints=limits).x
+        if (not ranged or (room(found) >= -1e-9).all()) and sigma(at(found)) < least:
+            best, least = at(found), sigma(at(found))
     return Placement(
         robot=placed(best),
         places=dict(zip(names, best.tolist(), strict=True)),
@@ -212,9 +215,9 @@ def _boxes(
     for name in names:
         _, point, axis = name.split(".")
         known = (points[:, 0] if point == "origin" else ends)[:, "xyz".index(axis)]
-        known = [*known, robot.parameters[name].value]
+        known = np.append(known, robot.parameters[name].value)
         fits = (box for group, box in within.items() if fnmatch.fnmatchcase(name, group))
-        low, high = next(fits, (min(known), max(known)))
+        low, high = next(fits, (known.min(), known.max()))
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise InputError(f"within: {name} = {low!r} to {high!r}: must increase")
         boxes[name] = (float(low), float(high))

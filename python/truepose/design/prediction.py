@@ -67,26 +67,12 @@ def predict(
     reference_pose: ArrayLike | None = None,
     level: Level | None = None,
 ) -> Prediction:
-    """Predict the bound of several sensor sets over the same poses.
+    """Predict the bound of several sensor sets over the same poses, (P, n).
 
-    Parameters
-    ----------
-    robot : Robot
-    sets : sequence of names, optional
-        By default :func:`sensor_sets`.
-    poses : array_like, shape (P, n), optional
-        By default those of :func:`workspace_grid` that the readings of every set determine.
-    calibrated : bool
-        Also predict σ after self-calibration over these poses.
-    reference_pose : array_like, shape (n,), optional
-        Also predict σ after a reading at this externally known pose.
-    level : {"ideal", "full"}, optional
-        By default :attr:`Robot.highest_level`.
-
-    Raises
-    ------
-    InputError, PoseError
-        An unknown sensor or level; a given pose that cannot be reached.
+    By default of :func:`sensor_sets`, at the poses of :func:`workspace_grid` that the readings of
+    every set determine. Also after self-calibration over these poses (`calibrated`), and after a
+    reading at an externally known pose, (n,). Raises InputError or PoseError for an unknown sensor
+    or level, and for a given pose that cannot be reached.
 
     Examples
     --------
@@ -112,8 +98,8 @@ def predict(
     sigma = {}
     for visited in (None, poses)[: 1 + calibrated]:
         for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
-            bounds = [accuracy(c, poses, visited, touched, level).sigma for c in candidates]
-            sigma[state_of(visited, touched)] = np.sqrt((np.array(bounds) ** 2).mean(axis=1))
+            each = [accuracy(c, poses, visited, touched, level).sigma for c in candidates]
+            sigma[state_of(visited, touched)] = np.sqrt((np.array(each) ** 2).mean(axis=1))
     return Prediction(robot, sets, poses, left_out, calibrated, sigma)
 
 
@@ -122,17 +108,8 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
 
     To first order it is the law's cross-sensitivity times the errors of the readings due to
     tolerances (or a calibration's covariance), encoder counts, and the mean of tolerances that are
-    not centered, which the law omits. For a rotational platform it is the rotation.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use.
-    poses : array_like, shape (P, n)
-        Desired poses.
-    law : {"joint", "tej", "cartesian", "weighted", "estimated"}
-    level : {"ideal", "full"}, optional
-        By default :attr:`Robot.highest_level`.
+    not centered, which the law omits. For a rotational platform it is the rotation. `poses` are
+    the desired ones, (P, n).
 
     Examples
     --------

@@ -85,7 +85,7 @@ class Relaxation:
 
     def most_accurate(self, budget: float) -> tuple[float, Array]:
         """Return a lower bound of the variance within a budget, and the best shares found."""
-        room = budget - self._prices @ self._low
+        room = budget - float(self._prices @ self._low)
         high = np.where((self._prices <= room) | (self._low > 0), 1.0, 0.0)
         cost = np.append(np.zeros(len(high)), -1.0)
         every = float((high - self._low) @ self._prices)

@@ -39,7 +39,7 @@ class Search:
 
     plain: Callable[[Set], float]  #: cost of a set; a further candidate never raises it
     prices: Sequence[float]  #: of each candidate, without those that it needs
-    must: Sequence[int]  #: candidates that every set contains
+    must: Set  #: candidates that every set contains
     survives: bool  #: whether the cost is that after the worst failure of one candidate
     ladders: Sequence[Sequence[int]] = ()
     #: levels of one group, each needing those before it; they do not fail

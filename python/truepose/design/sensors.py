@@ -166,20 +166,7 @@ def select_sensors(
 def in_other_states(
     found: SensorSelection, calibrated_on: Array, reference_pose: Array
 ) -> dict[str, Array]:
-    """σ of the front's sets (m) as built, referenced at a pose, self-calibrated, and both.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> found = tp.select_sensors(h4, {"theta": 90, "wire1": 250})
-    >>> for state, sigma in in_other_states(found, found.over[:10], h4.home).items():
-    ...     print(f"{state}: {1e3 * sigma[0]:.1f} to {1e3 * sigma[-1]:.1f} mm")
-    as built: 7.7 to 4.3 mm
-    referenced: 0.2 to 0.1 mm
-    self-calibrated: 7.7 to 1.2 mm
-    both: 0.2 to 0.1 mm
-    """
+    """σ of the front's sets (m) as built, referenced at a pose, self-calibrated, and both."""
     robot, names = found.robot, list(found.prices)
     levels = [level for own in found.levels for level in own]
     sets = []
@@ -216,7 +203,7 @@ def searched(
         whole += [level.price for level in own]
     fail = range(len(prices)) if survives else ()
     relaxation = Relaxation(worth.relaxed, whole, must, numbered, fail)
-    return Search(worth.variance, whole, must, survives, numbered, relaxation)
+    return Search(worth.variance, whole, tuple(must), survives, numbered, relaxation)
 
 
 def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
