@@ -39,13 +39,6 @@ def poses(robot: Robot) -> Array:
     """Return home and the regular corners of the workspace box.
 
     For six degrees of freedom the corners of position and of orientation separately.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.control.gains import poses
-    >>> poses(tp.load("h4")).shape, poses(tp.load("hexa")).shape
-    ((17, 4), (17, 6))
     """
     box = robot.spec.workspace
     if box is None:

@@ -79,17 +79,7 @@ class Rows:
 
 
 def drawn(robot: Robot, count: int, seed: int) -> Array:
-    """Return poses evenly over the workspace box, many on its faces, edges and corners.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.candidates import drawn
-    >>> delta = tp.load("delta")
-    >>> x = drawn(delta, 1000, seed=0)
-    >>> print((x.min(axis=0) == delta.spec.workspace.minimum).all(), x.shape)
-    True (1000, 3)
-    """
+    """Return poses evenly over the workspace box, many on its faces, edges and corners."""
     box = workspace(robot)
     start = np.random.default_rng(check_seed(seed)).uniform(size=robot.n)
     ratio = 2.0  # of the sequence R_c: ratio^(c + 1) = ratio + 1, the golden one where c is 1

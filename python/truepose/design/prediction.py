@@ -40,14 +40,6 @@ def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
     """Return sets to compare: none, those in use, these with each other one, each group, all.
 
     A group has all other sensors of one kind, because elbow sensors are seldom bought singly.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> sensor_sets(tp.load("3rrr"))
-    [(), ('theta',)]
-    >>> sensor_sets(tp.load("delta"))[-2:]
-    [('elbow1', 'elbow2', 'elbow3'), ('z_telemeter', 'elbow1', 'elbow2', 'elbow3')]
     """
     spare = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
     kinds = dict.fromkeys(spare.values())
@@ -110,14 +102,6 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
     tolerances (or a calibration's covariance), encoder counts, and the mean of tolerances that are
     not centered, which the law omits. For a rotational platform it is the rotation. `poses` are
     the desired ones, (P, n).
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.prediction import steady_state_error
-    >>> h4, x = tp.load("h4"), [[0.05, 0, -0.4, 0.2], [0, 0.05, -0.45, -0.3]]
-    >>> [round(1e3 * steady_state_error(h4, x, law), 2) for law in ("joint", "tej")]  # mm
-    [9.37, 9.31]
     """
     names, every = knowledge.uncertain(robot), list(robot.parameters)
     H_xi = robot.linearize(poses, "nan", level)[1][..., [every.index(name) for name in names]]

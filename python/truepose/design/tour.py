@@ -14,14 +14,6 @@ def tour(robot: Robot, poses: Array) -> list[int]:
     The distance of two poses is the time of the slowest motor, by the speed limits of the file;
     without them it is the largest share of a motor's range. From each pose a nearest-neighbor tour
     is improved by 2-opt; the shortest is returned.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.tour import tour
-    >>> h4 = tp.load("h4")
-    >>> tour(h4, [[0.1, 0, -0.4, 0], [0.02, 0, -0.4, 0], [0.06, 0, -0.4, 0]])
-    [1, 2, 0]
     """
     stops = np.vstack([robot.home, np.reshape(poses, (-1, robot.n))])
     q = robot.ikm(stops, level="ideal")
