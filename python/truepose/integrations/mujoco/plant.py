@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, check_seed, numbers_of
 from truepose.control import delays
-from truepose.control.controller import Controller
+from truepose.control.controller import Controller, positive
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
@@ -76,9 +76,9 @@ class MujocoPlant:
         faults: Sequence[Fault] = (),
     ):
         require()
-        for name, value in (("duration", duration), ("timestep", timestep), ("longest", longest)):
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value}: must be a finite number greater than 0")
+        lengths = {"duration": duration, "timestep": timestep, "longest": longest}
+        for name, value in lengths.items():
+            positive(name, value)
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")

@@ -55,16 +55,9 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
         model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Model(robot).xml(), encoding="utf-8")
         for driver in (given,) if given else _DRIVERS:
-            words = [
-                sys.executable,
-                "-m",
-                "truepose.integrations.mujoco.viewing",
-                str(model),
-                str(png),
-            ]
             try:
                 subprocess.run(
-                    words,
+                    [sys.executable, "-m", __name__, str(model), str(png)],
                     env=os.environ | {"MUJOCO_GL": driver},
                     capture_output=True,
                     timeout=_PATIENCE,
