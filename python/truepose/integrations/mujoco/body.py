@@ -14,6 +14,7 @@ from truepose.integrations.mujoco.mechanism import Posture
 from truepose.integrations.mujoco.mjcf import TIMESTEP, Model
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
+from truepose.robotfile.to_core import padded
 
 _OPEN = 1e-4  # m, largest gap of a closed loop
 
@@ -97,10 +98,9 @@ class Body:
         """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
         motor, arm = self.positions()
         psi = self.data.qpos[self.bars].tolist()
-        rest = [0.0] * (6 - self.robot.n)
         psi += [0.0] * (_core.max_bars - len(psi))
-        motors, arms = [*motor.tolist(), *rest], [*arm.tolist(), *rest]
-        q_e, _ = _core.readings(self.robot.core, *self.nacelle(), psi, theta, motors, arms)
+        bodies = self.robot.core, *self.nacelle()
+        q_e, _ = _core.readings(*bodies, psi, theta, padded(motor), padded(arm))
         return np.array(q_e)[: self.robot.n + self.robot.r]
 
     def hold(self) -> None:

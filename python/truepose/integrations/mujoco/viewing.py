@@ -29,8 +29,8 @@ def show(robot: Robot) -> None:
     TrueposeError: MuJoCo is not installed, or there is no screen.
     """
     require()
-    on_linux = sys.platform.startswith("linux")
-    if on_linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform.startswith("linux") and not screen:
         raise TrueposeError(f"{robot.name}: there is no screen here; --png FILE draws a picture")
     from mujoco import viewer
 
