@@ -17,7 +17,7 @@ from truepose.exceptions import InputError, choose
 MEET = 1e-6
 
 
-@dataclass
+@dataclass(eq=False)
 class Link:
     """Connection of two rigid bodies: joints at one place, or a point that closes a loop.
 
