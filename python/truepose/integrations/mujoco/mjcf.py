@@ -180,7 +180,7 @@ class Model(Mechanism):
             for (rod, _), end in zip(self.rods(i), ends, strict=True):
                 add(on, "site", name=f"{rod}.anchor", pos=end)
             if len(ends) > 1:
-                capsule(on, kind, *ends, self.size / 80)
+                capsule(on, kind, ends[0], ends[1], self.size / 80)
 
     def _freedom(self, body: ET.Element) -> None:
         """Add the nacelle's joints without rods: planar, on passive axes, or free."""

@@ -123,9 +123,11 @@ class MujocoPlant:
         require_same_readings(robot, self.truth)
         if x_d.ndim != 2 or x_d.shape[1] != robot.n:
             raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
-        shapes = ((robot.n + robot.r,), (4, 4), (robot.n,))
-        status = np.full(len(x_d), "", dtype=object)
-        result = Visit(*(np.full((len(x_d), *shape), np.nan) for shape in shapes), status)
+        q_e, frame, x = (
+            np.full((len(x_d), *shape), np.nan)
+            for shape in ((robot.n + robot.r,), (4, 4), (robot.n,))
+        )
+        result = Visit(q_e, frame, x, np.full(len(x_d), "", dtype=object))
         length = len(x_d) if self.faults else _RANGE  # a stuck reading persists from pose to pose
         starts = range(0, len(x_d), max(1, length))
 
@@ -232,12 +234,16 @@ class _Drive:
     def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
         """Run one control period of a move that began at `began`; return an error or ""."""
         body, plant, core = self.body, self.plant, self.believed.core
-        setpoint = _core.setpoint(core, padded(start), padded(end), plant.duration, now)
+        x, rate, acceleration = _core.setpoint(
+            core, padded(start), padded(end), plant.duration, now
+        )
         sensed = self._faulty(began + now)
         q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.n, q_e)
-        status, _ = self.state.step(core, self.settings, *setpoint, q_e, self.known, self.bus)
+        status, _ = self.state.step(
+            core, self.settings, x, rate, acceleration, q_e, self.known, self.bus
+        )
         if status > 0:
             if not plant.faults:
                 return _core.describe(status)

@@ -30,19 +30,13 @@ class Playback:
     assessment: Assessment | None = None  #: after a calibration
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the residuals' columns."""
-        return self.robot.sensors
-
-    @property
     def after(self) -> Expectation | None:
         """Expectation from the motors, at the calibrated geometry."""
         return None if self.assessment is None else self.assessment.after
 
     def pose(self, line: int) -> Array:
         """Return the estimated pose of a row, (n,); NaN if unknown."""
-        known = self.before if self.after is None else self.after
-        return known.x[line]
+        return (self.after or self.before).x[line]
 
 
 def opened(robot: Robot, log: Log) -> Playback:
@@ -85,8 +79,7 @@ def calibrated(played: Playback) -> Playback:
     >>> bool(after < before / 10)
     True
     """
-    notes = list(played.notes)
-    assessment = review.assess(played.robot, played.log, notes, loss="student")
+    assessment = review.assess(played.robot, played.log, [*played.notes], loss="student")
     return replace(played, assessment=assessment)
 
 
