@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,6 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.integrations.importers.actuators import armature, torque_limit
 from truepose.integrations.importers.home import standing, with_workspace
 from truepose.integrations.importers.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile import RobotFile, taken
@@ -125,13 +125,12 @@ class _Pivot:
         name = self.m.name_of
         if rod in self.bodies:
             raise self._wrong(f"{far.name} joins it to {name(rod)}: no rod is between")
-        self._end(far)
+        self._ends(far)
         near = self._only(rod, far, "a rod has two ends")
         if near.slides:  # a leg
             motor, upper = near, near.other(rod)
             near = self._only(upper, motor, "a leg's part has an end and a slide")
-            self._end(near)
-            self._ball(near, far)
+            self._ends(near, far)
             base = near.other(upper)
             if base not in self.bodies:
                 raise self._wrong(
@@ -142,8 +141,7 @@ class _Pivot:
             raise self._wrong(
                 f"{far.name} joins it to {name(rod)}, turned by {near.name}, without a rod between"
             )
-        self._end(near)
-        self._ball(near, far)
+        self._ends(near, far)
         crank = near.other(rod)
         if crank in self.bodies:
             raise self._wrong(f"rod {name(rod)} ends on {name(crank)}: no motor moves it")
@@ -173,18 +171,19 @@ class _Pivot:
             )
         return found[0]
 
-    def _end(self, link: Link) -> None:
-        if link.turns < 2:
-            kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
+    def _ends(self, *links: Link) -> None:
+        """Raise InputError unless the links can be a rod's ends."""
+        for link in links:
+            if link.turns < 2:
+                kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
+                raise self._wrong(
+                    f"{link.name}, a {kind}, ends a rod: must be a ball, a universal joint or a "
+                    "connect"
+                )
+        if len(links) == 2 and sum(link.turns for link in links) < 5:
             raise self._wrong(
-                f"{link.name}, a {kind}, ends a rod: must be a ball, a universal joint or a connect"
-            )
-
-    def _ball(self, near: Link, far: Link) -> None:
-        if near.turns + far.turns < 5:
-            raise self._wrong(
-                f"{near.name} and {far.name} are both universal joints, which hold the rod's spin: "
-                "one must be a ball"
+                f"{' and '.join(link.name for link in links)} are both universal joints, which "
+                "hold the rod's spin: one must be a ball"
             )
 
     def _check(self) -> None:
@@ -300,9 +299,10 @@ class _Pivot:
         model, joint = self.m.model, rod.motor.ids[0]
         data: dict[str, Any] = self._limits(joint) if len(rod.rods) == 1 else {}
         actuators = self.m.actuators.get(joint, [])
-        if np.isfinite(most := torque_limit(model, joint, actuators)):
+        if np.isfinite(most := _torque_limit(model, joint, actuators)):
             data["torque_limit"] = most
-        inertia = armature(model, joint, actuators)
+        gear, rotor = model.actuator_gear[actuators, 0], model.actuator_armature[actuators]
+        inertia = float(model.dof_armature[model.jnt_dofadr[joint]] + np.sum(gear**2 * rotor))
         mass, centre, I = self._inertia([rod.moved])
         if rod.motor.slides:
             inertia += mass
@@ -349,3 +349,27 @@ def _word(name: str) -> str:
 def _round(vector: Array) -> tuple[float, ...]:
     """Round to remove numerical noise around zero only."""
     return tuple(float(v) if abs(v) > 1e-12 else 0.0 for v in vector)
+
+
+def _torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
+    """Return the largest force or torque of a joint's actuators, either way, N·m or N, or infinity.
+
+    An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
+    """
+    most = sum(_most(model, k) for k in actuators) if actuators else math.inf
+    if model.jnt_actfrclimited[joint]:
+        most = min(most, np.abs(model.jnt_actfrcrange[joint]).max())
+    return float(most)
+
+
+def _most(model: Any, k: int) -> float:
+    """Return the largest force or torque of an actuator after its gear."""
+    limited, control = model.actuator_forcelimited[k], model.actuator_ctrladr[k]
+    most = np.abs(model.actuator_forcerange[k]).max() if limited else math.inf
+    # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain (0),
+    # no bias (0), no dynamics (0).
+    kinds = model.actuator_gaintype[k], model.actuator_biastype[k], model.actuator_dyntype[k]
+    if not any(kinds) and model.actuator_ctrllimited[control]:
+        asked = np.abs(model.actuator_ctrlrange[control]).max()
+        most = min(most, asked * abs(model.actuator_gainprm[k, 0]))
+    return most * abs(model.actuator_gear[k, 0])

@@ -126,10 +126,7 @@ def to_configuration(
     values = {
         "mark": files.mark("LinuxCNC configuration"),
         "robot": robot,
-        "n": robot.n,
         "letters": "".join(axis["letter"] for axis in axes),
-        "order": ", ".join(name for name, _ in robot.coordinates),
-        "assumed": "velocities, accelerations, PID",
         "period": controller.period,
         "linear": speeds.of("m"),
         "angular": speeds.of("rad"),

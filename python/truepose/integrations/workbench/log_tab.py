@@ -13,8 +13,7 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
 from truepose.integrations.workbench import playback, words
-from truepose.integrations.workbench.bench import Tab
-from truepose.integrations.workbench.page import Page
+from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.playback import Playback
 from truepose.integrations.workbench.state import State
 from truepose.robot.units import in_print

@@ -12,8 +12,7 @@ from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.integrations.workbench import motion, words
-from truepose.integrations.workbench.bench import Tab
-from truepose.integrations.workbench.page import Page
+from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, usual
 from truepose.robot.units import reading_units, summed
@@ -82,6 +81,7 @@ class MotionTab(Tab):
             self._run = motion.run(state, self._law.value, self._faults, watched)
         except TrueposeError:
             self._move.value = self.page.moving = False
+            self._run = None
             self.page.scene.show_gizmos(True)
             raise
 
@@ -156,7 +156,6 @@ class MotionTab(Tab):
         try:
             self._again()
         except TrueposeError as error:
-            self._run = None
             self._lights.content = words.page(words.note(one_line(error, 300), wrong=True))
 
     def follow(self, state: State) -> None:

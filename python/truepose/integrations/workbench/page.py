@@ -7,7 +7,6 @@ import io
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,6 @@ from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import Law, usual
 
-#: Constructor of a tab from the page and its panel.
-Made = Callable[["Page", GuiApi], Any]
 FRAMES = 20  #: animation frames per second
 
 
@@ -31,7 +28,7 @@ class Page:
     """A served page. All changes go through :meth:`doing`, one at a time."""
 
     def __init__(
-        self, state: State, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
+        self, state: State, host: str, port: int, tabs: Mapping[str, Any], dark: bool = False
     ):
         self._guard = Guard(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints an address without token
@@ -151,22 +148,22 @@ class Page:
     def _keys(self, gui: GuiApi) -> None:
         """Add keys for frequent actions; the command palette lists them."""
 
-        def next_law() -> None:
+        def next_law(_: Any) -> None:
             laws = [*LAW_COLOURS, *LAW_COLOURS]
             self.law = laws[laws.index(self.law) + 1]
 
-        def no_errors() -> None:
+        def no_errors(_: Any) -> None:
             self.state = self.state.without_errors()
 
-        actions: dict[str, tuple[str, Callable[[], None]]] = {
-            "H": ("Home", self.home),
+        actions: dict[str, tuple[str, Callable[[Any], None]]] = {
+            "H": ("Home", lambda _: self.home()),
             "L": ("Next law", next_law),
             "N": ("No errors", no_errors),
-            "M": ("Move, or stop", self.tabs[4].toggle),
+            "M": ("Move, or stop", lambda _: self.tabs[4].toggle()),
         }
         for key, (label, do) in actions.items():
             command: Any = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
-            self.when(command.on_trigger, partial(lambda do, _: do(), do))
+            self.when(command.on_trigger, do)
 
     def _play(self) -> None:
         """Advance the animations until the page is stopped."""
@@ -201,3 +198,16 @@ class Page:
         self._player.join()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
+
+
+class Tab:
+    """A tab of the panel, made from the page and the page's controls."""
+
+    def __init__(self, page: Page):
+        self.page = page
+
+    def follow(self, state: State) -> None:
+        """Show the state, after a change from elsewhere."""
+
+    def tick(self, now: float) -> None:
+        """Advance the animation to the time `now`."""

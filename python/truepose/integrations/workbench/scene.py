@@ -111,12 +111,8 @@ class Scene:
             gizmos.append(handle)
         if "rad" in units:  # the axes normal to the rotation
             about = (True, True, "m" not in units or units.count("rad") > 1)
-            ring: dict[str, Any] = {
-                "active_axes": about,
-                "disable_axes": True,
-                "disable_sliders": True,
-            }
-            gizmos.append(add("/turn", 0.16 * self._size, **ring))
+            only_rings: dict[str, Any] = {"disable_axes": True, "disable_sliders": True}
+            gizmos.append(add("/turn", 0.16 * self._size, active_axes=about, **only_rings))
         for gizmo in gizmos:
             gizmo.depth_test = False
 

@@ -12,8 +12,7 @@ from viser import GuiApi
 from truepose.arguments import Array
 from truepose.exceptions import TrueposeError, one_line
 from truepose.integrations.workbench import answers, words
-from truepose.integrations.workbench.bench import Tab
-from truepose.integrations.workbench.page import Page
+from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.state import (
     State,
     error_range,
