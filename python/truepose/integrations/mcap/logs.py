@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,14 @@ def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
     channels: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     owner: dict[str, str] = {}
     try:
-        for channel, message in _messages(path, make_reader(io.BytesIO(data))):
+        reader = make_reader(io.BytesIO(data))
+        summary = reader.get_summary()
+        chunks = summary.chunk_indexes if summary else ()
+        require(path, 0, 0, sum(chunk.uncompressed_size for chunk in chunks))
+        for count, (_, channel, message) in enumerate(reader.iter_messages(), 1):
+            require(path, count, 0)
+            if channel.message_encoding != "json":
+                continue
             cells = json.loads(message.data)
             if not isinstance(cells, dict):
                 continue
@@ -116,14 +122,3 @@ def _mcap(path: Path) -> Any:
             f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs no package"
         ) from None
     return reader, writer
-
-
-def _messages(path: Path, reader: Any) -> Iterator[Any]:
-    """Yield channel and message of an MCAP file's messages in JSON."""
-    summary = reader.get_summary()
-    chunks = summary.chunk_indexes if summary else ()
-    require(path, 0, 0, sum(chunk.uncompressed_size for chunk in chunks))
-    for count, (_, channel, message) in enumerate(reader.iter_messages(), 1):
-        require(path, count, 0)
-        if channel.message_encoding == "json":
-            yield channel, message

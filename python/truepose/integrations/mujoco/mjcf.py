@@ -139,11 +139,9 @@ class Model(Mechanism):
         return hung
 
     def _leg(self, i: int, rod: str, side: float, motor: dict[str, Any], world: ET.Element) -> None:
-        """Add a leg of driven length with its weight distributed evenly.
-
-        The reduced model's file does not distinguish cylinder and piston: m/3 at the end has the
-        leg's inertia, and gravcomp gives it the weight m/2 there.
-        """
+        """Add a leg of driven length with its weight distributed evenly."""
+        # The reduced model's file does not distinguish cylinder and piston: m/3 at the end has the
+        # leg's inertia, and gravcomp gives it the weight m/2 there.
         chain, length = self.chains[i], self.home.position[i]
         leg = self._hang(world, rod, self.elbow(i, side, length), self.mount(i, length))
         point(leg, MASSLESS)

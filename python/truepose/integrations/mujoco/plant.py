@@ -77,9 +77,9 @@ class MujocoPlant:
         faults: Sequence[Fault] = (),
     ):
         require()
-        lengths = {"duration": duration, "timestep": timestep, "longest": longest}
-        for name, value in lengths.items():
-            positive(name, value)
+        positive("duration", duration)
+        positive("timestep", timestep)
+        positive("longest", longest)
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
@@ -123,11 +123,13 @@ class MujocoPlant:
         require_same_readings(robot, self.truth)
         if x_d.ndim != 2 or x_d.shape[1] != robot.n:
             raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
-        q_e, frame, x = (
-            np.full((len(x_d), *shape), np.nan)
-            for shape in ((robot.n + robot.r,), (4, 4), (robot.n,))
+        n, count = robot.n, len(x_d)
+        result = Visit(
+            np.full((count, n + robot.r), np.nan),
+            np.full((count, 4, 4), np.nan),
+            np.full((count, n), np.nan),
+            np.full(count, "", dtype=object),
         )
-        result = Visit(q_e, frame, x, np.full(len(x_d), "", dtype=object))
         length = len(x_d) if self.faults else _RANGE  # a stuck reading persists from pose to pose
         starts = range(0, len(x_d), max(1, length))
 

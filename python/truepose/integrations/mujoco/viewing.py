@@ -19,7 +19,6 @@ from truepose.integrations.mujoco.mjcf import Model
 from truepose.robot.robot import Robot
 
 _WIDTH, _HEIGHT = 1600, 1200
-_DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
 _PATIENCE = 120  # timeout of one picture, s
 
 
@@ -42,19 +41,19 @@ def show(robot: Robot) -> None:
 def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     """Draw the robot at home into a PNG file. Needs no screen.
 
-    A picture drawn by truepose is replaced; `force` replaces any other file as well. InputError:
-    the file cannot or may not be written. TrueposeError: MuJoCo is missing, or no OpenGL driver
-    works.
+    InputError: the file exists (`force` replaces it) or cannot be written. TrueposeError: MuJoCo is
+    missing, or no OpenGL driver works.
     """
     require()
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: must end in .png")
     check([Output(path, "picture")], force=force)
     given = os.environ.get("MUJOCO_GL")
+    drivers = (given,) if given else ("egl", "osmesa", "glfw")  # the last one needs a screen
     with unfinished(Path(tempfile.mkdtemp())) as folder:
         model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Model(robot).xml(), encoding="utf-8")
-        for driver in (given,) if given else _DRIVERS:
+        for driver in drivers:
             try:
                 subprocess.run(
                     [sys.executable, "-m", __name__, str(model), str(png)],
@@ -68,10 +67,9 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
                 continue
             replace_file(path, png.read_bytes(), "picture", force)
             return
-    tried = given or ", ".join(_DRIVERS)
     raise TrueposeError(
-        f"no OpenGL driver works (MUJOCO_GL: {tried}): install libegl1 and libgl1-mesa-dri, or "
-        "libosmesa6 (Debian's names)"
+        f"no OpenGL driver works (MUJOCO_GL: {', '.join(drivers)}): install libegl1 and "
+        "libgl1-mesa-dri, or libosmesa6 (Debian's names)"
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from viser import GuiApi, uplot
 
+from truepose import logs
 from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
@@ -51,7 +52,8 @@ class LogTab(Tab):
 
     def open(self, path: Path) -> None:
         """Read a log file."""
-        self._take(playback.read(self.page.state.drawn, path))
+        drawn = self.page.state.drawn
+        self._take(playback.opened(drawn, logs.read(drawn, path)))
 
     def _upload(self, file: Any) -> None:
         with unfinished(Path(tempfile.mkdtemp())) as folder:

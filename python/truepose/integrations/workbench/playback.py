@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -52,11 +51,6 @@ def opened(robot: Robot, log: Log) -> Playback:
     model = robot.expected()
     notes = tuple(finding.text for finding in findings)
     return Playback(model, log, notes, expect(model, log.readings))
-
-
-def read(robot: Robot, path: str | Path) -> Playback:
-    """Open a log file: CSV, Parquet or MCAP."""
-    return opened(robot, logs.read(robot, path))
 
 
 def simulated_log(state: State, poses: int, seed: int = 0) -> Playback:

@@ -9,7 +9,7 @@ import numpy as np
 from trimesh.creation import cylinder
 from trimesh.graph import smooth_shade
 from viser import TransformControlsHandle, ViserServer
-from viser.transforms import SO3
+from viser.transforms import SE3, SO3
 
 from truepose.arguments import Array
 from truepose.integrations.workbench.answers import Rest, conditioning_map, ellipsoid, skeletons
@@ -118,9 +118,8 @@ class Scene:
 
             @gizmo.on_update
             def _(event: Any) -> None:
-                frame = np.eye(4)
-                frame[:3, :3] = SO3(np.asarray(event.target.wxyz)).as_matrix()
-                frame[:3, 3] = event.target.position
+                turn = SO3(np.asarray(event.target.wxyz))
+                frame = SE3.from_rotation_and_translation(turn, event.target.position).as_matrix()
                 dragged(frame, event.phase == "end")
 
         return gizmos
