@@ -23,11 +23,9 @@ def standing(
 ) -> tuple[Robot, list[str]]:
     """Return a rotational robot with home and working modes, and notes on them.
 
-    Home is the model's pose if reachable within all limits, else zero or mid-range, with a note.
-
-    The argument `data` is a robot file without home and working modes. `drawn` and `motors`, shape
-    (n,), are positions of passive axes and motors in the model; the nearest working modes are
-    chosen. `source` and `body` serve messages. InputError: none of the three is reachable.
+    Home is the model's pose `drawn` if reachable within all limits, else zero or mid-range. The
+    working modes are the nearest to the motors' positions in the model, `motors`, (n,). InputError,
+    with `source` and `body`: none of the three is reachable.
     """
     middle = [float(np.mean(axis.get("limits", (0, 0)))) for axis in data["passive_axis"]]
     why = ""

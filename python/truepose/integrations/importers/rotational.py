@@ -352,10 +352,8 @@ def _round(vector: Array) -> tuple[float, ...]:
 
 
 def _torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
-    """Return the largest force or torque of a joint's actuators, either way, N·m or N, or infinity.
-
-    An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
-    """
+    """Return the largest force or torque of a joint's actuators, N or N·m, or infinity."""
+    # An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
     most = sum(_most(model, k) for k in actuators) if actuators else math.inf
     if model.jnt_actfrclimited[joint]:
         most = min(most, np.abs(model.jnt_actfrcrange[joint]).max())

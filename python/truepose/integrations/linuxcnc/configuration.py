@@ -120,10 +120,10 @@ def to_configuration(
     require_same_readings(robot, machine)
     speeds, units, axes = Speeds(), reading_units(robot), _axes(robot)
     exported, learnt = corrections(robot, controller)
-    noise, most, rate = dither(robot), np.maximum(exported, learnt), rates(robot, controller)
+    noise, most, rate = _dither(robot), np.maximum(exported, learnt), rates(robot, controller)
     moved = np.column_stack([most, rate, noise])
     shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
-    values = {
+    values: dict[str, Any] = {
         "mark": files.mark("LinuxCNC configuration"),
         "robot": robot,
         "letters": "".join(axis["letter"] for axis in axes),
@@ -144,6 +144,16 @@ def to_configuration(
         "axes": axes,
         "sensors": _sensors(robot),
     }
+    return {
+        "robot.ini": _rendered("robot.ini", values),
+        "robot.hal": _rendered("robot.hal", values),
+        "robot.table": to_table(robot, controller, watch),
+        "machine.table": to_table(machine, controller, watch),
+    }
+
+
+def _rendered(name: str, values: dict[str, Any]) -> str:
+    """Return a template with its values, numbers with six digits."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -152,13 +162,7 @@ def to_configuration(
         keep_trailing_newline=True,
         finalize=lambda value: f"{value:.6g}" if isinstance(value, float) else value,
     )
-    made: dict[str, str | bytes] = {
-        name: environment.get_template(f"{name}.j2").render(values)
-        for name in ("robot.ini", "robot.hal")
-    }
-    made["robot.table"] = to_table(robot, controller, watch)
-    made["machine.table"] = to_table(machine, controller, watch)
-    return made
+    return environment.get_template(f"{name}.j2").render(values)
 
 
 def corrections(robot: Robot, controller: Controller) -> tuple[Array, Array]:
@@ -239,10 +243,9 @@ def _mean(products: Array) -> Array:
     return np.ma.masked_invalid(products).mean(axis=1).filled(0.0)
 
 
-def dither(robot: Robot) -> Array:
+def _dither(robot: Robot) -> Array:
     """Return the change of each motor's error by one count of every reading, m or rad."""
-    x = _workspace(robot)
-    tej = np.abs(robot.tej(x, errors="nan")[1])
+    tej = np.abs(robot.tej(_workspace(robot), errors="nan")[1])
     return np.nanmax(tej @ robot.resolution, axis=0)
 
 

@@ -1,8 +1,4 @@
-"""Logs in MCAP, the format of Foxglove and PlotJuggler: channels of JSON messages.
-
-A row of a log is a message of the motors' readings with the nearest message in time of every other
-channel.
-"""
+"""Logs in MCAP, the format of Foxglove and PlotJuggler: channels of JSON messages."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""Export of a robot as MJCF, MuJoCo's model format.
-
-Arms (or carriages, or legs) on the base carry their rods. The nacelle is free, or on its passive
-axes, with its lateral bars on pivots. `equality/connect` joins each rod's end to the nacelle. A rod
-is on a universal joint, which leaves all directions free but no spin. The file contains all numbers
-and does not need truepose.
-"""
+"""Export of a robot as MJCF, MuJoCo's model format; docs/mujoco.md lists bodies and joints."""
 
 from __future__ import annotations
 

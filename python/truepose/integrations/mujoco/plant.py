@@ -1,8 +1,4 @@
-"""A plant of rigid bodies in MuJoCo.
-
-Bodies and joints are those of :mod:`truepose.integrations.mujoco.mjcf`. Readings come from the
-core's sensor models at MuJoCo's pose, torques from the core's control cycle.
-"""
+"""A plant of rigid bodies in MuJoCo, with the core's sensor models and control cycle."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""A robot in MuJoCo's viewer, or as a picture.
-
-As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture with
-the given MUJOCO_GL, in its own process because a broken driver may crash it.
-"""
+"""A robot in MuJoCo's viewer, or as a picture."""
 
 from __future__ import annotations
 
@@ -54,7 +50,7 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
         model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Model(robot).xml(), encoding="utf-8")
         for driver in drivers:
-            try:
+            try:  # in a process of its own, because a broken driver may crash it
                 subprocess.run(
                     [sys.executable, "-m", __name__, str(model), str(png)],
                     env=os.environ | {"MUJOCO_GL": driver},
@@ -74,6 +70,7 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
 
 
 def _draw(model_file: str, png: str) -> None:
+    """Draw one picture with the driver in MUJOCO_GL."""
     import mujoco
     from matplotlib.image import imsave
 

@@ -27,10 +27,8 @@ _STEPS = 400  #: steps of a slider
 
 
 def _slider(page: Page, axis: Axis, ends: Array, value: float, do: Callable[[float], None]) -> Any:
-    """Add a slider in display units; `do` takes its value in m, rad or without a unit.
-
-    Its ends and its value are multiples of its step.
-    """
+    """Add a slider in display units; `do` takes its value in m, rad or without a unit."""
+    # Its ends and its value are multiples of its step.
     low, high = axis.factor * ends
     step = 10.0 ** np.floor(np.log10((high - low) / _STEPS))
     low, high = round(np.floor(low / step) * step, 9), round(np.ceil(high / step) * step, 9)
