@@ -17,7 +17,7 @@ from truepose.arguments import Array, Level, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
 from truepose.robotfile.schema import CalibrationSection, RobotFile
-from truepose.robotfile.to_core import build, columns, drawn, encoder_step, parameterised
+from truepose.robotfile.to_core import build, columns, drawn, encoder_step
 
 #: Names and units of each mobility's coordinates; a rotational platform's are in its file.
 COORDINATES = {
@@ -70,7 +70,10 @@ class Description:
         self.core_drawn = build(spec)
         self.core_drawn.level = getattr(_core.Level, self.level)
         self.core_drawn.finish()
-        self.core = parameterised(self.core_drawn, columns(spec), self._values)
+        xi = np.asarray(self.core_drawn.drawn_parameters())
+        for name, column in columns(spec):
+            xi[column] = self._values.get(name, xi[column])
+        self.core = self.core_drawn.with_parameters(xi)
         failure = self.core.finish()
         if failure[0]:
             names = [name for name, _ in self.coordinates]
