@@ -113,5 +113,18 @@ def at_poses(
     return [of.reshape(*lead, *of.shape[1:]) for of in results]
 
 
+def together(robot: Description, errors: Errors, **values: ArrayLike) -> list[Array]:
+    """Check arrays (..., n) by name and broadcast their leading shapes."""
+    arrays = [
+        rows.reshape(*lead, robot.n)
+        for rows, lead in (flattened(robot, v, robot.n, n, errors) for n, v in values.items())
+    ]
+    try:
+        return list(np.broadcast_arrays(*arrays))
+    except ValueError:
+        shapes = ", ".join(f"{n} {a.shape}" for n, a in zip(values, arrays, strict=True))
+        raise InputError(f"{shapes}: leading shapes must broadcast") from None
+
+
 def _list(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"

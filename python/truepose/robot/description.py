@@ -11,22 +11,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
-from truepose.robotfile.schema import CalibrationSection, RobotFile
+from truepose.robotfile.base import COMMON, is_compliance
+from truepose.robotfile.schema import CalibrationSection, Compliance, RobotFile, Tolerance
 from truepose.robotfile.to_core import build, columns, drawn, encoder_step
-
-#: Names and units of each mobility's coordinates; a rotational platform's are in its file.
-COORDINATES = {
-    "planar_translation": (("x", "m"), ("y", "m")),
-    "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
-    "translation": (("x", "m"), ("y", "m"), ("z", "m")),
-    "schoenflies": (("x", "m"), ("y", "m"), ("z", "m"), ("theta", "rad")),
-    "spatial": tuple((c, "m") for c in "xyz") + tuple((c, "rad") for c in ("rx", "ry", "rz")),
-}
 
 
 class Parameter(NamedTuple):
@@ -49,7 +42,7 @@ class FullLevel:
 
 
 class Description:
-    """A robot and its sensors, as data. Immutable; the base of :class:`truepose.Robot`.
+    """A robot and its sensors as data: what a :class:`truepose.Robot` is without a pose.
 
     Attributes
     ----------
@@ -74,10 +67,9 @@ class Description:
         for name, column in columns(spec):
             xi[column] = self._values.get(name, xi[column])
         self.core = self.core_drawn.with_parameters(xi)
-        failure = self.core.finish()
-        if failure[0]:
-            names = [name for name, _ in self.coordinates]
-            why = explain.at_home(self.core, spec, names, failure)
+        status, chain = self.core.finish()
+        if status:
+            why = explain.at_home(self.core, spec, (status, chain))
             raise RobotFileError(f"{spec.name}: {why}")
         if self.level == "full" and not self.full:
             raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
@@ -95,7 +87,7 @@ class Description:
         return hash((self._spec.name, self._spec.sensors, *self._values.values()))
 
     def __reduce__(self) -> tuple:
-        return type(self), (self._spec, self._values)  # the core's structs are built anew
+        return type(self), (self._spec, self._values)
 
     @property
     def name(self) -> str:
@@ -145,17 +137,16 @@ class Description:
         """
         full, kinds = self.core.full, _core.FullKind
         count = f"{full.rods} rods, {full.unknowns} freedoms"
-        reasons = {
-            kinds.same: f"{count}: the ideal level itself",
-            kinds.exists: count,
-            kinds.elastic: f"{count}: overconstrained by 1, closed by the rods' stretch",
-            kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
-            kinds.loose: f"underconstrained by {full.excess}: {count}; "
-            + (explain.not_held(self.core) if self.loose else ""),
-            kinds.undescribed: "its rods are not described one by one",
-        }
-        exists = full.kind in (kinds.same, kinds.exists, kinds.elastic)
-        return FullLevel(exists, reasons[full.kind])
+        free = explain.not_held(self.core) if self.loose else ""
+        exists, reason = {
+            kinds.same: (True, f"{count}: the ideal level itself"),
+            kinds.exists: (True, count),
+            kinds.elastic: (True, f"{count}: overconstrained by 1, closed by the rods' stretch"),
+            kinds.overconstrained: (False, f"overconstrained by {full.excess}: {count}"),
+            kinds.loose: (False, f"underconstrained by {full.excess}: {count}; {free}"),
+            kinds.undescribed: (False, "its rods are not described one by one"),
+        }[full.kind]
+        return FullLevel(exists, reason)
 
     @property
     def level(self) -> Level:
@@ -166,8 +157,7 @@ class Description:
     def highest_level(self) -> Level:
         """Default level of estimates, calibrations, predictions and weighting laws.
 
-        The robot's own level where one is set; otherwise full where that exists, since it models
-        every rod.
+        The robot's own level where one is set; otherwise full where that exists.
 
         Examples
         --------
@@ -219,9 +209,7 @@ class Description:
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each coordinate of x."""
-        if self._spec.mobility == "rotational":
-            return tuple((axis.name, "rad") for axis in self._spec.passive_axis)
-        return COORDINATES[self._spec.mobility]
+        return self._spec.coordinates
 
     @property
     def resolution(self) -> Array:
@@ -260,18 +248,34 @@ class Description:
 
     @functools.cached_property
     def _parameters(self) -> dict[str, Parameter]:
-        result = {}
         learnt = self._spec.calibration
-        means = dict(zip(learnt.parameters, learnt.mean, strict=True)) if learnt else {}
-        sigmas = learnt.sigma if learnt else {}
-        for name, value in self._values.items():
-            if name in means:
-                result[name] = Parameter(value, means[name], sigmas[name])
-                continue
-            tolerance = self._spec.tolerance(name)
-            mean = self._nominal[name] + (tolerance.mean if tolerance else 0.0)
-            result[name] = Parameter(value, mean, tolerance.deviation if tolerance else 0.0)
-        return result
+        known = (
+            zip(learnt.parameters, learnt.mean, learnt.sigma.values(), strict=True)
+            if learnt
+            else ()
+        )
+        priors = {name: (mean, sigma) for name, mean, sigma in known}
+        for name, nominal in self._nominal.items():
+            tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
+            priors.setdefault(name, (nominal + tolerance.mean, tolerance.deviation))
+        return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
+
+    @functools.cached_property
+    def compliance(self) -> Array:
+        """Strain of each chain's rods per newton of tension, own and common, 1/N, shape (n,)."""
+        names = [f"chain{i + 1}.compliance" for i in range(self.n)]
+        own = np.array([self._values.get(name, 0.0) for name in names])
+        return own + self._values.get(COMMON, 0.0)
+
+    @functools.cached_property
+    def is_compliant(self) -> bool:
+        """Whether any chain is compliant."""
+        return bool(self.compliance.any())
+
+    @functools.cached_property
+    def stiff(self) -> Self:
+        """The robot with stiff rods, as controllers model it."""
+        return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
     def replace(self, values: dict[str, float]) -> Self:
         """Return a copy with other parameter values.
@@ -297,8 +301,8 @@ class Description:
     def expected(self) -> Self:
         """Return the robot with every parameter at its prior mean.
 
-        It differs from the nominal robot where tolerances are not centered: the H4's rods are on
-        average 3.5 mm longer than nominal. A calibrated robot is already at its mean.
+        It differs from the nominal robot where tolerances are not centered. A calibrated robot is
+        already at its mean.
 
         Examples
         --------
@@ -320,15 +324,16 @@ class Description:
         >>> robot.parameters["wire1.origin.x"].mean
         0.1
         """
-        sensors = list(self._spec.sensor)
-        for k, sensor in enumerate(sensors):
-            vectors = {}
-            for key in sensor.mounting.values():
-                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
-                if not places.keys().isdisjoint(names):
-                    drawn = zip(names, getattr(sensor, key), strict=True)
-                    vectors[key] = tuple(places.get(name, value) for name, value in drawn)
-            sensors[k] = sensor.model_copy(update=vectors)
+        sensors = []
+        for sensor in self._spec.sensor:
+            vectors = {
+                key: tuple(
+                    places.get(f"{sensor.name}.{key}.{axis}", value)
+                    for axis, value in zip("xyz", getattr(sensor, key), strict=True)
+                )
+                for key in sensor.mounting.values()
+            }
+            sensors.append(sensor.model_copy(update=vectors))
         own = {name: v for name, v in self._values.items() if v != self._nominal[name]}
         return type(self)(self._spec.model_copy(update={"sensor": tuple(sensors)}), own)
 
@@ -336,13 +341,9 @@ class Description:
         """Return a copy with a calibration's parameter covariance, or with the prior's (None)."""
         if calibration is not None:
             require(calibration, CalibrationSection, "calibration", "fit.robot has one")
-        values = (
-            {}
-            if calibration is None
-            else dict(zip(calibration.parameters, calibration.mean, strict=True))
-        )
+        learnt = calibration and zip(calibration.parameters, calibration.mean, strict=True)
         spec = self._spec.model_copy(update={"calibration": calibration})
-        return type(self)(spec, self._values | values)
+        return type(self)(spec, self._values | dict(learnt or ()))
 
     def with_sensors(self, *names: str) -> Self:
         """Return a copy that uses these sensors of its file, in this order.
@@ -367,10 +368,24 @@ class Description:
 
         Inclinometers measure relative to gravity, or relative to z where it is off.
         """
-        numbers_of(gravity, "gravity")
-        if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
-            raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
-        return self._with(gravity=tuple(gravity))
+        return self._with(gravity=_vector("gravity", gravity, "m/s²"))
+
+    def with_payload(self, force: ArrayLike) -> Self:
+        """Return a copy with another load, N, on the platform's reference point, base frame.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("stewart").with_payload((0, 0, -500))
+        >>> robot = robot.replace({"compliance.all_chains": 1e-7})
+        >>> lower = robot.fkm(robot.stiff.ikm(robot.home))[2] - robot.home[2]
+        >>> print(f"{1e6 * lower:.1f} µm")
+        -24.0 µm
+        """
+        update = {"load": _vector("load", force, "N")}
+        return self._with(
+            compliance=(self._spec.compliance or Compliance()).model_copy(update=update)
+        )
 
     def without_quantization(self) -> Self:
         """Return a copy with unquantized encoders and sensors."""
@@ -379,10 +394,9 @@ class Description:
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.
 
-        Keeps the order and comments of the original. Parameters that differ from nominal go into
-        the table [parameters]; tolerances stay about the nominal values. An interrupted save leaves
-        the old file unchanged. `force` replaces an existing file, but never one that is read-only
-        or no regular file.
+        Keeps the order and comments of the original; other parameters than nominal go into the
+        table [parameters]. An interrupted save leaves the old file unchanged. `force` replaces an
+        existing file, but never one that is read-only or no regular file.
 
         Raises
         ------
@@ -400,3 +414,10 @@ class Description:
         """
         text = robotfile.to_toml(self._spec, self._values)
         files.write({robotfile.output(path): text}, force=force)
+
+
+def _vector(name: str, values: ArrayLike, unit: str) -> tuple[float, ...]:
+    vector = numbers_of(values, name)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"{name} = {values}: must be three finite numbers, {unit}")
+    return tuple(vector.tolist())

@@ -17,7 +17,7 @@ _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
 _HELD = 1e-6  # of the largest singular value; the core's bound for a rank
 
 
-def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
+def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
     """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
     status, chain = failure
     home = padded(spec.home)
@@ -36,6 +36,7 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
         words += f": {_not_turned(robot, spec, home)}"
     elif status == _core.singular:
         rows, _ = _core.rod_rows(robot, home)
+        coordinates = [name for name, _ in spec.coordinates]
         twists = np.zeros((spec.n, 6))
         twists[:, [_TWIST[name] for name in coordinates]] = _not_held(rows, coordinates)
         words += f": the chains do not constrain the platform against {_motions(twists)}"

@@ -11,7 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description, Parameter
-from truepose.robotfile.schema import is_compliance
+from truepose.robotfile.base import is_compliance
 from truepose.robotfile.to_core import file_key
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, SI, printed

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from truepose import _core
-from truepose.robotfile.schema import ANGLES, FREEDOMS, not_degrees
+from truepose.robotfile.base import COORDINATES, not_degrees
 
 #: Names reserved for logs and parameters.
 _TAKEN = re.compile(
@@ -39,12 +39,13 @@ def problems(data: dict) -> Iterator[Problem]:
     elif mobility == "rotational":
         if bars:
             yield Problem(("bar",), "bar: a rotational platform has no lateral bars")
-        yield from _sizes(data, f"a platform on {len(axes)} passive axes", len(axes))
+        yield from _sizes(data, f"a platform on {len(axes)} passive axes", ["rad"] * len(axes))
     elif axes:
         text = f"passive_axis: needs mobility rotational, not {mobility}"
         yield Problem(("passive_axis",), text)
-    if isinstance(mobility, str) and (n := FREEDOMS.get(mobility)):
-        yield from _sizes(data, f"{mobility} has {n} freedoms", n)
+    if isinstance(mobility, str) and mobility in COORDINATES:
+        units = [unit for _, unit in COORDINATES[mobility]]
+        yield from _sizes(data, f"{mobility} has {len(units)} freedoms", units)
     if len(bars) > _core.max_bars:
         text = f"{len(bars)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)
@@ -87,8 +88,9 @@ def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) ->
                 yield Problem(("sensor", number, key), text)
 
 
-def _sizes(data: dict, has: str, n: int) -> Iterator[Problem]:
-    """Yield another number of chains or coordinates than n, and angles in degrees."""
+def _sizes(data: dict, has: str, units: list[str]) -> Iterator[Problem]:
+    """Yield another number of chains or coordinates than there are units, and degrees for rad."""
+    n = len(units)
     chains = data.get("chain")
     if isinstance(chains, list) and len(chains) != n:
         more = (
@@ -98,7 +100,6 @@ def _sizes(data: dict, has: str, n: int) -> Iterator[Problem]:
         )
         text = f"{has}: give {n} chains, not {len(chains)}; {more}"
         yield Problem(("mobility",), text)
-    angles = ANGLES.get(data["mobility"])
     boxes = itertools.product(("workspace", "fkm_region"), ("minimum", "maximum"))
     for path in [("home",), *boxes]:
         value: Any = data
@@ -109,7 +110,7 @@ def _sizes(data: dict, has: str, n: int) -> Iterator[Problem]:
         if len(value) != n:
             yield Problem(path, f"{'.'.join(path)} needs {n} coordinates, has {len(value)}")
             continue
-        turns = value[-angles:] if angles else []
+        turns = [v for v, unit in zip(value, units, strict=True) if unit == "rad"]
         if turns and all(type(turn) in (int, float) for turn in turns):
             try:
                 not_degrees(f"{'.'.join(path)}: the platform's angle", turns)

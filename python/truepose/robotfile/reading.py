@@ -18,12 +18,11 @@ from pydantic import ValidationError
 from truepose.exceptions import RobotFileError, choose, shortened
 from truepose.files import contents
 from truepose.robotfile import consistency
-from truepose.robotfile.base import Section
+from truepose.robotfile.base import COORDINATES, Section
 from truepose.robotfile.consistency import Problem, tables
 from truepose.robotfile.pattern import expand, misfits
 from truepose.robotfile.schema import (
     ACTUATORS,
-    FREEDOMS,
     Chain,
     Compliance,
     Pattern,
@@ -205,7 +204,7 @@ def _parts(whole: dict) -> RobotFile | None:
     actuators = [str(chain.get("actuator")) for chain in chains]
     kinds = [str(sensor.get("kind")) for sensor in sensors]
     mobility = str(whole.get("mobility"))
-    known = mobility in (*FREEDOMS, "rotational")
+    known = mobility in (*COORDINATES, "rotational")
     if not (known and set(actuators) <= set(ACTUATORS) and set(kinds) <= set(SENSORS)):
         return None
     return RobotFile.model_construct(

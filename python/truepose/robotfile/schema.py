@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from truepose.robotfile.base import (
+    COORDINATES,
     Angle,
     Counts,
     Direction,
@@ -26,53 +26,12 @@ from truepose.robotfile.base import (
     Section,
     Sigma,
     Vector,
+    is_compliance,
     key,
+    not_degrees,
     unit,
 )
 from truepose.robotfile.sensors import Sensor
-
-#: Number of a mobility's angles, its last coordinates.
-ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "rotational": 3}
-#: Degrees of freedom (= chains = motors) of each mobility; rotational: as many as passive axes.
-FREEDOMS = {"planar_translation": 2, "planar": 3, "translation": 3, "schoenflies": 4, "spatial": 6}
-
-
-def not_degrees(what: str, angles: float | Sequence[float]) -> None:
-    """Raise ValueError for an angle of more than a turn, which is likely in degrees."""
-    listed = [angles] if isinstance(angles, float) else list(angles)
-    if max(map(abs, listed)) > 2 * math.pi:
-        turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
-        given = ", ".join(f"{angle:g}" for angle in listed)
-        raise ValueError(
-            f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
-        )
-
-
-#: Parameter name of the compliance that all chains share.
-COMMON = "compliance.all_chains"
-
-
-def is_compliance(parameter: str) -> bool:
-    """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all.
-
-    Examples
-    --------
-    >>> [is_compliance(name) for name in (COMMON, "compliance.*", "chain*.compliance")]
-    [True, True, True]
-    >>> is_compliance("*compliance"), is_compliance("chain*.rod")
-    (True, False)
-    """
-    return parameter.startswith("compliance.") or parameter.endswith("compliance")
-
-
-def speaks_of_compliance(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
-    """Return whether a file has a compliance: its table, a chain's own, or a parameter."""
-    return (
-        table is not None
-        or any(compliance is not None for compliance in own)
-        or any(is_compliance(str(name)) for name in names)
-    )
-
 
 Actuator = Literal["revolute", "prismatic", "telescopic"]
 ACTUATORS: tuple[str, ...] = get_args(Actuator)
@@ -411,17 +370,25 @@ class RobotFile(Section):
     _text: str = PrivateAttr(default="")
 
     @property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each coordinate of the pose."""
+        axes = tuple((axis.name, "rad") for axis in self.passive_axis)
+        return COORDINATES.get(self.mobility, axes)
+
+    @property
     def n(self) -> int:
         """Degrees of freedom."""
-        return len(self.passive_axis) if self.mobility == "rotational" else FREEDOMS[self.mobility]
+        return len(self.coordinates)
 
     @property
     def stretches(self) -> bool:
         """Whether compliances are among its parameters: where the file has any."""
         learnt = self.calibration.parameters if self.calibration else ()
-        named = (*self.tolerances, *self.parameters, *learnt)
-        own = [chain.compliance for chain in self.chain]
-        return speaks_of_compliance(self.compliance, own, named)
+        return (
+            self.compliance is not None
+            or any(chain.compliance is not None for chain in self.chain)
+            or any(map(is_compliance, (*self.tolerances, *self.parameters, *learnt)))
+        )
 
     @property
     def used(self) -> tuple[Sensor, ...]:

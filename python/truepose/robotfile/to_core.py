@@ -11,8 +11,8 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.base import Section
-from truepose.robotfile.schema import COMMON, Chain, Compliance, RobotFile
+from truepose.robotfile.base import COMMON, Section
+from truepose.robotfile.schema import Chain, Compliance, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
