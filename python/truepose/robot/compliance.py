@@ -102,20 +102,12 @@ def under_load(
     `compliance`, (n,), is by default the robot's; `force`, (N, 3), N, is added to the file's load;
     `tension`, (N, n), N, holds measured values, NaN where there is none.
     """
-    given = robot.compliance if compliance is None else compliance
     load = robot.spec.compliance.load if robot.spec.compliance else (0.0, 0.0, 0.0)
-    beside = np.zeros((len(x), 3)) if force is None else force
-    measured = np.full((len(x), robot.n), np.nan) if tension is None else tension
-    return UnderLoad(
-        *_core.under_load(
-            robot.core,
-            np.ascontiguousarray(x),
-            padded(given),
-            np.ascontiguousarray(beside + load),
-            np.ascontiguousarray(measured),
-            full,
-        )
-    )
+    force = np.tile(load, (len(x), 1)) + (0.0 if force is None else force)
+    tension = np.full((len(x), robot.n), np.nan) if tension is None else tension
+    strains = padded(robot.compliance if compliance is None else compliance)
+    x, tension = np.ascontiguousarray(x), np.ascontiguousarray(tension)
+    return UnderLoad(*_core.under_load(robot.core, x, strains, force, tension, full))
 
 
 def given_way(robot: Description, x: Array, full: bool, **loads: Array) -> UnderLoad:
@@ -127,10 +119,8 @@ def given_way(robot: Description, x: Array, full: bool, **loads: Array) -> Under
 
 def taken_as_stiff(robot: Description, what: str) -> str | None:
     """Return the warning that `what` ignores a robot's compliance; None where it has none."""
-    if not robot.is_compliant:
-        return None
-    left_out = "compliance and load are ignored"
-    return f"{robot.name}: {what} assumes stiff rods: {left_out}"
+    said = f"{robot.name}: {what} assumes stiff rods: compliance and load are ignored"
+    return said if robot.is_compliant else None
 
 
 def warn_if_stiff(robot: Description, what: str) -> None:
@@ -149,14 +139,13 @@ def columns(robot: Description, names: Sequence[str], by_compliance: Array) -> A
     """Select derivatives by these compliances, (N, n + r, len(names)), from all chains'."""
     of_chain = {f"chain{i + 1}.compliance": by_compliance[..., i] for i in range(robot.n)}
     of_chain[COMMON] = by_compliance.sum(axis=-1)
-    empty = np.zeros((*by_compliance.shape[:2], 0))
-    return np.stack([of_chain[name] for name in names], axis=-1) if names else empty
+    chosen = [of_chain[name] for name in names]
+    return np.stack(chosen, axis=-1) if chosen else by_compliance[..., :0]
 
 
 def acting(robot: Description, x: Array, full: bool) -> Array | None:
     """Return the columns of the uncertain compliances, as the core's bounds take them."""
-    names = unknown(robot)
-    if not names:
+    if not (names := unknown(robot)):
         return None
     by = columns(robot, names, under_load(robot, x, full).by_compliance)
     return np.ascontiguousarray(by.reshape(len(x), -1))

@@ -91,13 +91,10 @@ def _not_held(rows: Array, names: list[str]) -> Array:
     values = np.append(values, np.zeros(len(names) - len(values)))
     free = motions[values <= max(_HELD * values[0], values[-1])]
     for k in range(len(free)):  # reduced echelon form
-        column = int(np.abs(free[k:]).max(axis=0).argmax())
-        row = k + int(np.abs(free[k:, column]).argmax())
-        free[[k, row]] = free[[row, k]]
+        row, column = np.unravel_index(np.abs(free[k:]).argmax(), free[k:].shape)
+        free[[k, k + row]] = free[[k + row, k]]
         free[k] /= free[k, column]
-        for other in range(len(free)):
-            if other != k:
-                free[other] -= free[other, column] * free[k]
+        free -= np.outer(free[:, column] * (np.arange(len(free)) != k), free[k])
     free = np.where(np.abs(free) < _HELD, 0.0, free) / scale
     return np.vstack([free, np.zeros((len(names) - len(free), len(names)))])
 

@@ -38,8 +38,7 @@ def root(robot: Kinematics, names: list[str]) -> Array:
     if learnt is None:
         return np.diag(sigma)
     full = np.zeros((len(learnt.root), len(learnt.root)))
-    for k, row in enumerate(learnt.root):
-        full[k, : k + 1] = row
+    full[np.tril_indices(len(full))] = np.concatenate(learnt.root or [()])
     if list(learnt.parameters) == names:
         return full
     # The calibration used other sensors: combine rows of its S with the tolerances.
@@ -70,10 +69,7 @@ LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
 
 
 def left_out(robot: Kinematics) -> dict[str, float]:
-    """Return σ of the file's axis errors that the ideal level neglects, by parameter.
-
-    Empty where the full level equals the ideal one, or does not exist.
-    """
+    """Return σ of the file's axis errors that the ideal level neglects, by parameter, if any."""
     kinds = _core.FullKind
     if robot.core.full.kind not in (kinds.exists, kinds.elastic):
         return {}
@@ -84,10 +80,7 @@ def left_out(robot: Kinematics) -> dict[str, float]:
 
 
 def stated_error(robot: Kinematics) -> Array:
-    """Return σ of the ideal level's model error in each reading, (n + r,), by calibration or prior.
-
-    Zero after a calibration without model error (``model_error="off"``).
-    """
+    """Return σ of the ideal level's model error in each reading, by calibration or prior."""
     learnt = robot.spec.calibration
     if learnt is None:
         return model_error(robot)
@@ -153,26 +146,19 @@ def knowledge(
     sigma_scale : int
         Factor on the readings' σ.
     """
-    names = uncertain(robot)
+    names, column = uncertain(robot), dict(columns(robot.spec))
     more = compliance.unknown(robot) if stretches else []
-    column = dict(columns(robot.spec))
-    at = [column[name] for name in names]
-    p, last = len(names), len(more)
-    lower = root(robot, names + more) if posterior is None else posterior[: p + last, : p + last]
     errors = left_out(robot) if guarded else {}
     others = [] if beside is None else beside.tolist()
-    if errors or others:
-        at += [-1] * (len(others) + last)
-        at += [column[name] for name in errors]
-        whole = np.diag([0.0] * p + others + [0.0] * last + list(errors.values()))
-        own = [*range(p), *range(p + len(others), p + len(others) + last)]
-        whole[np.ix_(own, own)] = lower
-        lower = whole
-    else:
-        at += [-1] * last
+    p, k, last = len(names), len(others), len(more)
+    at = [column[name] for name in names] + [-1] * (k + last) + [column[name] for name in errors]
+    whole = np.diag([0.0] * p + others + [0.0] * last + list(errors.values()))
+    own = [*range(p), *range(p + k, p + k + last)]
+    lower = root(robot, names + more) if posterior is None else posterior[: p + last, : p + last]
+    whole[np.ix_(own, own)] = lower
     counts = error and not guarded
     sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
-    return Known(_core.Knowledge(at, lower, sigma.tolist()), p, len(errors), last)
+    return Known(_core.Knowledge(at, whole, sigma.tolist()), p, len(errors), last)
 
 
 class Known(NamedTuple):

@@ -112,28 +112,13 @@ def _motor(actuator: str) -> str:
 
 
 def tolerance(robot: Description, group: str, sigma: float) -> str:
-    """Write to what parameters, a name or a glob, are machined.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> tolerance(tp.load("h4"), "chain*.rod", 1e-4)
-    'rod 0.1 mm'
-    """
+    """Write to what parameters, a name or a glob, are machined: rod 0.1 mm."""
     unit = unit_of(robot, fnmatch.filter(robot.parameters, group)[0])
     return f"{group.removeprefix('chain*.')} {printed(sigma, unit, '.3g')}"
 
 
 def in_print(robot: Description, name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a column's or a parameter's value.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
-    ['mm', '°', '°', '']
-    """
+    """Factor and unit in which people read a column's or a parameter's value."""
     return PRINT[unit_of(robot, name)]
 
 
