@@ -6,7 +6,6 @@ import functools
 import math
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -28,17 +27,6 @@ class Parameter(NamedTuple):
     value: float  #: in this robot, m or rad
     mean: float  #: prior mean
     sigma: float  #: prior standard deviation
-
-
-@dataclass(frozen=True)
-class FullLevel:
-    """Whether a model of every rod, the full level, exists; true if it does."""
-
-    exists: bool
-    reason: str  #: rods and degrees of freedom, or why the level does not exist
-
-    def __bool__(self) -> bool:
-        return self.exists
 
 
 class Description:
@@ -125,7 +113,7 @@ class Description:
         return np.array(self._spec.home)
 
     @property
-    def full(self) -> FullLevel:
+    def full(self) -> explain.FullLevel:
         """Whether ``level="full"``, a model of every rod, exists; its `reason` says why.
 
         Examples
@@ -135,18 +123,7 @@ class Description:
         >>> bool(full), full.reason
         (True, '8 rods, 8 freedoms')
         """
-        full, kinds = self.core.full, _core.FullKind
-        count = f"{full.rods} rods, {full.unknowns} freedoms"
-        free = explain.not_held(self.core) if self.loose else ""
-        exists, reason = {
-            kinds.same: (True, f"{count}: the ideal level itself"),
-            kinds.exists: (True, count),
-            kinds.elastic: (True, f"{count}: overconstrained by 1, closed by the rods' stretch"),
-            kinds.overconstrained: (False, f"overconstrained by {full.excess}: {count}"),
-            kinds.loose: (False, f"underconstrained by {full.excess}: {count}; {free}"),
-            kinds.undescribed: (False, "its rods are not described one by one"),
-        }[full.kind]
-        return FullLevel(exists, reason)
+        return explain.full_level(self.core)
 
     @property
     def level(self) -> Level:
@@ -179,8 +156,7 @@ class Description:
         >>> bool(abs(real.fkm(real.ikm(x)) - x).max() < 1e-12)
         True
         """
-        if level is not None:
-            self.is_full(level)
+        self.is_full(level)
         return self if level == self._spec.level else self._with(level=level)
 
     @functools.cached_property
@@ -229,7 +205,7 @@ class Description:
         >>> bool(np.allclose(h4.reading_sigma, h4.resolution / np.sqrt(12)))
         True
         """
-        noise = [chain.encoder_noise for chain in self._spec.chain]
+        noise = [part.encoder_noise for part in self._spec.chain]
         noise += [sensor.noise for sensor in self._spec.used]
         return np.sqrt(np.square(noise) + self.resolution**2 / 12)
 
@@ -267,7 +243,7 @@ class Description:
         own = np.array([self._values.get(name, 0.0) for name in names])
         return own + self._values.get(COMMON, 0.0)
 
-    @functools.cached_property
+    @property
     def is_compliant(self) -> bool:
         """Whether any chain is compliant."""
         return bool(self.compliance.any())
@@ -313,9 +289,7 @@ class Description:
         return self.replace({name: p.mean for name, p in self.parameters.items()})
 
     def with_mounting(self, places: Mapping[str, float]) -> Self:
-        """Return a copy with other nominal mountings of sensors.
-
-        `places` maps the names of sensor points' coordinates to m; tolerances are then about these.
+        """Return a copy with other nominal mountings of sensors, m, by the coordinates' names.
 
         Examples
         --------
@@ -346,9 +320,7 @@ class Description:
         return type(self)(spec, self._values | dict(learnt or ()))
 
     def with_sensors(self, *names: str) -> Self:
-        """Return a copy that uses these sensors of its file, in this order.
-
-        `names` are names or globs, "all", or "none"; or one list of them.
+        """Return a copy that uses these sensors, in this order: names, globs, "all" or "none".
 
         Examples
         --------
@@ -364,10 +336,7 @@ class Description:
         return self._with(sensors=chosen)
 
     def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
-        """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off.
-
-        Inclinometers measure relative to gravity, or relative to z where it is off.
-        """
+        """Return a copy under another gravity, m/s², base frame; for inclinometers 0 is along z."""
         return self._with(gravity=_vector("gravity", gravity, "m/s²"))
 
     def with_payload(self, force: ArrayLike) -> Self:
@@ -382,10 +351,9 @@ class Description:
         >>> print(f"{1e6 * lower:.1f} µm")
         -24.0 µm
         """
-        update = {"load": _vector("load", force, "N")}
-        return self._with(
-            compliance=(self._spec.compliance or Compliance()).model_copy(update=update)
-        )
+        table = self._spec.compliance or Compliance()
+        load = {"load": _vector("load", force, "N")}
+        return self._with(compliance=table.model_copy(update=load))
 
     def without_quantization(self) -> Self:
         """Return a copy with unquantized encoders and sensors."""
@@ -394,9 +362,8 @@ class Description:
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.
 
-        Keeps the order and comments of the original; other parameters than nominal go into the
-        table [parameters]. An interrupted save leaves the old file unchanged. `force` replaces an
-        existing file, but never one that is read-only or no regular file.
+        Keeps the order and comments of the original. An interrupted save leaves the old file
+        unchanged. `force` replaces an existing file, but never one that is read-only or special.
 
         Raises
         ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +16,33 @@ from truepose.robotfile.to_core import padded
 #: Index of each coordinate in a twist [velocity; angular velocity].
 _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
 _HELD = 1e-6  # of the largest singular value; the core's bound for a rank
+
+
+@dataclass(frozen=True)
+class FullLevel:
+    """Whether a model of every rod, the full level, exists; true if it does."""
+
+    exists: bool
+    reason: str  #: rods and degrees of freedom, or why the level does not exist
+
+    def __bool__(self) -> bool:
+        return self.exists
+
+
+def full_level(robot: _core.Robot) -> FullLevel:
+    """Return whether the full level exists, and why."""
+    full, kinds = robot.full, _core.FullKind
+    count = f"{full.rods} rods, {full.unknowns} freedoms"
+    free = _not_held_at_home(robot) if full.kind == kinds.loose else ""
+    exists, reason = {
+        kinds.same: (True, f"{count}: the ideal level itself"),
+        kinds.exists: (True, count),
+        kinds.elastic: (True, f"{count}: overconstrained by 1, closed by the rods' stretch"),
+        kinds.overconstrained: (False, f"overconstrained by {full.excess}: {count}"),
+        kinds.loose: (False, f"underconstrained by {full.excess}: {count}; {free}"),
+        kinds.undescribed: (False, "its rods are not described one by one"),
+    }[full.kind]
+    return FullLevel(exists, reason)
 
 
 def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
@@ -74,7 +102,7 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     return f"the motors do not constrain the platform against turning by {' : '.join(turned)}"
 
 
-def not_held(robot: _core.Robot) -> str:
+def _not_held_at_home(robot: _core.Robot) -> str:
     """Say which motions at home the rods leave free, where the full level is underconstrained."""
     rows = np.asarray(_core.full_rod_rows(robot))
     names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)

@@ -41,9 +41,9 @@ class Kinematics(Description):
     ) -> Array:
         """Inverse kinematic model: compute the motor positions q of the pose x, shape (..., n).
 
-        Each chain closes in its own working mode; the pose may be in any assembly mode unless
-        `own_mode` is set. Set it before commanding a machine: the motors do not hold the platform
-        on the way to a pose of another sign of det J_x. (Controllers always check.)
+        Each chain closes in its own working mode; the pose may be in any assembly mode. Set
+        `own_mode` before commanding a machine: the motors do not hold the platform on the way to a
+        pose of another sign of det J_x. (Controllers always check.)
 
         Parameters
         ----------
@@ -169,9 +169,8 @@ class Kinematics(Description):
     ) -> Array:
         """Forward kinematic model: compute the poses, (..., n), from the motor encoders alone.
 
-        Newton's method in the tangent space of the pose, with bounded iterations. If it finds no
-        pose of the robot's own mode from the guess, it restarts from home and moves the motors in
-        four stages (ideal level).
+        Newton's method with bounded iterations. If it finds no pose of the robot's own mode from
+        the guess, it restarts from home and moves the motors in four stages (ideal level).
 
         Parameters
         ----------
@@ -187,10 +186,9 @@ class Kinematics(Description):
         Raises
         ------
         PoseError
-            unreachable: certainly no pose closes the loops (two rods cannot be joined, the spheres
-            of a translation robot do not meet, a leg has no length); not converged: none found, but
-            one may exist; singular: the motors do not determine the pose; branch lost: it closes in
-            another working or assembly mode than the robot's.
+            unreachable: certainly no pose closes the loops; not converged: none found, but one may
+            exist; singular: the motors do not determine the pose; branch lost: it closes in another
+            working or assembly mode than the robot's.
 
         Examples
         --------
@@ -204,8 +202,7 @@ class Kinematics(Description):
         start, full = self._guesses(guess, lead, errors), self.is_full(level)
 
         def answer(q: Array, near: Array | None) -> compliance.Answer:
-            begin = start if near is None else np.ascontiguousarray(near)
-            return _core.fkm(self.core, np.ascontiguousarray(q), begin, full)[:3]
+            return _core.fkm(self.core, q, start if near is None else near, full)[:3]
 
         x, status, chain = compliance.at_rest(self, rows, full, answer)
         require_answers(self, "motor position", rows, lead, status, chain, errors, name="q")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from truepose.arguments import Array
 from truepose.robot.description import Description
-from truepose.robot.units import coordinate_axes
+from truepose.robot.units import coordinate_axes, label_axes
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 
@@ -148,5 +148,4 @@ def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
             axes.add_patch(Ellipse(tuple(at), *size, angle=turn, fc="none", ec="#b2182b", lw=0.8))
         axes.autoscale_view()
         axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
-    same = names[0].unit == names[1].unit
-    axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect="equal" if same else "auto")
+    label_axes(axes, names)

@@ -84,13 +84,11 @@ class Robot(Kinematics, Shown):
         sampled, robot = {}, self.with_calibration(None)
         for name, parameter in robot.parameters.items():
             tolerance = robot.spec.tolerance(name)
-            if tolerance is None:
-                continue
-            if tolerance.interval is not None:
-                error = generator.uniform(*tolerance.interval) - tolerance.mean
-            else:
-                error = generator.normal(scale=tolerance.deviation)
-            sampled[name] = parameter.mean + float(error)
+            if tolerance and tolerance.interval is not None:
+                drawn = generator.uniform(*tolerance.interval) - tolerance.mean
+                sampled[name] = parameter.mean + drawn
+            elif tolerance:
+                sampled[name] = parameter.mean + generator.normal(scale=tolerance.deviation)
         return robot.replace(sampled)
 
     def assembly_modes(self, q: ArrayLike, starts: int = 50_000, seed: int = 0) -> AssemblyModes:
@@ -170,8 +168,7 @@ class Robot(Kinematics, Shown):
     ) -> Array:
         """Compute the acceleration under motor torques, m/s² and rad/s², shape (..., n).
 
-        The inverse of :meth:`inverse_dynamics`: the derivative of the free twist. Torques (..., n)
-        are in N·m (N).
+        The inverse of :meth:`inverse_dynamics`. Torques (..., n) are in N·m (slides: N).
 
         Examples
         --------
@@ -193,10 +190,9 @@ class Robot(Kinematics, Shown):
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
         """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).
 
-        Uses the paper's closed form where it covers every reading: θ from its sensor, the position
-        from all n spheres. It needs θ's sensor alone on a robot that rotates about z, and no sensor
-        on one that cannot rotate. Otherwise a least-squares fit weights the readings as the paper's
-        TEJ: motors by 1, sensors by the file's ``weight``.
+        Uses the paper's closed form, θ from its sensor and the position from all n spheres, where
+        θ's sensor alone is in use, or none on a robot that cannot rotate. Otherwise a least-squares
+        fit weights the readings as the paper's TEJ: motors by 1, sensors by the file's ``weight``.
         """
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         if not self.r and self._spec.mobility != "translation":
@@ -215,8 +211,8 @@ class Robot(Kinematics, Shown):
         """Estimate the pose from all readings, weighted by their covariance: an :class:`Estimate`.
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
-        (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
-        the covariance holds for true geometries spread about it, see :meth:`expected`.
+        (or a calibration's covariance) and the readings' own errors. The covariance holds for true
+        geometries spread about this robot's, see :meth:`expected`.
 
         Parameters
         ----------
@@ -245,10 +241,8 @@ class Robot(Kinematics, Shown):
         found: list[Array] = []  #: covariance and χ² of the last call
 
         def answer(q_e: Array, near: Array | None) -> compliance.Answer:
-            begin = start if near is None else np.ascontiguousarray(near)
-            x, *found[:], status, chain = _core.estimate(
-                self.core, known, np.ascontiguousarray(q_e), begin, full
-            )
+            begin = start if near is None else near
+            x, *found[:], status, chain = _core.estimate(self.core, known, q_e, begin, full)
             return x, status, chain
 
         x, status, chain = compliance.at_rest(self, rows, full, answer)
@@ -260,20 +254,15 @@ class Robot(Kinematics, Shown):
             covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
-        return Estimate(
-            self,
-            x.reshape(*lead, self.n),
-            covariance.reshape(*lead, self.n, self.n),
-            chi2.reshape(lead)[()],
-            words.reshape(lead)[()],
-        )
+        x, covariance = x.reshape(*lead, self.n), covariance.reshape(*lead, self.n, self.n)
+        return Estimate(self, x, covariance, chi2.reshape(lead)[()], words.reshape(lead)[()])
 
     def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
         """Return the covariance of estimates whose weights neglect uncertain compliances."""
         names, every = knowledge.learnable(self), list(self.parameters)
-        known, at = knowledge.knowledge(self, level=level).core, np.ascontiguousarray(x)
-        gain, *_ = _core.gain(self.core, known, at, self.is_full(level))
-        H_xi = self.linearize(at, "nan", level)[1][..., [every.index(name) for name in names]]
+        known = knowledge.knowledge(self, level=level).core
+        gain, *_ = _core.gain(self.core, known, x, self.is_full(level))
+        H_xi = self.linearize(x, "nan", level)[1][..., [every.index(name) for name in names]]
         half = gain @ H_xi @ knowledge.root(self, names)
         own = gain * knowledge.stated_sigma(self, level)
         return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))
@@ -336,8 +325,8 @@ class Robot(Kinematics, Shown):
     ) -> Array:
         """Compute the sensitivity of the steady-state pose to an error of each reading.
 
-        An error δq_e of the readings moves the true pose by δx = result @ δq_e, to first order:
-        -[J 0] under the joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose.
+        To first order, δx = result @ δq_e: -[J 0] under the joint law, -J M⁺ under a TEJ,
+        -∂x̂/∂q_e under a law of the pose.
 
         Parameters
         ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -97,6 +97,12 @@ def summed(robot: Description) -> Summed:
     units = [unit for _, unit in robot.coordinates]
     name, unit = ("position", "m") if "m" in units else ("turn", "rad")
     return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])
+
+
+def label_axes(axes: Any, names: Sequence[Axis]) -> None:
+    """Label a picture over two coordinates; equal scales where they have one unit."""
+    equal = "equal" if names[0].unit == names[1].unit else "auto"
+    axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect=equal)
 
 
 def by_unit(axes: Sequence[Axis], values: Array, what: str) -> dict[str, dict[str, Array]]:
