@@ -99,10 +99,7 @@ def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
 
 
 def model_error(robot: Kinematics) -> Array:
-    """Return the rms difference of readings between full and ideal level, shape (n + r,).
-
-    Over the workspace, to first order in the axis errors that the file's tolerances allow.
-    """
+    """Return the rms difference of readings between the levels over the workspace, (n + r,)."""
     errors = left_out(robot)
     box = robot.spec.workspace
     if not errors or box is None:
@@ -117,35 +114,16 @@ def model_error(robot: Kinematics) -> Array:
 
 def knowledge(
     robot: Kinematics,
-    posterior: Array | None = None,
+    posterior: Array | None = None,  #: (p, p) covariance root instead of the robot's
     *,
-    guarded: bool = False,
-    level: Level | None = None,
-    error: bool = True,
-    beside: Array | None = None,
-    stretches: bool = False,
-    sigma_scale: int = 1,
+    guarded: bool = False,  #: add the ideal level's neglected errors as nuisances, last of all
+    level: Level | None = None,  #: of the readings' model; by default the robot's highest
+    error: bool = True,  #: add the ideal level's model error to the readings, unless guarded
+    beside: Array | None = None,  #: (k,) σ of auxiliary unknowns on which no reading depends
+    stretches: bool = False,  #: add the compliances, after those; last in `posterior`
+    sigma_scale: int = 1,  #: factor on the readings' σ
 ) -> Known:
-    """Build the core's struct of parameter and reading covariances.
-
-    Parameters
-    ----------
-    posterior : ndarray, shape (p, p), optional
-        Covariance root in place of the robot's own, compliances last.
-    guarded : bool
-        Add the ideal level's neglected errors as nuisance parameters, behind all others.
-    level : {"ideal", "full"}, optional
-        Model level of the readings; by default the robot's highest.
-    error : bool
-        Add the model error of the ideal level, as the calibration states or the tolerances allow
-        it, to the readings. Has no effect with `guarded`.
-    beside : ndarray, shape (k,), optional
-        σ of auxiliary unknowns on which no reading depends: frames, differences.
-    stretches : bool
-        Add the compliances, behind those; the core evaluates their columns.
-    sigma_scale : int
-        Factor on the readings' σ.
-    """
+    """Build the core's struct of parameter and reading covariances."""
     names, column = uncertain(robot), dict(columns(robot.spec))
     more = compliance.unknown(robot) if stretches else []
     errors = left_out(robot) if guarded else {}
@@ -181,11 +159,7 @@ class Known(NamedTuple):
 def for_law(
     robot: AnyRobot, law: str, sigma_scale: int = 1
 ) -> tuple[AnyRobot, _core.Knowledge | None]:
-    """Return the robot at the model level of a law, and the covariances it weights by.
-
-    The paper's laws, without weights, keep the robot's level. `sigma_scale` is a factor on the
-    readings' σ; a controller's settings have their own.
-    """
+    """Return the robot at a law's model level, and the covariances it weights by, if it does."""
     if not _core.laws[law].weighs:
         return robot, None
     return robot.at_highest_level, knowledge(robot, sigma_scale=sigma_scale).core

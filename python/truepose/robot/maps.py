@@ -17,13 +17,7 @@ _MOST = 3.0
 
 
 def workspace_slice(robot: Kinematics, points: int = 101) -> Array:
-    """Poses over the first two coordinates of the workspace, through home.
-
-    Returns
-    -------
-    ndarray, shape (points, points, n)
-        Rows along the second coordinate.
-    """
+    """Poses over the first two coordinates of the workspace, through home, (points, points, n)."""
     if robot.n < 2:
         raise InputError(f"{robot.name}: one coordinate, no slice to draw")
     box = workspace(robot)
@@ -43,19 +37,10 @@ def draw_map(
     note: str = "",
     least: float = 0.0,
 ) -> None:
-    """Draw values at poses, mark the worst, and draw the robot with its sensors in use below.
+    """Draw values at poses (larger is worse), mark the worst, and draw the robot below.
 
-    Parameters
-    ----------
-    robot : Robot
-    x : ndarray, shape (..., n)
-        Those of :func:`workspace_slice` are filled, others dots.
-    values : ndarray, shape (...)
-        Larger is worse; grey where NaN.
-    quantity, note : str
-        Name and unit of the values, and what else the title says.
-    least : float
-        Where the scale of colours begins.
+    Poses x, (..., n), of :func:`workspace_slice` are filled, others dots; NaN is grey. The scale of
+    colours begins at `least`.
     """
     from truepose.robot.drawing import draw
 

@@ -127,10 +127,8 @@ def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
     axes = figure.subplots()
     axes.grid(alpha=0.3)
     if x.shape[1] == 1:
-        which = np.flatnonzero(good) + 1
-        axes.errorbar(
-            which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b"
-        )
+        colours = {"color": "#1f5fa8", "ecolor": "#b2182b"}
+        axes.errorbar(np.flatnonzero(good) + 1, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", **colours)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
         return
@@ -139,13 +137,12 @@ def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
         variance, directions = np.linalg.eigh(P)
         half = np.sqrt(np.maximum(variance, 0.0))
         largest, span = float(half.max()), float(np.ptp(x, axis=0).max())
-        by = 1.0
-        if 0 < largest < _SHARE * span:
-            by = 10.0 ** np.ceil(np.log10(_SHARE * span / largest))
-        for at, (small, large), v in zip(x, half, directions[..., 1], strict=True):
-            turn = float(np.degrees(np.arctan2(v[1], v[0])))
-            size = (2 * by * large, 2 * by * small)
-            axes.add_patch(Ellipse(tuple(at), *size, angle=turn, fc="none", ec="#b2182b", lw=0.8))
+        small = 0 < largest < _SHARE * span
+        by = 10.0 ** np.ceil(np.log10(_SHARE * span / largest)) if small else 1.0
+        turns = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
+        for at, (small, large), turn in zip(x, 2 * by * half, turns, strict=True):
+            ellipse = Ellipse(tuple(at), large, small, angle=turn, fc="none", ec="#b2182b", lw=0.8)
+            axes.add_patch(ellipse)
         axes.autoscale_view()
         axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
     label_axes(axes, names)

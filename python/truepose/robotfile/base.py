@@ -30,15 +30,7 @@ NonNegative = Annotated[Number, Field(ge=0)]
 
 
 def is_compliance(parameter: str) -> bool:
-    """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all.
-
-    Examples
-    --------
-    >>> [is_compliance(name) for name in (COMMON, "compliance.*", "chain*.compliance")]
-    [True, True, True]
-    >>> is_compliance("*compliance"), is_compliance("chain*.rod")
-    (True, False)
-    """
+    """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all."""
     return parameter.startswith("compliance.") or parameter.endswith("compliance")
 
 

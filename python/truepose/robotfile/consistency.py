@@ -49,12 +49,11 @@ def problems(data: dict) -> Iterator[Problem]:
     if len(bars) > _core.max_bars:
         text = f"{len(bars)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)
-    for number, chain in enumerate(chains, 1):
-        bar = chain.get("bar")
-        if type(bar) is int and bar > len(bars):
-            text = f"chain {number}: bar = {bar}, but the file has {len(bars)} bars"
-            yield Problem(("chain", number - 1, "bar"), text)
-    yield from _sensors(data, mobility, len(chains), len(bars), len(axes))
+    counts = {"chain": len(chains), "axis": len(axes), "bar": len(bars)}
+    for number, chain in enumerate(chains):
+        yield from _missing(("chain", number), f"chain {number + 1}", chain, counts)
+    for number, sensor in enumerate(tables(data, "sensor")):
+        yield from _sensor(number, sensor, mobility, counts)
     for key, what, several in (("passive_axis", "axis", "axes"), ("sensor", "sensor", "sensors")):
         names = [str(table.get("name")) for table in tables(data, key)]
         for number, name in enumerate(names):
@@ -66,26 +65,27 @@ def problems(data: dict) -> Iterator[Problem]:
                 yield Problem(path, text)
 
 
-def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) -> Iterator[Problem]:
-    """Yield sensors on parts that do not exist, or that need another mobility."""
-    parts = {
-        "chain": (chains, f"of {chains} chains"),
-        "axis": (axes, f"but the file has {axes} axes"),
-        "bar": (bars, f"but the file has {bars} bars"),
-    }
+def _sensor(
+    number: int, sensor: dict, mobility: object, counts: dict[str, int]
+) -> Iterator[Problem]:
+    """Yield what a sensor needs and the file has not: a mobility, or parts."""
     needs = {"axis_angle": ("rotational",), "platform_angle": ("planar", "schoenflies")}
-    for number, sensor in enumerate(tables(data, "sensor")):
-        name, kind = sensor.get("name"), str(sensor.get("kind"))
-        needed = needs.get(kind, (mobility,))
-        if mobility not in needed:
-            text = f"sensor {name}: {kind} needs mobility {' or '.join(needed)}, not {mobility}"
-            yield Problem(("sensor", number, "kind"), text)
-            continue
-        for key, (count, has) in parts.items():
-            value = sensor.get(key)
-            if type(value) is int and value > count:
-                text = f"sensor {name}: {key} = {value}, {has}"
-                yield Problem(("sensor", number, key), text)
+    kind, what = str(sensor.get("kind")), f"sensor {sensor.get('name')}"
+    if mobility not in (needed := needs.get(kind, (mobility,))):
+        text = f"{what}: {kind} needs mobility {' or '.join(needed)}, not {mobility}"
+        yield Problem(("sensor", number, "kind"), text)
+    else:
+        yield from _missing(("sensor", number), what, sensor, counts)
+
+
+def _missing(path: tuple, what: str, table: dict, counts: dict[str, int]) -> Iterator[Problem]:
+    """Yield the numbers of parts that do not exist."""
+    has = {"chain": "of {} chains", "axis": "but the file has {} axes"}
+    for key, count in counts.items():
+        value = table.get(key)
+        if type(value) is int and value > count:
+            of = has.get(key, "but the file has {} bars").format(count)
+            yield Problem((*path, key), f"{what}: {key} = {value}, {of}")
 
 
 def _sizes(data: dict, has: str, units: list[str]) -> Iterator[Problem]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import deque
 from collections.abc import Iterator
@@ -23,14 +22,7 @@ _TOKEN = re.compile(
 
 
 def lines(text: str) -> dict[Path, int]:
-    r"""Return the line (from 1) of every key path and list element (from 0) of a TOML text.
-
-    Examples
-    --------
-    >>> where = lines("name = 'a'\n[[chain]]\narm = 1\n[[chain]]\narm = [1,\n 2]\n")
-    >>> where["chain", 0, "arm"], where["chain", 1, "arm", 1]
-    (3, 6)
-    """
+    """Return the line (from 1) of every key path and list element (from 0) of a TOML text."""
     found: dict[Path, int] = {}
     tokens = deque(_tokens(text))
     table: Path = ()
@@ -101,14 +93,14 @@ def _value(tokens: deque[Token], path: Path, found: dict[Path, int]) -> None:
             tokens.popleft()
         return
     tokens.popleft()
-    for number in itertools.count():
-        while tokens[0][1] in (",", "\n"):
+    number = 0
+    while (token := tokens[0][1]) not in ("]", "}"):
+        if token in (",", "\n"):
             tokens.popleft()
-        if tokens[0][1] in ("]", "}"):
-            tokens.popleft()
-            return
-        if opening == "{":
+        elif opening == "{":
             _entry(tokens, path, found)
         else:
             found[*path, number] = tokens[0][0]
             _value(tokens, (*path, number), found)
+            number += 1
+    tokens.popleft()
