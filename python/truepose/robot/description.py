@@ -383,7 +383,7 @@ class Description:
         files.write({robotfile.output(path): text}, force=force)
 
 
-def _vector(name: str, values: ArrayLike, unit: str) -> tuple[float, ...]:
+def _vector(name: str, values: Any, unit: str) -> tuple[float, ...]:
     vector = numbers_of(values, name)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InputError(f"{name} = {values}: must be three finite numbers, {unit}")

@@ -178,9 +178,7 @@ class Kinematics(Description):
             Motor positions, rad or m.
         guess : array_like, shape (n,) or (..., n), optional
             Start of the iteration; the file's home pose by default.
-        errors : {"raise", "nan"}
-            Action where no pose is found.
-        level : {"ideal", "full"}, optional
+        errors, level
             As for :meth:`ikm`.
 
         Raises

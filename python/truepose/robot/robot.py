@@ -274,10 +274,8 @@ class Robot(Kinematics, Shown):
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            Poses, m and rad.
-        errors : {"raise", "nan"}
-            Action at an unreachable or singular pose.
+        x, errors
+            As for :meth:`ikm`.
         damped_below : float
             Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): bounded even
             at a singularity, and equal to the paper's to the last bit elsewhere.

@@ -26,16 +26,15 @@ def reading_units(robot: Description) -> list[str]:
 def unit_of(robot: Description, name: str) -> str:
     """Return the unit of a sensor, an externally measured coordinate or a parameter; "": none."""
     part, _, key = name.partition(".")
+    kind = part.rstrip("0123456789") if part[-1:].isdigit() else ""
+    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
     coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
     if name in coordinates:
         return coordinates[name]
-    if part.startswith("axis") and part.removeprefix("axis").isdigit():
-        return dict(_core.axis_parameters)[key]
     if is_compliance(name):
         return "1/N"
-    if part.startswith("bar") and part.removeprefix("bar").isdigit():
-        return "m"
-    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
+    if kind in ("axis", "bar"):
+        return dict(_core.axis_parameters)[key] if kind == "axis" else "m"
     if sensor is None:
         units = dict(_core.chain_parameters)
         own = _motor(robot.spec.chain[int(part.removeprefix("chain")) - 1].actuator)
@@ -136,11 +135,11 @@ def label(robot: Description, names: Sequence[str]) -> str:
     if len(every) > 2 and sorted(names) == sorted(every):
         return f"all {len(every)}"
     short = list(names)
-    for kind in {sensor.kind: None for sensor in robot.spec.sensor}:
+    for kind in {sensor.kind for sensor in robot.spec.sensor}:
         group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
         glob = group[0].rstrip("0123456789") + "*"
         if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
-            short = [glob if name == group[0] else name for name in short]
+            short[short.index(group[0])] = glob
             short = [name for name in short if name not in group]
     return ", ".join(short)
 
@@ -164,7 +163,7 @@ def coordinate_table(
     total = summed(robot)
     for k, (coordinate, unit) in enumerate([*robot.coordinates, (total.name, total.unit)]):
         factor, shown = PRINT[unit]
-        values = [factor * float(column[k]) for column in columns.values()]
+        values = factor * np.array([column[k] for column in columns.values()], dtype=float)
         label = Cell(f"{coordinate} ({shown})", {what: coordinate, "unit": shown})
-        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values)])
+        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values.tolist())])
     return Table(name, title, [what, *columns], rows)

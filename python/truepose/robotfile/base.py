@@ -37,7 +37,7 @@ def is_compliance(parameter: str) -> bool:
 def not_degrees(what: str, angles: float | Sequence[float]) -> None:
     """Raise ValueError for an angle of more than a turn, which is likely in degrees."""
     listed = [angles] if isinstance(angles, float) else list(angles)
-    if max(map(abs, listed)) > 2 * math.pi:
+    if max(map(abs, listed), default=0.0) > 2 * math.pi:
         turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
         given = ", ".join(f"{angle:g}" for angle in listed)
         raise ValueError(

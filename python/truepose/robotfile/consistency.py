@@ -71,7 +71,7 @@ def _sensor(
     """Yield what a sensor needs and the file has not: a mobility, or parts."""
     needs = {"axis_angle": ("rotational",), "platform_angle": ("planar", "schoenflies")}
     kind, what = str(sensor.get("kind")), f"sensor {sensor.get('name')}"
-    if mobility not in (needed := needs.get(kind, (mobility,))):
+    if (needed := needs.get(kind)) and mobility not in needed:
         text = f"{what}: {kind} needs mobility {' or '.join(needed)}, not {mobility}"
         yield Problem(("sensor", number, "kind"), text)
     else:

@@ -174,10 +174,8 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
     if len(location) < 2 or location[0] != "chain" or not motif:
         return location
     number = location[1] % motif
-    chains = data.get("chain")
-    own = chains[number] if isinstance(chains, list) and isinstance(chains[number], dict) else {}
-    shared = data.get("chain_defaults", {})
-    if location[2:] and location[2] not in own and location[2] in shared:
+    own, shared = tables(data, "chain"), data.get("chain_defaults", {})
+    if location[2:] and not (own and location[2] in own[number]) and location[2] in shared:
         return ("chain_defaults", *location[2:])
     return ("chain", number, *location[2:])
 
@@ -248,7 +246,7 @@ def _wrong_parameters(whole: dict, known: list[str]) -> Iterator[Problem]:
             yield Problem(("calibration", "mean", k), text)
 
 
-def wrong_value(name: str, value: object) -> str | None:
+def wrong_value(name: str, value: Any) -> str | None:
     """Return what is wrong with a parameter's value, if it is a number."""
     if not isinstance(value, numbers.Real):
         return None
@@ -323,9 +321,8 @@ def _based_on(data: dict) -> dict:
         raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
     result = tomllib.loads(files[name].read_text(encoding="utf-8"))
     for key, value in data.items():
-        known = result.get(key)
-        both = isinstance(known, dict) and isinstance(value, dict)
-        result[key] = known | value if both else value
+        both = isinstance(result.get(key), dict) and isinstance(value, dict)
+        result[key] = result[key] | value if both else value
     return result
 
 

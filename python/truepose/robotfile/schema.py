@@ -132,8 +132,8 @@ class Chain(Section):
             raise ValueError("'spool_buildup' is for prismatic and telescopic chains, not revolute")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
             raise ValueError("'limits' must be [lower, upper]")
-        if self.actuator == "revolute" and self.limits is not None:
-            not_degrees("limits", self.limits)
+        if self.actuator == "revolute":
+            not_degrees("limits", self.limits or ())
         not_degrees("yaw", self.yaw)
         not_degrees("tilt", self.tilt)
         self._heavy_enough()
@@ -182,10 +182,9 @@ class PassiveAxis(Section):
 
     @model_validator(mode="after")
     def _ordered(self) -> PassiveAxis:
-        if self.limits is not None:
-            if self.limits[0] >= self.limits[1]:
-                raise ValueError("'limits' must be [lower, upper]")
-            not_degrees("limits", self.limits)
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError("'limits' must be [lower, upper]")
+        not_degrees("limits", self.limits or ())
         return self
 
 
@@ -319,9 +318,7 @@ class CalibrationSection(Section):
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviation of every parameter."""
-        return {
-            name: math.hypot(*row) for name, row in zip(self.parameters, self.root, strict=True)
-        }
+        return dict(zip(self.parameters, (math.hypot(*row) for row in self.root), strict=True))
 
 
 class RobotFile(Section):

@@ -63,7 +63,7 @@ class SensorSection(Section):
     @property
     def geared(self) -> bool:
         """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
-        return False
+        return isinstance(self, PlatformAngle) and self.gear != 1
 
     @model_validator(mode="after")
     def _usable(self) -> SensorSection:
@@ -105,11 +105,6 @@ class PlatformAngle(Encoder):
 
     kind: Literal["platform_angle"] = key("says which sensor this is")
     bar: Index | None = key("read at this bar's hinge, against the bar; without it, absolute", None)
-
-    @property
-    def geared(self) -> bool:
-        """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
-        return self.gear != 1
 
 
 class PlaneDistance(_Gauge):

@@ -73,7 +73,7 @@ def drawn(spec: RobotFile) -> dict[str, float]:
     values = {}
     for name in parameter_names(spec):
         part, key, *component = name.split(".")
-        value = getattr(parts[part], key) or 0.0  # a chain's own compliance may be None
+        value: Any = getattr(parts[part], key) or 0.0  # a chain's own compliance may be None
         values[name] = value[_COMPONENTS[component[0]]] if component else value
     for sensor in spec.sensor:
         for vector in DIRECTIONS:
