@@ -1,4 +1,4 @@
-"""Kinematics, forces and dynamics of given poses or motor positions, in batches."""
+"""Kinematics and forces in batches: IKM, FKM, RKM, their Jacobians, torques, rod forces."""
 
 from __future__ import annotations
 
@@ -96,10 +96,8 @@ class Kinematics(Description):
         """Add the deflection to stiff rods' readings, `part` of q_e."""
         if not self.is_compliant:
             return readings
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        by = compliance.given_way(self, rows, full)
-        require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
-        return readings + by.readings[:, part].reshape(readings.shape)
+        by, *_ = at_poses(self, x, errors, lambda _, rows: compliance.given_way(self, rows, full))
+        return readings + by[..., part]
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Redundant kinematic model: compute the readings of the sensors in use, (..., r), at x.
@@ -288,10 +286,10 @@ class Kinematics(Description):
         >>> print(delta.with_payload((0, 0, -30)).rod_forces(delta.home).round(2))
         [18.13 18.13 18.13]
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        at = compliance.under_load(self, rows, self.is_full(level))
-        require_answers(self, "pose", rows, lead, at.status, at.chain, errors)
-        return at.tension.reshape(*lead, self.n)
+        return self._under_load_at(x, errors, self.is_full(level))[2]
+
+    def _under_load_at(self, x: ArrayLike, errors: Errors, full: bool) -> list[Array]:
+        return at_poses(self, x, errors, lambda _, rows: compliance.under_load(self, rows, full))
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
         """Compute the distance from singularities at x, independent of size and units, 0 to 1.
@@ -344,17 +342,15 @@ class Kinematics(Description):
         >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
         True
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        H_x, core, status, chain = _core.linearise(self.core, rows, self.is_full(level))
-        require_answers(self, "pose", rows, lead, status, chain, errors)
+        full = self.is_full(level)
+        H_x, core = at_poses(self, x, errors, _core.linearise, full)
         at = {name: k for k, name in enumerate(self._values)}
-        H = np.zeros((*core.shape[:2], len(at)))
+        H = np.zeros((*core.shape[:-1], len(at)))
         for name, column in columns(self.spec):
             if name in at:
                 H[..., at[name]] = core[..., column]
         if self.spec.stretches:
-            by = compliance.under_load(self, rows, self.is_full(level))
-            require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
+            _, by, _ = self._under_load_at(x, errors, full)
             names = [name for name in at if is_compliance(name)]
-            H[..., [at[n] for n in names]] = compliance.columns(self, names, by.by_compliance)
-        return H_x.reshape(*lead, *H_x.shape[1:]), H.reshape(*lead, *H.shape[1:])
+            H[..., [at[name] for name in names]] = compliance.columns(self, names, by)
+        return H_x, H

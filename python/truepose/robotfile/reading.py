@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fnmatch
 import itertools
-import numbers
 import os
 import re
 import tomllib
@@ -246,9 +245,9 @@ def _wrong_parameters(whole: dict, known: list[str]) -> Iterator[Problem]:
             yield Problem(("calibration", "mean", k), text)
 
 
-def wrong_value(name: str, value: Any) -> str | None:
+def wrong_value(name: str, value: object) -> str | None:
     """Return what is wrong with a parameter's value, if it is a number."""
-    if not isinstance(value, numbers.Real):
+    if not isinstance(value, int | float):
         return None
     if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
         return "must be greater than 0 (m)"
