@@ -55,6 +55,8 @@ def key(meaning: str, default: Any = ...) -> Any:
     return Field(default, description=meaning)
 
 
+#: A pose, or a corner of a box of poses.
+Pose = Annotated[tuple[Number, ...], unit("m, rad")]
 Point = Annotated[Vector, unit("m")]
 Length = Annotated[Positive, unit("m")]
 Angle = Annotated[Number, unit("rad")]

@@ -22,6 +22,7 @@ from truepose.robotfile.base import (
     NonNegative,
     Number,
     Point,
+    Pose,
     Positive,
     Section,
     Sigma,
@@ -76,9 +77,7 @@ class Chain(Section):
         "1/(EA), beside that of [compliance]",
         None,
     )
-    encoder_counts: Counts | None = key(
-        "per turn, or per m; without it the encoder has no counts", None
-    )
+    encoder_counts: Counts | None = key("per turn, or per m; without it: no counts", None)
     lead: Annotated[Number, unit("m or rad")] | None = key(
         "travel per turn of the motor's shaft, for logs whose column is q1_turns: a "
         "screw's lead, a spool's or pulley's circumference; negative where it turns the other "
@@ -95,7 +94,7 @@ class Chain(Section):
         "stops of the motor, lower and upper: its position before the encoder's offset", None
     )
     torque_limit: Annotated[Positive, unit("N·m or N")] | None = key(
-        "of the motor, either way; without it there is none", None
+        "of the motor, either way", None
     )
     speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = key(
         "of the motor, either way; paths that ask for more are refused", None
@@ -107,11 +106,9 @@ class Chain(Section):
     )
     arm_mass: Mass = key("arm, or carriage", 0.0)
     rod_mass: Mass = key("all rods of the chain together", 0.0)
-    viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key(
-        "friction of the motor, by its speed", 0.0
-    )
+    viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key("of the motor", 0.0)
     coulomb_friction: Annotated[NonNegative, unit("N·m or N")] = key(
-        "friction of the motor, whatever its speed", 0.0
+        "of the motor, at any speed", 0.0
     )
 
     @model_validator(mode="after")
@@ -215,10 +212,8 @@ class Compliance(Section):
 class Workspace(Section):
     """Box of coordinates for which the robot is intended."""
 
-    minimum: Annotated[tuple[Number, ...], unit("m, rad")] = key(
-        "smallest value of each coordinate"
-    )
-    maximum: Annotated[tuple[Number, ...], unit("m, rad")] = key("largest value of each coordinate")
+    minimum: Pose = key("smallest value of each coordinate")
+    maximum: Pose = key("largest value of each coordinate")
 
     @model_validator(mode="after")
     def _ordered(self) -> Workspace:
@@ -232,36 +227,26 @@ class Workspace(Section):
 class Pattern(Section):
     """Repetition of the file's chains, the motif, about an axis of the base frame."""
 
-    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key(
-        "copies of the motif, a full turn together"
-    )
+    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key("copies of the motif in a turn")
     about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
 class PriceStep(Section):
     """A finer tolerance that parts can be machined to, for a price."""
 
-    sigma: Annotated[Positive, unit("the parameter's")] = key(
-        "standard deviation about the expected value"
-    )
-    price: NonNegative = key(
-        "of all parameters of this entry together, in the currency of the sensors'"
-    )
+    sigma: Annotated[Positive, unit("the parameter's")] = key("σ about the expected value")
+    price: NonNegative = key("of all parameters of this entry together, in the sensors' currency")
 
 
 class Tolerance(Section):
     """Uncertainty of a parameter: a σ, or a uniform interval about its value."""
 
-    sigma: Annotated[NonNegative, unit("the parameter's")] | None = key(
-        "standard deviation about the nominal value", None
-    )
+    sigma: Annotated[NonNegative, unit("the parameter's")] | None = key("σ about the nominal", None)
     interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
         "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'",
         None,
     )
-    price_steps: tuple[PriceStep, ...] = key(
-        "finer levels that truepose design may choose, any order", ()
-    )
+    price_steps: tuple[PriceStep, ...] = key("finer levels for truepose design, any order", ())
 
     @model_validator(mode="after")
     def _one(self) -> Tolerance:
@@ -298,13 +283,8 @@ class CalibrationSection(Section):
     source: str = key("readings used", "")
     parameters: tuple[str, ...] = key("names, in the order of 'mean' and 'root'")
     mean: Annotated[tuple[Number, ...], unit("m or rad")] = key("best values")
-    root: tuple[tuple[Number, ...], ...] = key(
-        "lower triangle, row by row: covariance = root · rootᵀ"
-    )
-    model_error: dict[str, Sigma] = Field(
-        default_factory=dict,
-        description="σ of each reading's deviation from the ideal level (q1 … qn, sensors)",
-    )
+    root: tuple[tuple[Number, ...], ...] = key("lower triangle by rows: covariance = root · rootᵀ")
+    model_error: dict[str, Sigma] = key("σ of each reading's deviation from the ideal level", {})
 
     @model_validator(mode="after")
     def _square(self) -> CalibrationSection:
@@ -330,9 +310,7 @@ class RobotFile(Section):
     mobility: Literal[
         "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
     ] = key("which freedoms the platform has; as many chains")
-    home: Annotated[tuple[Number, ...], unit("m, rad")] = key(
-        "a pose well inside the workspace, one value a freedom"
-    )
+    home: Pose = key("a pose well inside the workspace, one value a freedom")
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
     workspace: Workspace | None = key("box for which the robot is intended", None)
@@ -347,20 +325,16 @@ class RobotFile(Section):
     chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
     bar: tuple[Bar, ...] = key("lateral bars of an articulated platform, two at most", ())
     passive_axis: tuple[PassiveAxis, ...] = key(
-        "of a rotational platform: one to three, the base's first", ()
+        "of a rotational platform: 1 to 3, base's first", ()
     )
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
-    compliance: Compliance | None = key(
-        "deflection of rods, legs and belts; stiff without it", None
-    )
+    compliance: Compliance | None = key("deflection of rods, legs, belts; without it: stiff", None)
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
-    tolerances: dict[str, Tolerance] = Field(
-        default_factory=dict,
-        description="uncertainty by parameter; of globs the first that fits counts",
+    tolerances: dict[str, Tolerance] = key(
+        "uncertainty by parameter; the first glob that fits counts", {}
     )
-    parameters: Annotated[dict[str, Number], unit("m or rad")] = Field(
-        default_factory=dict,
-        description="values other than nominal; tolerances stay about the nominal ones",
+    parameters: Annotated[dict[str, Number], unit("m or rad")] = key(
+        "values other than nominal; tolerances stay about the nominal ones", {}
     )
     calibration: CalibrationSection | None = key("result of a calibration; written by it", None)
     #: Text of the file, so that saving keeps its order and comments.

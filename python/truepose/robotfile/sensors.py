@@ -53,11 +53,7 @@ class SensorSection(Section):
     weight: NonNegative = key("of its row in the TEJ (paper: 1)", 1.0)
     sample_period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
     latency: Seconds = key("of a sample when it arrives at the controller", 0.0)
-    range: Range | None = key(
-        "[low, high] of its readings: the fault monitor fails any beyond; without it there is no "
-        "limit",
-        None,
-    )
+    range: Range | None = key("of its readings; the fault monitor fails others", None)
     price: NonNegative | None = key("cost in any currency, for truepose design", None)
 
     @property
