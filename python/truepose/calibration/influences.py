@@ -17,7 +17,7 @@ from truepose.robot import compliance
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import Payloads, under_load
 from truepose.robot.robot import Robot
-from truepose.robotfile.schema import COMMON
+from truepose.robotfile.base import COMMON
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -20,16 +20,9 @@ def workspace(robot: Description) -> Workspace:
 
 
 def workspace_grid(robot: Description, points: int | None = None) -> Array:
-    """Return the poses of a grid over the workspace box, faces included.
+    """Return the poses of a grid over the workspace box, faces included, (N, n).
 
-    By default five values per coordinate (for the H4 Table 2 of the paper), three for six
-    coordinates.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> workspace_grid(tp.load("h4")).shape, workspace_grid(tp.load("hexa")).shape
-    ((625, 4), (729, 6))
+    By default five values per coordinate (for the H4 Table 2 of the paper), three for six.
     """
     box = workspace(robot)
     points = points or (5 if robot.n < 6 else 3)
