@@ -165,7 +165,7 @@ endif
 
 pictures: $(VENV)/tools
 	python tools/rooms.py
-	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.list_robots()]"
+	python -c "import truepose as tp; [tp.load(name).plot().savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.list_robots()]"
 	python docs/site/figures.py
 
 # The documentation as a site, in build/docs; the C++ reference where doxygen is installed.
