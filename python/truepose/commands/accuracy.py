@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -14,10 +15,11 @@ from truepose.commands.options import (
     ModelLevel,
     Poses,
     RobotName,
-    parse_pose,
+    over,
+    parse_given,
     parse_set,
+    plot_option,
     plot_to,
-    wrote,
 )
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.pose_file import read_poses
@@ -49,10 +51,7 @@ def command(
         ),
     ] = None,
     level: ModelLevel = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
-    ] = None,
+    plot: Annotated[Path | None, plot_option("a map of the first set's position σ")] = None,
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -64,26 +63,20 @@ def command(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    save = plot_to(plot, [robot, *([poses] if poses else [])], force)
+    save = plot_to(plot, [robot, poses], force)
     loaded = load(robot)
     sets = [parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = None
-    if reference_pose is not None:
-        touched = parse_pose(loaded, reference_pose, "--reference-pose")
+    touched = parse_given(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     slice_ = workspace_slice(shown) if plot else shown.home
     save(lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
-    left_out = f", {found.left_out} that are unreachable or singular left out"
-    where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
-    answer = f"{loaded.name}: {where}{left_out if found.left_out else ''}."
     first = overview(found, level)
-    answers = [*best(first), answer]
+    answers = [*best(first), f"{loaded.name}: {over(found.poses, poses, found.left_out)}."]
     shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first
-    show([first, *shown_tables], how, answers, notes(found), more=plot is not None)
-    wrote(how, plot)
+    show([first, *shown_tables], how, answers, notes(found), (plot,))
 
 
 def notes(found: Prediction) -> list[str]:
@@ -100,18 +93,17 @@ def notes(found: Prediction) -> list[str]:
 
 def tables(found: Prediction) -> list[Table]:
     """Return a table for each predicted state: one row per sensor set, σ in mm and degrees."""
-    axes, total = coordinate_axes(found.robot), summed(found.robot)
-    factor = [*(axis.factor for axis in axes), total.factor]
+    axes = [*coordinate_axes(found.robot), summed(found.robot)]
+    factor = [axis.factor for axis in axes]
     result = []
     for what, sigma in found.sigma.items():
         rows = []
         for names, values in zip(found.sets, sigma, strict=True):
             named = Cell(label(found.robot, names), ",".join(names) or "none")
             rows.append([named, *(number(float(v)) for v in values * factor)])
-        count = len(found.poses)
         learnt = ", calibrated on the same poses" if what.startswith("self-calibrated") else ""
-        title = f"1σ bound of the pose, {what}: rms over {count} poses{learnt}"
-        name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
-        header = ["sensors", *(axis.label for axis in axes), total.label]
+        title = f"1σ bound of the pose, {what}: rms over {len(found.poses)} poses{learnt}"
+        name = "accuracy_" + re.sub("[ ,-]+", "_", what)
+        header = ["sensors", *(axis.label for axis in axes)]
         result.append(Table(name, title, header, rows))
     return result

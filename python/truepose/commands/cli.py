@@ -47,19 +47,19 @@ def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
     signature = inspect.signature(command, eval_str=True)
     if "how" not in signature.parameters:
         return command
-    option = typer.Option("--all", help="Print all tables, not the first screen.")
 
     @functools.wraps(command)
-    def run(*args: Any, everything: bool = False, **options: Any) -> Any:
-        limit(not everything)
-        return command(*args, **options)
+    def run(*, everything: bool, **options: Any) -> Any:
+        limit(everything)
+        return command(**options)
 
-    of = Annotated[bool, option]
+    of = Annotated[bool, typer.Option("--all", help="Print all tables, not the first screen.")]
     asked = inspect.Parameter(
         "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of
     )
-    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), asked])  # type: ignore[attr-defined]
-    run.__annotations__ = {name: p.annotation for name, p in run.__signature__.parameters.items()}  # type: ignore[attr-defined]
+    parameters = [*signature.parameters.values(), asked]
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in parameters}
     return run
 
 
@@ -89,8 +89,9 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     },
 }
 #: Groups of registered commands; others are of machines.
-_GROUP_OF = {"import": "Robots", "view": "Robots", "workbench": "Demonstration"}
-_GROUP_OF["reproduce"] = "Demonstration"
+_GROUP_OF = {"import": "Robots", "view": "Robots"} | dict.fromkeys(
+    ("workbench", "reproduce"), "Demonstration"
+)
 
 for _group, _commands in _GROUPS.items():
     for _name, _command in _commands.items():

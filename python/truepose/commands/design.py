@@ -18,12 +18,14 @@ from truepose.commands.options import (
     How,
     RobotName,
     Seed,
-    parse_pose,
+    number_of,
+    parse_given,
     parse_set,
     parse_size,
     parse_target,
+    paths,
+    plot_option,
     plot_to,
-    wrote,
 )
 from truepose.design.candidates import drawn, reachable
 from truepose.design.placement import Placement
@@ -34,10 +36,9 @@ from truepose.exceptions import InputError, choose
 from truepose.logs.pose_file import read_poses
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed, unit_of
-from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT, WRITTEN
+from truepose.show.units import PRINT, WRITTEN, measured
 
 #: Self-calibration poses in a report, where --calibrated is not given.
 OTHERWISE = "10"
@@ -108,9 +109,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="With --place: robot file to write.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw accuracy against price (PNG, SVG, PDF).")
-    ] = None,
+    plot: Annotated[Path | None, plot_option("accuracy against price")] = None,
     report: Annotated[Path | None, typer.Option(help="Report to write (HTML).")] = None,
     seed: Seed = 0,
     how: How = Format.table,
@@ -123,10 +122,8 @@ def command(
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**
     """
-    read: list[str | Path] = [robot, *([poses] if poses else [])]
-    if calibrated is not None and not calibrated.isdigit():
-        read.append(calibrated)
-    inputs = [path_of(str(name)) for name in read]
+    visits = None if calibrated is None or calibrated.isdigit() else calibrated
+    inputs = paths((robot, poses, visits))
     for_choosing = {
         "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
         "--survives": survives or None, "--plot": plot, "--report": report,
@@ -136,28 +133,23 @@ def command(
         if value is not None:
             other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
-    save = plot_to(plot, read, force)
+    save = plot_to(plot, inputs, force)
     written = robotfile.output(out, "-o") if out is not None else None
     page_out = files.Output(report, "report", "--report") if report is not None else None
     files.check([output for output in (written, page_out) if output], inputs, force)
     loaded = load(robot)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
-        "reference_pose": None
-        if reference_pose is None
-        else parse_pose(loaded, reference_pose, "--reference-pose"),
+        "reference_pose": parse_given(loaded, reference_pose, "--reference-pose"),
         "poses": None if poses is None else read_poses(loaded, poses),
     }
     if place is not None:
-        boxes = parse_boxes(within or [])
-        beside = None if must is None else parse_set(loaded, must)
-        there = find_place(
-            loaded, parse_set(loaded, place), within=boxes, beside=beside, seed=seed, **known
-        )
+        known |= {"within": parse_boxes(within or []), "seed": seed}
+        known["beside"] = None if must is None else parse_set(loaded, must)
+        there = find_place(loaded, parse_set(loaded, place), **known)
         if out is not None:
             there.robot.save(out, force=force)
-        show([there.table()], how, _placement_notes(there))
-        wrote(how, out)
+        show([there.table()], how, _placement_notes(there), written=(out,))
         return
     found = select_sensors(
         loaded,
@@ -179,8 +171,7 @@ def command(
         told = [shown, each(found), states(found, in_other_states(found, visited, at))]
         text = figures.page(found, told, notes(found), len(visited), bool(reference_pose))
         files.write({page_out: text}, inputs, force)
-    show([shown], how, notes(found), more=sum(p is not None for p in (plot, report)))
-    wrote(how, plot, report)
+    show([shown], how, notes(found), written=(plot, report))
 
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
@@ -194,12 +185,9 @@ def parse_prices(robot: Robot, text: str) -> dict[str, float]:
     """
     result: dict[str, float] = {}
     for part in text.split(",") if text != "none" else ():
-        name, equals, value = part.partition("=")
-        try:
-            price = float(value)
-        except ValueError:
-            price = np.nan
-        if not equals or not 0 <= price < np.inf:
+        name, _, value = part.partition("=")
+        price = number_of(value)
+        if not 0 <= price < np.inf:
             raise InputError(f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
         result |= dict.fromkeys(parse_set(robot, name.strip()), price)
     return result
@@ -225,10 +213,7 @@ def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[floa
         curve = result.setdefault(group, {})
         for level in levels.split(","):
             size, _, value = level.partition(":")
-            try:
-                price = float(value)
-            except ValueError:
-                price = np.nan
+            price = number_of(value)
             if not 0 <= price < np.inf:
                 raise InputError(
                     f"--price-steps {text}: must be PARAMETERS=SIGMA:PRICE,… as "
@@ -260,10 +245,7 @@ def _metres(text: str) -> float:
     """Parse a length of either sign; return NaN for anything else."""
     found = re.fullmatch(r"\s*(.+?)([a-zµ]*)\s*", text)
     unit, factor = WRITTEN.get((found[2] if found else "") or "m", ("", np.nan))
-    try:
-        return factor * float(found[1]) if found and unit == "m" else np.nan
-    except ValueError:
-        return np.nan
+    return factor * number_of(found[1]) if found and unit == "m" else np.nan
 
 
 def _visited(robot: Robot, text: str) -> Array:
@@ -318,13 +300,12 @@ def notes(found: SensorSelection) -> list[str]:
             f"The front is greedy, not proven, with {len(found.alone)} candidates: a better set "
             "may exist at any price. --budget proves the best set for one price."
         )
-    factor, unit = PRINT[summed(robot).unit]
-    unit = f" {unit}" if unit.isalpha() else unit
     if (best := found.best) is not None:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
         own = label(robot, best.sensors)
         own += f"; machined: {machined(robot, best)}" if best.machined else ""
-        lines.append(f"Best: {own}: {best.price:g}, {number(factor * best.sigma)}{unit}; {sure}.")
+        sigma = measured(best.sigma, summed(robot).unit)
+        lines.append(f"Best: {own}: {best.price:g}, {sigma}; {sure}.")
     return lines
 
 
@@ -332,11 +313,10 @@ def _placement_notes(found: Placement) -> list[str]:
     """Return notes: σ before and after placement."""
     robot = found.robot
     total = summed(robot)
-    factor, unit = PRINT[total.unit]
-    before, after = (number(factor * sigma) for sigma in (found.before, found.sigma))
+    before, after = (measured(sigma, total.unit) for sigma in (found.before, found.sigma))
     lines = [
-        f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after} {unit}, "
-        f"{before} {unit} at the places in the file; {len(found.over)} poses."
+        f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after}, "
+        f"{before} at the places in the file; {len(found.over)} poses."
     ]
     if found.sigma > 0.95 * found.before:
         lines.append("The mounting places have little effect.")

@@ -15,7 +15,8 @@ from truepose.commands.options import (
     SensorsOption,
     effects_of,
     effects_option,
-    parse_set,
+    load_with,
+    paths,
     wrote,
 )
 from truepose.control.controller import Controller
@@ -23,8 +24,7 @@ from truepose.deploy.c_tables import KIND, named, to_c
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot.compliance import taken_as_stiff
 from truepose.robot.laws import Law, usual
-from truepose.robot.robot import Robot, load
-from truepose.robotfile import path_of
+from truepose.robot.robot import Robot
 from truepose.show.terminal import Format, say
 
 app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
@@ -77,9 +77,7 @@ def c(
 
     Example: **truepose export c calibrated.toml -o my_robot.h**
     """
-    made = load(robot)
-    if sensors is not None:
-        made = made.with_sensors(*parse_set(made, sensors))
+    made = load_with(robot, sensors)
     if level is not None:
         made = made.with_level(level)
     loses = effects_of(effects)
@@ -109,11 +107,8 @@ def say_stiff(robot: Robot, what: str = "a controller") -> None:
 
 def put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None:
     """Write text to a file, or to standard output."""
-    output = out and files.Output(out, kind, "-o")
-    read = [path_of(robot)]
-    files.check([output] if output else [], read, force)
-    if output:
-        files.write({output: text}, read, force)
-        wrote(Format.table, out)
-    else:
+    if out is None:
         print(text, end="")
+        return
+    files.write({files.Output(out, kind, "-o"): text}, paths([robot]), force)
+    wrote(Format.table, out)

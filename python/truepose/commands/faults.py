@@ -24,11 +24,12 @@ from truepose.commands.options import (
     effects_option,
     false_alarm_option,
     load_with,
+    over,
+    plot_option,
     plot_to,
-    wrote,
 )
 from truepose.exceptions import InputError
-from truepose.faults.isolation import Hypothesis, Isolation, isolate
+from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import (
     HOURS,
     TIMES,
@@ -41,10 +42,10 @@ from truepose.logs.pose_file import read_poses
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, reading_axes
-from truepose.robot.workspace import workspace_grid
-from truepose.show.table import Cell, Table, number
+from truepose.robot.workspace import regular_grid
+from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
-from truepose.show.units import PRINT
+from truepose.show.units import PRINT, measured
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
@@ -81,9 +82,7 @@ def command(
             min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
         ),
     ] = 1,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw the limits of each reading (PNG, SVG, PDF).")
-    ] = None,
+    plot: Annotated[Path | None, plot_option("the limits of each reading")] = None,
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -107,12 +106,11 @@ def command(
         isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
-    save = plot_to(plot, [robot, *([poses] if poses else [])], force)
+    save = plot_to(plot, [robot, poses], force)
     loaded = load_with(robot, sensors)
-    known = effects_of(effects, KNOWN_EFFECTS)
+    subject = effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
-    subject = known.allowed_for(loaded)
     found = detectability(subject, at, visited, level, false_alarm=false_alarm)
     if effects != "none":
         found = replace(found, state=f"{found.state}, effects {effects}")
@@ -122,35 +120,12 @@ def command(
         say(unwatched(loaded), how)
         return
     save(found.plot)
-    others = list(_beside(loaded, subject, at, visited, found, effects))
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
-    where = f"{len(at)} poses of {poses or 'a grid over the workspace'}"
-    gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
-    subject_line = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {found.state}."
+    others = dict(_beside(loaded, subject, at, visited, found, effects))
     tables = [found.table(), *parts, *harm(found), beside(others)]
-    show(tables, how, [subject_line], list(notes(found)), plot is not None)
-    wrote(how, plot)
-
-
-def regular_grid(robot: Robot) -> tuple[Array, int]:
-    """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> poses, left_out = regular_grid(tp.load("delta"))
-    >>> poses.shape, left_out
-    ((125, 3), 0)
-    """
-    grid, model = workspace_grid(robot), robot.expected()
-    answers = [
-        model.cross_sensitivity(grid, "joint", "nan"),
-        model.linearize(grid, "nan", "ideal")[0],
-    ]
-    good = np.isfinite([values.sum(axis=(1, 2)) for values in answers]).all(axis=0)
-    if not good.any():
-        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-    return grid[good], int((~good).sum())
+    where = f"{over(at, poses, left_out)}; {found.state}."
+    answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
+    show(tables, how, [answer], list(notes(found)), (plot,))
 
 
 def unwatched(robot: Robot) -> str:
@@ -172,57 +147,47 @@ def _beside(
     effects: str,
 ) -> Iterator[tuple[str, Detectability]]:
     """Yield the limits under other assumptions, each with its name."""
-    levels: list[tuple[str, Level, bool]] = [(f"{found.level} level", found.level, True)]
+    levels: dict[str, tuple[Level, bool]] = {f"{found.level} level": (found.level, True)}
     if knowledge.left_out(robot):
-        levels = [
-            ("full level", "full", True),
-            ("ideal level", "ideal", True),
-            ("ideal level, robot on paper", "ideal", False),
-        ]
-    states = [("as built", None)] + ([] if visited is None else [("self-calibrated", visited)])
-    doubts = [("", robot)] + ([] if effects == "none" else [(f", effects {effects}", subject)])
-    for state, learnt in states:
-        for name, level, model_error in levels:
-            for doubt, one in doubts:
-                told = detectability(
-                    one, poses, learnt, level, model_error, false_alarm=found.false_alarm, moving=1
-                )
-                yield f"{state}, {name}{doubt}", told
+        levels = {"full level": ("full", True), "ideal level": ("ideal", True)}
+        levels["ideal level, robot on paper"] = ("ideal", False)
+    states = {"as built": None} | ({} if visited is None else {"self-calibrated": visited})
+    doubts = {"": robot} | ({} if effects == "none" else {f", effects {effects}": subject})
+    cases = itertools.product(states.items(), levels.items(), doubts.items())
+    for (state, learnt), (name, how), (doubt, one) in cases:
+        told = detectability(one, poses, learnt, *how, false_alarm=found.false_alarm, moving=1)
+        yield f"{state}, {name}{doubt}", told
 
 
 def harm(found: Detectability) -> list[Table]:
     """Return tables of the pose error of a fault just below detection: one column per law."""
-    laws = list(found.cross_sensitivity)
-    at_rest = {
-        law: found.pose_error(law).reshape(-1, len(found.robot.readings), 2).max(axis=0)
-        for law in laws
+    robot, laws = found.robot, list(found.cross_sensitivity)
+    worst = {
+        law: found.pose_error(law).reshape(-1, len(robot.readings), 2).max(axis=0) for law in laws
     }
     moving = {law: found.moving_pose_error(law) for law in laws}
-    titles = {
-        "harm_at_rest": (at_rest, "Pose error of a fault just below detection, worst pose"),
-        "harm_moving": (moving, f"The same for a fault that {found.moving} poses do not reveal"),
-    }
+
+    def table(name: str, title: str, errors: dict[str, Array]) -> Table:
+        rows = [
+            [reading, *(_offset(robot, law, errors[law][c]) for law in laws)]
+            for c, reading in enumerate(robot.readings)
+        ]
+        return Table(name, title, ["reading", *laws], rows)
+
     return [
-        Table(
-            name,
-            title,
-            ["reading", *laws],
-            [
-                [reading, *(_offset(found.robot, law, errors[law][c]) for law in laws)]
-                for c, reading in enumerate(found.robot.readings)
-            ],
-        )
-        for name, (errors, title) in titles.items()
+        table("harm_at_rest", "Pose error of a fault just below detection, worst pose", worst),
+        table(
+            "harm_moving", f"The same for a fault that {found.moving} poses do not reveal", moving
+        ),
     ]
 
 
-def beside(others: list[tuple[str, Detectability]]) -> Table:
+def beside(others: dict[str, Detectability]) -> Table:
     """Return medians over the poses, detected and isolated: one row per assumption."""
-    rows = []
-    for name, found in others:
-        rows.append([name, *_pairs(found, np.s_[:])])
+    rows = [[name, *_pairs(found, np.s_[:])] for name, found in others.items()]
     title = "Detected / isolated, medians, under other assumptions"
-    return Table("faults_beside", title, ["assumption", *_header(others[0][1].robot)], rows)
+    axes = reading_axes(next(iter(others.values())).robot)
+    return Table("faults_beside", title, ["assumption", *(axis.label for axis in axes)], rows)
 
 
 def by_box(found: Detectability, poses: Array, parts: int) -> Table:
@@ -238,24 +203,19 @@ def by_box(found: Detectability, poses: Array, parts: int) -> Table:
                 continue
             ends = {"from": low, "to": high, "poses": len(inside)}
             named = f"{name} {low:.4g} to {high:.4g} {printed}".replace(" °", "°")
-            rows.append([Cell(named, {"box": name, "unit": printed} | ends)])
-            rows[-1] += _pairs(found, inside)
+            box = Cell(named, {"box": name, "unit": printed} | ends)
+            rows.append([box, *_pairs(found, inside)])
     title = "Detected / isolated, medians over the poses of each box"
-    return Table("faults_by_box", title, ["box", *_header(found.robot)], rows)
-
-
-def _header(robot: Robot) -> list[str]:
-    return [axis.label for axis in reading_axes(robot)]
+    header = ["box", *(axis.label for axis in reading_axes(found.robot))]
+    return Table("faults_by_box", title, header, rows)
 
 
 def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
     """Return medians over some poses of each reading's detectable and isolable fault."""
     cells = []
     for c, (reading, factor, unit) in enumerate(reading_axes(found.robot)):
-        every = [
-            values.reshape(-1, values.shape[-1]) for values in (found.detected, found.isolated)
-        ]
-        pair = [factor * float(np.median(values[inside, c])) for values in every]
+        every = (values[..., c].ravel()[inside] for values in (found.detected, found.isolated))
+        pair = [factor * float(np.median(values)) for values in every]
         names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
         text = " / ".join(map(limit_cell, pair))
         cells.append(Cell(text, dict(zip(names, pair, strict=True))))
@@ -287,40 +247,36 @@ def notes(found: Detectability) -> Iterator[str]:
 
 def _offset(robot: Robot, law: str, error: Array) -> Cell:
     """Return position and rotation in one cell, mm and degrees; "unbounded" without a bound."""
-    units = dict.fromkeys(unit for _, unit in robot.coordinates)
-    parts = [(PRINT[unit], error[k]) for k, unit in enumerate(("m", "rad")) if unit in units]
-    data = {f"{law} ({name})": float(factor * value) for (factor, name), value in parts}
-    if not np.isfinite(error).all():
-        return Cell("unbounded", data)
-    gap = {"mm": " mm", "°": "°"}
-    return Cell(", ".join(number(f * v) + gap[n] for (f, n), v in parts), data)
+    units = {unit for _, unit in robot.coordinates}
+    parts = {unit: float(e) for unit, e in zip(("m", "rad"), error, strict=True) if unit in units}
+    data = {f"{law} ({PRINT[unit][1]})": PRINT[unit][0] * e for unit, e in parts.items()}
+    bounded = np.isfinite(error).all()
+    text = ", ".join(measured(e, unit) for unit, e in parts.items()) if bounded else "unbounded"
+    return Cell(text, data)
 
 
 def verdict(found: Isolation) -> list[str]:
     """Return notes: the faulty reading, or why it is not isolated."""
     gone = f" ({found.left_out} without a pose excluded)" if found.left_out else ""
-    said = [
+    test = (
         f"{found.lines} rows{gone}, {found.level} level: χ² of the residuals "
         f"{found.chi2:.4g}, {found.freedom} degrees of freedom; a healthy robot exceeds "
         f"{found.limit:.4g} with probability {found.false_alarm:.2g}."
-    ]
+    )
+    kinds = [hypothesis.kind for hypothesis in found.may_be]
     if not found.faulty:
-        said.append("No fault detected: the readings are consistent.")
-    elif not found.may_be:
-        said.append(
+        said = "No fault detected: the readings are consistent."
+    elif not kinds:
+        said = (
             "No single bias or gain explains it: a fault that began within the log, several "
             "faults, a change of the geometry, or another robot's file."
         )
     elif len(found.readings) > 1:
-        said.append(
+        said = (
             f"One of these is faulty: {', '.join(found.readings)}. More poses or another sensor "
             "distinguish them (see truepose faults)."
         )
     else:
-        said.append(f"Faulty: {found.readings[0]}: {_one_of(found.may_be)}.")
-    return said
-
-
-def _one_of(may_be: tuple[Hypothesis, ...]) -> str:
-    kinds = [h.kind for h in may_be]
-    return f"its {kinds[0]} is wrong" if len(kinds) == 1 else "a " + " or a ".join(kinds)
+        why = f"its {kinds[0]} is wrong" if len(kinds) == 1 else "a " + " or a ".join(kinds)
+        said = f"Faulty: {found.readings[0]}: {why}."
+    return [test, said]

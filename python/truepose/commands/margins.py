@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from truepose.commands.options import (
@@ -16,8 +17,9 @@ from truepose.commands.options import (
     effects_of,
     effects_option,
     load_with,
+    numbers_of,
+    plot_option,
     plot_to,
-    wrote,
 )
 from truepose.control.controller import Controller, positive
 from truepose.control.margins import StabilityMargins, draw, stability_margins
@@ -58,9 +60,7 @@ def command(
             show_default="the fastest with 6 dB, 30° and two cycles",
         ),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw each law's loop (PNG, SVG, PDF).")
-    ] = None,
+    plot: Annotated[Path | None, plot_option("each law's loop")] = None,
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -77,11 +77,12 @@ def command(
     loaded = load_with(robot, sensors)
     forgotten = effects_of(effects)
     found, refused = [], []
+    period = 1 / rate
     for each in laws_of(law, loaded):
-        controller = each if own is None else parse_gains(own, each, 1 / rate)
+        controller = each if own is None else parse_gains(own, each, period)
         try:
-            period = 1 / rate if own is None else None
-            found.append(stability_margins(loaded, controller, forgotten, period=period))
+            at = period if own is None else None
+            found.append(stability_margins(loaded, controller, forgotten, period=at))
         except InputError as error:
             refused.append(error)
     if not found:
@@ -94,8 +95,7 @@ def command(
     where += f" ({names}; {units})" * (poses > 1)
     least = f"{loaded.name} at {rate:g} Hz, effects {effects}: smallest over {where}."
     tables = [chosen(found), *(each.table() for each in found)]
-    show(tables, how, [least, *refused], notes(found), plot is not None)
-    wrote(how, plot)
+    show(tables, how, [least, *refused], notes(found), (plot,))
 
 
 def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:
@@ -116,20 +116,12 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
     >>> parse_gains("40,300", "joint", 1e-3).velocity_bandwidth
     300.0
     """
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if not 1 <= len(numbers) <= 3:
+    numbers = numbers_of(text).tolist()
+    if np.isnan(numbers).any() or len(numbers) > 3:
         raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers")
     frequency, bandwidth, damping = (*numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :])
-    return Controller(
-        law=law,
-        frequency=frequency,
-        velocity_bandwidth=bandwidth,
-        damping=damping,
-        period=period,
-    )
+    gains = {"frequency": frequency, "velocity_bandwidth": bandwidth, "damping": damping}
+    return Controller(law=law, period=period, **gains)
 
 
 def chosen(found: list[StabilityMargins]) -> Table:

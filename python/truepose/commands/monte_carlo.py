@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
+import re
 import shlex
+from math import isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +20,10 @@ from truepose.commands.options import (
     SensorsOption,
     effects_of,
     effects_option,
+    file_text,
     load_with,
+    number_of,
+    paths,
     true_robot,
     wrote,
 )
@@ -27,9 +31,8 @@ from truepose.exceptions import InputError
 from truepose.files import Output, mark
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import in_print
-from truepose.robotfile import path_of, to_toml
 from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
@@ -85,19 +88,18 @@ def simulate_log_command(
     calibrated.toml**, then **truepose simulate-log h4 -o log.csv --found calibrated.toml**
     """
     kept = truth or out.with_suffix(".truth.toml")
-    drawn = load(robot)
     if found is not None:
+        drawn = load(robot)
         result = missed(drawn, load(kept), load(found), seed)
-        p = len(result.names)
-        low, high = (p * (1 - 2 / (9 * p) + z * (2 / (9 * p)) ** 0.5) ** 3 for z in (-1.96, 1.96))
+        low, high = result.nees_range
         nees = (
-            f"Squared error of all {p} by the stated covariance: {result.nees:.1f}; if that is "
-            f"correct, {low:.0f} to {high:.0f} in 95 % of calibrations."
+            f"Squared error of all {len(result.names)} by the stated covariance: "
+            f"{result.nees:.1f}; if that is correct, {low:.0f} to {high:.0f} in 95 % of "
+            "calibrations."
         )
         show(_compared(drawn, result), how, [nees])
         return
-    drawn = load_with(robot, sensors)
-    read = [path_of(robot)]
+    drawn, read = load_with(robot, sensors), paths([robot])
     outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
     files.check(outputs, read, force)
     ran = simulate_log(
@@ -108,8 +110,7 @@ def simulate_log_command(
         effects_of(effects, AT_REST),
         tracker=not drawn.sensors if tracker is None else tracker,
     )
-    values = {name: parameter.value for name, parameter in ran.truth.parameters.items()}
-    text = f"# {mark('true robot')}, sampled with seed {seed}\n{to_toml(ran.truth.spec, values)}"
+    text = f"# {mark('true robot')}, sampled with seed {seed}\n{file_text(ran.truth)}"
     log = logs.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
     wrote(how, out, kept)
@@ -117,24 +118,22 @@ def simulate_log_command(
     names = drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
     where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
-    _next("Next", "calibrate", robot, out, *chosen, "-o", calibrated)
-    _next("Then", "simulate-log", robot, *where, "--found", calibrated)
-
-
-def _next(when: str, *words: object) -> None:
-    say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
+    for when, *words in (
+        ("Next", "calibrate", robot, out, *chosen, "-o", calibrated),
+        ("Then", "simulate-log", robot, *where, "--found", calibrated),
+    ):
+        say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
 
 
 def _columns(ran: SimulatedLog) -> list[logs.Column]:
     result = logs.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
-        pivot = ran.truth.spec.mobility == "rotational"
-        names = [name for name, _ in ran.truth.coordinates] if pivot else "xyz"
-        for name, values in zip(names, ran.measured.T, strict=False):
-            what = f"{name} of a marker on the platform, in the tracker's frame"
-            what = f"{name}, measured externally" if pivot else what
-            unit = "rad" if pivot else "m"
-            result.append(logs.Column("measured", f"measured_{name}", unit, what, values))
+        unit, what = "m", "{} of a marker on the platform, in the tracker's frame"
+        if ran.truth.spec.mobility == "rotational":
+            unit, what = "rad", "{}, measured externally"
+        for (name, _), values in zip(ran.truth.coordinates, ran.measured.T, strict=False):
+            about = (f"measured_{name}", unit, what.format(name))
+            result.append(logs.Column("measured", *about, values))
     return result
 
 
@@ -145,14 +144,9 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
         shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
         told = (position, shown[:, 0].max(), zeroed, turn)
-        rows.append([who, *(number(float(value)) for value in told)])
-    header = [
-        "robot",
-        "position rms (mm)",
-        "largest (mm)",
-        "relative to home (mm)",
-        "rotation rms (°)",
-    ]
+        rows.append([who, *map(number, map(float, told))])
+    header = ["robot", "position rms (mm)", "largest (mm)", "relative to home (mm)"]
+    header.append("rotation rms (°)")
     pose = Table("pose", "Pose error of the true robot (reached − commanded)", header, rows)
     rows = []
     errors = zip(result.names, result.before, result.after, result.sigma, strict=True)
@@ -217,19 +211,7 @@ def study_command(
 
     Example: **truepose monte-carlo calibration h4 par4 --count 200 -o my-study**
     """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    errors = Console(stderr=True)
-    columns = (TextColumn("chunks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=errors, disable=not errors.is_terminal) as bar:
-        task = bar.add_task("chunks", total=None)
+    with progress("chunks") as bar:
         found = monte_carlo(
             function,
             [load_with(robot, sensors) for robot in robots],
@@ -241,7 +223,7 @@ def study_command(
             workers=workers,
             on=on,
             cluster=cluster,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total: bar(completed=done, total=total),
         )
     show([found.table()], how, [MEANING[function]] if function in MEANING else [])
     if missing := int(found.unanswered.sum()):
@@ -263,10 +245,9 @@ def _values(text: str) -> tuple[str, list[float | int | str]]:
     if not (name and equals and values):
         raise InputError(f"--grid {text}: must be name=value,value,…")
 
-    def value(word: str) -> float | int | str:
-        for kind in (int, float):
-            with contextlib.suppress(ValueError):
-                return kind(word)
-        return word
+    return name, [_value(word.strip()) for word in values.split(",")]
 
-    return name, [value(word.strip()) for word in values.split(",")]
+
+def _value(word: str) -> float | int | str:
+    value = number_of(word)
+    return word if isnan(value) else int(word) if re.fullmatch(r"[+-]?\d+", word) else value

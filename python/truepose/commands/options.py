@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -13,34 +14,25 @@ from typer.models import OptionInfo
 
 from truepose import _core, files
 from truepose.arguments import Array, Level, selected
+from truepose.calibration.between import SIGMA, Between, read
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.faults.limits import HOURS
+from truepose.logs import Log
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import summed
-from truepose.robotfile import path_of
-from truepose.show.terminal import Format, say
+from truepose.robotfile import path_of, to_toml
+from truepose.show.terminal import Format, say, wrote  # noqa: F401 – integrations print by it
 from truepose.show.units import WRITTEN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-from dataclasses import dataclass
-from typing import Any
-
-from truepose.calibration.between import SIGMA, Between, read
-from truepose.logs import Log
-
-
 def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """Return a shell completion over the choices; without a match the shell offers files."""
-
-    def fitting(incomplete: str) -> list[str]:
-        return [choice for choice in choices() if choice.startswith(incomplete)]
-
-    return fitting
+    return lambda incomplete: [each for each in choices() if each.startswith(incomplete)]
 
 
 RobotName = Annotated[
@@ -85,6 +77,11 @@ def false_alarm_option(text: str) -> OptionInfo:
     return typer.Option(metavar="P", help=text, show_default=default)
 
 
+def plot_option(what: str) -> OptionInfo:
+    """Return the option of a picture of `what`, for :func:`plot_to`."""
+    return typer.Option(help=f"Also draw {what} (PNG, SVG, PDF).")
+
+
 def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
     """Return the option that :func:`effects_of` parses."""
     return typer.Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
@@ -110,26 +107,43 @@ Faults = Annotated[
 
 
 def plot_to(
-    path: Path | None, inputs: list[str | Path], force: bool
+    path: Path | None, inputs: Iterable[str | Path | None], force: bool
 ) -> Callable[[Callable[[], Figure]], None]:
     """Check that --plot may be written; return a function that draws and saves the figure."""
     if path is None:
         return lambda draw: None
-    output = files.Output(path, "picture", "--plot")
-    read = [path_of(str(name)) for name in inputs]
+    output, read = files.Output(path, "picture", "--plot"), paths(inputs)
     files.check([output], read, force)
-
-    def save(draw: Callable[[], Figure]) -> None:
-        files.write({output: files.picture(draw(), path.suffix)}, read, force)
-
-    return save
+    return lambda draw: files.write({output: files.picture(draw(), path.suffix)}, read, force)
 
 
-def wrote(how: Format, *paths: Path | None) -> None:
-    """Print which files were written."""
-    for path in paths:
-        if path is not None:
-            say(f"Wrote {path}", how)
+def file_text(robot: Robot) -> str:
+    """Return the robot file of a robot with its present parameters."""
+    return to_toml(robot.spec, {name: p.value for name, p in robot.parameters.items()})
+
+
+def paths(inputs: Iterable[str | Path | None]) -> list[Path]:
+    """Return the paths of files and shipped robots that a command reads."""
+    return [path_of(str(name)) for name in inputs if name is not None]
+
+
+def over(poses: Array, file: Path | None, left_out: int) -> str:
+    """Describe the poses of a prediction, of a file or a grid."""
+    gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
+    return f"{len(poses)} poses of {file or 'a grid over the workspace'}{gone}"
+
+
+def number_of(text: str) -> float:
+    """Return the number in a text; NaN without one."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def numbers_of(text: str) -> Array:
+    """Return numbers separated by commas; NaN for other text."""
+    return np.array([number_of(part) for part in text.split(",")])
 
 
 def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
@@ -156,10 +170,9 @@ def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Arra
     >>> parse_pose(tp.load("3rpr"), "0.4,0.3,0", "--from")
     array([0.4, 0.3, 0. ])
     """
-    try:
-        pose = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad") from None
+    pose = numbers_of(text)
+    if np.isnan(pose).any():
+        raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad")
     if len(pose) != robot.n or not np.isfinite(pose).all():
         names = ",".join(c for c, _ in robot.coordinates)
         raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
@@ -169,6 +182,11 @@ def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Arra
         except PoseError as error:
             raise PoseError(f"{name} {text}: {error}") from None
     return pose
+
+
+def parse_given(robot: Robot, text: str | None, name: str) -> Array | None:
+    """Parse a pose that the robot reaches; None without one."""
+    return None if text is None else parse_pose(robot, text, name)
 
 
 #: Descriptions of valid sizes, by their units.
@@ -185,10 +203,7 @@ def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, f
     for part in text.split(",") if text is not None else ():
         number = part.strip().rstrip("".join(WRITTEN))
         unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part.strip()[len(number) :], ("", np.nan))
-        try:
-            value = factor * float(number)
-        except ValueError:
-            value = np.nan
+        value = factor * number_of(number)
         if unit not in units or not (0 < value < np.inf) or unit in result:
             known = ", ".join(written for written, (of, _) in WRITTEN.items() if of in units)
             known = f" (units: {known})" if known else ""
@@ -212,11 +227,21 @@ def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | No
 def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | None, float | None]:
     """Parse σ of measured lengths and angles; refuse a unit that no coordinate has."""
     sizes = parse_sizes(text, option)
-    units = sorted({unit for _, unit in robot.coordinates})
-    for unit, size in zip(("m", "rad"), sizes, strict=True):
-        if size is not None and unit not in units:
-            raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {units[0]}")
+    units = {unit for _, unit in robot.coordinates}
+    if any(
+        size is not None and u not in units for u, size in zip(("m", "rad"), sizes, strict=True)
+    ):
+        raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {min(units)}")
     return sizes
+
+
+def parse_each(text: str, option: str, units: Sequence[str], whose: str) -> list[float]:
+    """Parse a length and an angle; return the one or the other for each unit."""
+    by = dict(zip(("m", "rad"), parse_sizes(text, option), strict=True))
+    if missing := {unit for unit in units if by[unit] is None}:
+        every, wanted = (" and ".join(sorted(each)) for each in (set(units), missing))
+        raise InputError(f"{option} {text}: {whose} {every}; give a value in {wanted}")
+    return [by[unit] or 0.0 for unit in units]
 
 
 def parse_size(text: str, option: str, unit: str) -> float:
@@ -229,16 +254,6 @@ def parse_size(text: str, option: str, unit: str) -> float:
     """
     (value,) = _sizes(text, option, (unit if unit in ("m", "rad") else "",)).values()
     return value
-
-
-def parse_length(text: str | None, option: str) -> float | None:
-    """Parse a length, "0.1mm"."""
-    return None if text is None else parse_size(text, option, "m")
-
-
-def parse_angle(text: str | None, option: str) -> float | None:
-    """Parse an angle, "0.1deg"."""
-    return None if text is None else parse_size(text, option, "rad")
 
 
 def parse_target(robot: Robot, text: str | None) -> float | None:
@@ -254,9 +269,8 @@ def load_with(robot: str, sensors: str | None) -> Robot:
 
 def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
     """Parse effects: all, none, or names separated by commas."""
-    if text in ("all", "none"):
-        return Effects().only(*(known if text == "all" else ()))
-    names = [name.strip() for name in text.split(",")]
+    words = {"all": known, "none": ()}
+    names = words.get(text, [name.strip() for name in text.split(",")])
     for name in names:
         if name not in known:
             raise InputError(f"--effects: {choose('effect', name, ['all', 'none', *known])}")
@@ -279,21 +293,16 @@ def _fault(text: str) -> Fault:
     if found is None:
         raise InputError(f"--fault {text}: must be READING:KIND[=SIZE][@TIME[..END]]")
     reading, kind, size, at, until = found.groups()
-    pair = kind in FAULT_KINDS and _core.fault_kinds[kind].pair
-    try:
-        numbers = [None if t is None else float(t) for t in (None if pair else size, at, until)]
-    except ValueError:
+    other = None
+    if kind in FAULT_KINDS and _core.fault_kinds[kind].pair:
+        size, other = None, size
+    numbers = {"size": size, "at": at or "0", "until": until}
+    values: dict[str, Any] = {k: number_of(t) for k, t in numbers.items() if t is not None}
+    if np.isnan(list(values.values())).any():
         raise InputError(
             f"--fault {text}: size and times must be numbers: READING:KIND[=SIZE][@TIME[..END]]"
-        ) from None
-    return Fault(
-        reading,
-        kind,  # type: ignore[arg-type]  # Fault checks it
-        at=numbers[1] or 0.0,
-        size=numbers[0],
-        until=numbers[2],
-        other=size if pair else None,
-    )
+        )
+    return Fault(reading, kind, other=other, **values)  # type: ignore[arg-type]  # Fault checks it
 
 
 def true_robot(robot: Robot, text: str, seed: int) -> Robot:
@@ -308,42 +317,34 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     return true.with_level(true.highest_level)
 
 
-def _difference_option(
-    text: str, default: str = "", metavar: str | None = None, **more: Any
-) -> Any:
+def _between(text: str, default: str | bool = True, **more: Any) -> OptionInfo:
     panel = "Differences between poses"
-    return typer.Option(
-        help=text, rich_help_panel=panel, show_default=default or True, metavar=metavar, **more
-    )
+    return typer.Option(help=text, rich_help_panel=panel, show_default=default, **more)
 
 
 TouchSigma = Annotated[
     str | None,
-    _difference_option("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
+    _between("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
 ]
-Tilt = Annotated[str | None, _difference_option("σ of a plane's inclination: 1deg.", "level")]
+Tilt = Annotated[str | None, _between("σ of a plane's inclination: 1deg.", "level")]
 Tool = Annotated[
     str | None,
-    _difference_option(
-        "Contact point in the platform's frame, m.", "the platform's point", "X,Y,Z"
-    ),
+    _between("Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"),
 ]
-ToolSigma = Annotated[str | None, _difference_option("σ of --tool: 1mm.", "exactly known")]
+ToolSigma = Annotated[str | None, _between("σ of --tool: 1mm.", "exactly known")]
 DistancesFile = Annotated[
     Path | None,
-    _difference_option(
+    _between(
         "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
         "sigma, times.",
         metavar="CSV",
     ),
 ]
-DistanceSigma = Annotated[
-    str | None, _difference_option("σ of a distance.", "the column sigma, else 0.02mm")
-]
+DistanceSigma = Annotated[str | None, _between("σ of a distance.", "the column sigma, else 0.02mm")]
 Shrinkage = Annotated[
-    float, _difference_option("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
+    float, _between("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
 ]
-LineWidth = Annotated[str | None, _difference_option("σ of a print's line width: 0.05mm.", "known")]
+LineWidth = Annotated[str | None, _between("σ of a print's line width: 0.05mm.", "known")]
 
 
 @dataclass(frozen=True)
@@ -361,15 +362,18 @@ class Asked:
 
     def between(self, robot: Robot, log: Log, where: Path) -> Between:
         """Parse the options, read the file of distances, check them against the log's columns."""
-        sigma = parse_length(self.distance_sigma, "--distance-sigma") or SIGMA
+        sigma = _size(self.distance_sigma, "--distance-sigma", SIGMA)
+        tool = numbers_of(self.tool or "0,0,0")
+        if len(tool) != 3 or not np.isfinite(tool).all():
+            raise InputError(f"--tool {self.tool}: must be three numbers, x,y,z (m)")
         result = Between(
-            sigma=parse_length(self.touch_sigma, "--touch-sigma") or SIGMA,
-            tilt=parse_angle(self.tilt, "--tilt") or 0.0,
-            tool=_tool(self.tool),
-            tool_sigma=parse_length(self.tool_sigma, "--tool-sigma") or 0.0,
+            sigma=_size(self.touch_sigma, "--touch-sigma", SIGMA),
+            tilt=_size(self.tilt, "--tilt", unit="rad"),
+            tool=tuple(tool.tolist()),
+            tool_sigma=_size(self.tool_sigma, "--tool-sigma"),
             distances=read(self.distances, log, sigma) if self.distances else (),
             scale=self.shrinkage,
-            width=parse_length(self.line_width, "--line-width") or 0.0,
+            width=_size(self.line_width, "--line-width"),
         )
         try:
             result.check(robot, log)
@@ -380,11 +384,5 @@ class Asked:
         return result
 
 
-def _tool(text: str | None) -> tuple[float, ...]:
-    try:
-        tool = tuple(map(float, text.split(","))) if text is not None else (0.0, 0.0, 0.0)
-    except ValueError:
-        tool = ()
-    if len(tool) != 3 or not np.isfinite(tool).all():
-        raise InputError(f"--tool {text}: must be three numbers, x,y,z (m)")
-    return tool
+def _size(text: str | None, option: str, otherwise: float = 0.0, unit: str = "m") -> float:
+    return otherwise if text is None else parse_size(text, option, unit)

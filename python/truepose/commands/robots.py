@@ -13,13 +13,12 @@ import numpy as np
 import tomlkit
 import typer
 
-from truepose import _core, files, robotfile
-from truepose.commands import info
+from truepose import files, robotfile
 from truepose.commands.options import How, completing
 from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import reach, told, workspace_grid
 from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.table import Cell, Table
@@ -187,8 +186,8 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{at}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    told = [(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems]
-    return robot, [f"{path}:{line}: {what}" for line, what in sorted(set(told))]
+    found = {(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems}
+    return robot, [f"{path}:{line}: {what}" for line, what in sorted(found)]
 
 
 def remarks(robot: Robot) -> list[str]:
@@ -232,7 +231,7 @@ def remarks(robot: Robot) -> list[str]:
     else:
         lines.append(
             f"workspace: {100 * reached / count:.3g} % of {grid}, reached and regular; "
-            f"not: {info.told(lost)}"
+            f"not: {told(lost)}"
         )
     if not ((box.minimum <= robot.home) & (robot.home <= box.maximum)).all():
         lines.append("workspace: home is not in it")
@@ -241,17 +240,12 @@ def remarks(robot: Robot) -> list[str]:
 
 def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     """Return the number of regular grid poses, of the others by reason, and of all."""
-    x = workspace_grid(robot, GRID[robot.n])
-    _, status, chain = _core.ikm(robot.core, x, False)
-    J, rank, guilty = _core.jacobian(robot.core, x, False)
-    lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
-    good = (status == 0) & (rank == 0)
+    found = reach(robot, workspace_grid(robot, GRID[robot.n]))
     # Beyond a singularity det J has the other sign: home has no path to these poses.
-    beyond = good.copy()
-    beyond[good] = np.linalg.det(J[good]) * np.linalg.det(robot.jacobian(robot.home)) < 0
-    if beyond.any():
-        lost["beyond a singularity, from home"] = int(beyond.sum())
-    return int((good & ~beyond).sum()), lost, len(x)
+    home = np.linalg.det(robot.jacobian(robot.home))
+    beyond = int((np.linalg.det(found.J[found.regular]) * home < 0).sum())
+    lost = found.refused | ({"beyond a singularity, from home": beyond} if beyond else {})
+    return int(found.regular.sum()) - beyond, lost, len(found.q)
 
 
 def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
@@ -271,8 +265,8 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
     if robot.spec.workspace is not None:
         reached, lost, count = _reached(robot)
         if not reached:
-            told = f"workspace: none of {count} poses, a grid over the box: {info.told(lost)}"
-            return None, [Problem(("workspace",), told)]
+            text = f"workspace: none of {count} poses, a grid over the box: {told(lost)}"
+            return None, [Problem(("workspace",), text)]
     return robot, []
 
 

@@ -15,13 +15,12 @@ from truepose.commands.options import (
     How,
     RobotName,
     SensorsOption,
+    file_text,
     load_with,
+    parse_each,
     parse_pose,
-    parse_sizes,
-    wrote,
 )
-from truepose.exceptions import InputError
-from truepose.robot.robot import Robot
+from truepose.robot.workspace import workspace_samples
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
@@ -70,39 +69,27 @@ def command(
     files.check([output] if output else [], inputs, force)
     loaded = load_with(robot, sensors)
     pose = None if at is None else parse_pose(loaded, at, "--at", False)
-    found = zero(loaded, logs.read(loaded, log), at=pose, sigma=_sigma(loaded, sigma))
+    units = [unit for _, unit in loaded.coordinates]
+    whose = f"{loaded.name}'s coordinates are in"
+    sizes = None if sigma is None else parse_each(sigma, "--sigma", units, whose)
+    found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    show([found.table(), known(found)], how, open_questions(found))
     if output:
-        fitted = found.robot
-        values = {name: p.value for name, p in fitted.parameters.items()}
-        files.write({output: robotfile.to_toml(fitted.spec, values)}, inputs, force)
-    wrote(how, out)
-
-
-def _sigma(robot: Robot, text: str | None) -> list[float] | None:
-    """Return σ of the reference pose for every coordinate, m and rad; None where not given."""
-    if text is None:
-        return None
-    by = dict(zip(("m", "rad"), parse_sizes(text, "--sigma"), strict=True))
-    found = [by[unit] for _, unit in robot.coordinates]
-    if None in found:
-        units = sorted({unit for _, unit in robot.coordinates})
-        raise InputError(f"--sigma {text}: {robot.name}'s coordinates are in {' and '.join(units)}")
-    return [float(value) for value in found if value is not None]
+        files.write({output: file_text(found.robot)}, inputs, force)
+    show([found.table(), known(found)], how, open_questions(found), [out])
 
 
 def known(found: Zeroing) -> Table:
     """Return a table of σ before and after, at the reference pose and over the workspace."""
     robot = found.robot
     places = {"at the reference pose": found.fit.x[:1]}
-    if (box := robot.spec.workspace) is not None:
-        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+    if robot.spec.workspace is not None:
+        x = workspace_samples(robot, _POSES, np.random.default_rng(0))
         places["over the workspace"] = x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
     rows = []
     for place, x in places.items():
-        both = [np.sqrt(np.mean([np.diag(P) for P in Ps], axis=0)) for Ps in found.accuracy(x)]
+        both = [np.sqrt(np.diagonal(P, 0, 1, 2).mean(axis=0)) for P in found.accuracy(x)]
         for k, (name, unit) in enumerate(robot.coordinates):
             factor, shown = PRINT[unit]
             what = {"coordinate": name, "where": place, "unit": unit}
