@@ -6,54 +6,38 @@ import re
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from truepose.calibration.bound import accuracy
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    Poses,
-    RobotName,
-    over,
-    parse_given,
-    parse_set,
-    plot_option,
-    plot_to,
-)
+from truepose.commands import options
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.pose_file import read_poses
 from truepose.robot.maps import workspace_slice
 from truepose.robot.robot import load
-from truepose.robot.units import coordinate_axes, label, summed
+from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     sensors: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="A set: names or globs separated by commas, none, or all. Repeatable: one set "
             "each.",
             show_default="none, those in use, these with each other one, with each kind, all",
         ),
     ] = None,
-    poses: Poses = None,
+    poses: options.Poses = None,
     calibrated: Annotated[
-        bool, typer.Option("--calibrated", help="Also after self-calibration over these poses.")
+        bool, Option("--calibrated", help="Also after self-calibration over these poses.")
     ] = False,
-    reference_pose: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,…", help="Also once referenced at this externally known pose; m and rad."
-        ),
-    ] = None,
-    level: ModelLevel = None,
-    plot: Annotated[Path | None, plot_option("a map of the first set's position σ")] = None,
-    how: How = Format.table,
-    force: Force = False,
+    reference_pose: options.ReferencePose = None,
+    level: options.ModelLevel = None,
+    plot: Annotated[Path | None, options.plot_option("a map of the first set's position σ")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Predict which law and sensors make a robot accurate, and after how many calibration poses.
 
@@ -63,10 +47,10 @@ def command(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    save = plot_to(plot, [robot, poses], force)
+    save = options.plot_to(plot, [robot, poses], force)
     loaded = load(robot)
-    sets = [parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = parse_given(loaded, reference_pose, "--reference-pose")
+    sets = [options.parse_set(loaded, text) for text in sensors] if sensors else None
+    touched = options.parse_given(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
@@ -74,7 +58,7 @@ def command(
     slice_ = workspace_slice(shown) if plot else shown.home
     save(lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
     first = overview(found, level)
-    answers = [*best(first), f"{loaded.name}: {over(found.poses, poses, found.left_out)}."]
+    answers = [*best(first), f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
     shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first
     show([first, *shown_tables], how, answers, notes(found), (plot,))
 
@@ -93,7 +77,7 @@ def notes(found: Prediction) -> list[str]:
 
 def tables(found: Prediction) -> list[Table]:
     """Return a table for each predicted state: one row per sensor set, σ in mm and degrees."""
-    axes = [*coordinate_axes(found.robot), summed(found.robot)]
+    axes: list[Axis | Summed] = [*coordinate_axes(found.robot), summed(found.robot)]
     factor = [axis.factor for axis in axes]
     result = []
     for what, sigma in found.sigma.items():

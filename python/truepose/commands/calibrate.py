@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
 from truepose import files, logs, robotfile
 from truepose.calibration import log_checks, review
@@ -16,30 +17,8 @@ from truepose.calibration.fitting import Loss, ModelError
 from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
 from truepose.calibration.zeroing import rehomed
-from truepose.commands.options import (
-    Asked,
-    DistancesFile,
-    DistanceSigma,
-    Force,
-    How,
-    LineWidth,
-    ModelLevel,
-    RobotName,
-    SensorsOption,
-    Shrinkage,
-    Tilt,
-    Tool,
-    ToolSigma,
-    TouchSigma,
-    file_text,
-    load_with,
-    parse_each,
-    parse_given,
-    parse_sigmas,
-    paths,
-    plot_option,
-    plot_to,
-)
+from truepose.commands import options
+from truepose.commands.options import between_option
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
@@ -56,76 +35,95 @@ Registration = Literal["unknown", "known"]
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     log: Annotated[
         Path | None,
-        typer.Argument(
+        Argument(
             help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
             "point; SI. Not needed with --known-pose on a calibrated robot.",
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
-    ] = None,
+    out: options.CalibratedFile = None,
     report: Annotated[
-        Path | None,
-        typer.Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html"),
+        Path | None, Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html")
     ] = None,
-    plot: Annotated[Path | None, plot_option("each parameter's change and σ")] = None,
-    sensors: SensorsOption = None,
-    level: ModelLevel = None,
-    loss: Annotated[Loss, typer.Option(help="Loss function for gross errors.")] = "student",
+    plot: Annotated[Path | None, options.plot_option("each parameter's change and σ")] = None,
+    sensors: options.SensorsOption = None,
+    level: options.ModelLevel = None,
+    loss: Annotated[Loss, Option(help="Loss function for gross errors.")] = "student",
     tuning: Annotated[
         float | None,
-        typer.Option(help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"),
+        Option(help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"),
     ] = None,
     model_error: Annotated[
-        ModelError, typer.Option(help="Include the model error of the ideal level.")
+        ModelError, Option(help="Include the model error of the ideal level.")
     ] = "on",
     measured_sigma: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
             show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
         ),
     ] = None,
     registration: Annotated[
-        Registration,
-        typer.Option(help="known: measured_… are platform coordinates in the base frame."),
+        Registration, Option(help="known: measured_… are platform coordinates in the base frame.")
     ] = "unknown",
     known_pose: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Log of poses known in the base frame: measured_x, …; exact, or with σ in "
             "measured_x_sigma, …."
         ),
     ] = None,
     reference_pose: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
             show_default="home",
         ),
     ] = None,
     homed: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--rehomed",
             help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
             show_default="no change",
         ),
     ] = None,
-    touch_sigma: TouchSigma = None,
-    tilt: Tilt = None,
-    tool: Tool = None,
-    tool_sigma: ToolSigma = None,
-    distances: DistancesFile = None,
-    distance_sigma: DistanceSigma = None,
-    shrinkage: Shrinkage = 0.0,
-    line_width: LineWidth = None,
-    how: How = Format.table,
-    force: Force = False,
+    touch_sigma: Annotated[
+        str | None,
+        between_option("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
+    ] = None,
+    tilt: Annotated[
+        str | None, between_option("σ of a plane's inclination: 1deg.", "level")
+    ] = None,
+    tool: Annotated[
+        str | None,
+        between_option(
+            "Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"
+        ),
+    ] = None,
+    tool_sigma: Annotated[str | None, between_option("σ of --tool: 1mm.", "exactly known")] = None,
+    distances: Annotated[
+        Path | None,
+        between_option(
+            "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
+            "sigma, times.",
+            metavar="CSV",
+        ),
+    ] = None,
+    distance_sigma: Annotated[
+        str | None, between_option("σ of a distance.", "the column sigma, else 0.02mm")
+    ] = None,
+    shrinkage: Annotated[
+        float, between_option("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
+    ] = 0.0,
+    line_width: Annotated[
+        str | None, between_option("σ of a print's line width: 0.05mm.", "known")
+    ] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Identify a robot's geometry from a log of its readings.
 
@@ -137,19 +135,21 @@ def command(
     if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
     read = (robot, log, known_pose, distances)
-    save = plot_to(plot, read, force)
+    save = options.plot_to(plot, read, force)
     robot_out = robotfile.output(out, "-o") if out else None
     page_out = files.Output(report, "report", "--report") if report else None
-    files.check(filter(None, (robot_out, page_out)), paths(read), force)
-    made = load_with(robot, sensors)
-    sigma, angle_sigma = parse_sigmas(made, measured_sigma, "--measured-sigma")
+    files.check(filter(None, (robot_out, page_out)), options.paths(read), force)
+    made = options.load_with(robot, sensors)
+    sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
     if homed is not None:
-        made = _rehomed(made, homed)
-    at = parse_given(made, reference_pose, "--reference-pose")
-    asked = Asked(
+        units = reading_units(made)[: made.n]
+        sizes = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
+        made = rehomed(made, sizes)
+    at = options.parse_given(made, reference_pose, "--reference-pose")
+    asked = options.Asked(
         touch_sigma, tilt, tool, tool_sigma, distances, distance_sigma, shrinkage, line_width
     )
-    settings = {
+    settings: dict[str, Any] = {
         "level": level,
         "loss": loss,
         "tuning": tuning,
@@ -171,8 +171,8 @@ def command(
 
             contents[page_out] = calibration_figures.page(result, where.name, settings["loss"])
         if robot_out:
-            contents[robot_out] = file_text(result.fit.robot)
-        files.write(contents, paths(read), force)
+            contents[robot_out] = options.file_text(result.fit.robot)
+        files.write(contents, options.paths(read), force)
         done("written")
     for note in result.notes:
         say(f"{where}: {note}", err=True)
@@ -189,7 +189,7 @@ def _assess(
     robot: Robot,
     log: Path | None,
     known_pose: Path | None,
-    asked: Asked,
+    asked: options.Asked,
     settings: dict[str, Any],
     done: Callable[[str], None],
 ) -> tuple[Path, Assessment]:
@@ -243,9 +243,3 @@ def _known(robot: Robot, path: Path) -> Log:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return replace(log, measured_sigma=poses.sigma)
-
-
-def _rehomed(robot: Robot, text: str) -> Robot:
-    """Return the robot with the uncertainty of its homing offsets increased by --rehomed."""
-    units = reading_units(robot)[: robot.n]
-    return rehomed(robot, parse_each(text, "--rehomed", units, f"{robot.name}'s motors read"))

@@ -14,6 +14,7 @@ from importlib import metadata
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 from typer.exceptions import TyperException
 
 from truepose import files
@@ -53,7 +54,7 @@ def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
         limit(everything)
         return command(**options)
 
-    of = Annotated[bool, typer.Option("--all", help="Print all tables, not the first screen.")]
+    of = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
     asked = inspect.Parameter(
         "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of
     )
@@ -77,10 +78,7 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
         "plan": plan.command,
         "faults": faults.command,
     },
-    "Calibration": {
-        "calibrate": calibrate.command,
-        "zero": zero.command,
-    },
+    "Calibration": {"calibrate": calibrate.command, "zero": zero.command},
     "Simulation and control": {
         "simulate": simulate.command,
         "simulate-log": monte_carlo.simulate_log_command,
@@ -117,8 +115,7 @@ def _version(wanted: bool) -> None:
 def _options(
     context: typer.Context,
     version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+        bool, Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:

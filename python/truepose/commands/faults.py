@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from truepose import logs
 from truepose.arguments import Array, Level
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    Poses,
-    RobotName,
-    SensorsOption,
-    effects_of,
-    effects_option,
-    false_alarm_option,
-    load_with,
-    over,
-    plot_option,
-    plot_to,
-)
+from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import (
@@ -40,6 +26,7 @@ from truepose.faults.limits import (
 )
 from truepose.logs.pose_file import read_poses
 from truepose.robot import knowledge
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, reading_axes
 from truepose.robot.workspace import regular_grid
@@ -52,39 +39,42 @@ KNOWN_EFFECTS = ("backlash", "eccentricity")
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     log: Annotated[
         Path | None,
-        typer.Argument(
+        Argument(
             help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
             "and each sensor's name; SI.",
             show_default=False,
         ),
     ] = None,
-    sensors: SensorsOption = None,
-    poses: Poses = None,
+    sensors: options.SensorsOption = None,
+    poses: options.Poses = None,
     calibrated: Annotated[
-        bool, typer.Option("--calibrated", help="After self-calibration over these poses.")
+        bool, Option("--calibrated", help="After self-calibration over these poses.")
     ] = False,
     effects: Annotated[
         str,
-        effects_option(
+        options.effects_option(
             "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
         ),
     ] = "none",
-    level: ModelLevel = None,
+    level: options.ModelLevel = None,
     false_alarm: Annotated[
-        float | None, false_alarm_option("Probability of a false alarm in each test (one a cycle).")
+        float | None,
+        Option(
+            metavar="P",
+            help="Probability of a false alarm in each test (one a cycle).",
+            show_default=f"one in {HOURS:g} hours at 1 kHz",
+        ),
     ] = None,
     boxes: Annotated[
         int,
-        typer.Option(
-            min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
-        ),
+        Option(min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."),
     ] = 1,
-    plot: Annotated[Path | None, plot_option("the limits of each reading")] = None,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("the limits of each reading")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Predict which sensor faults are detectable; with a LOG, isolate the faulty reading.
 
@@ -102,13 +92,13 @@ def command(
         given |= {"--effects": effects != "none", "--boxes": boxes > 1}
         if extra := [name for name, value in given.items() if value]:
             raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
-        loaded = load_with(robot, sensors)
+        loaded = options.load_with(robot, sensors)
         isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
-    save = plot_to(plot, [robot, poses], force)
-    loaded = load_with(robot, sensors)
-    subject = effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
+    save = options.plot_to(plot, [robot, poses], force)
+    loaded = options.load_with(robot, sensors)
+    subject = options.effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
     found = detectability(subject, at, visited, level, false_alarm=false_alarm)
@@ -123,7 +113,7 @@ def command(
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
     others = dict(_beside(loaded, subject, at, visited, found, effects))
     tables = [found.table(), *parts, *harm(found), beside(others)]
-    where = f"{over(at, poses, left_out)}; {found.state}."
+    where = f"{options.over(at, poses, left_out)}; {found.state}."
     answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
     show(tables, how, [answer], list(notes(found)), (plot,))
 
@@ -167,7 +157,7 @@ def harm(found: Detectability) -> list[Table]:
     }
     moving = {law: found.moving_pose_error(law) for law in laws}
 
-    def table(name: str, title: str, errors: dict[str, Array]) -> Table:
+    def table(name: str, title: str, errors: Mapping[Law, Array]) -> Table:
         rows = [
             [reading, *(_offset(robot, law, errors[law][c]) for law in laws)]
             for c, reading in enumerate(robot.readings)

@@ -6,10 +6,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Option
 
 from truepose.arguments import Array
-from truepose.commands.options import Force, How, RobotName, Seed, plot_option, plot_to
+from truepose.commands import options
 from truepose.robot.maps import condition_map, draw_map
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import reading_units
@@ -21,24 +21,23 @@ from truepose.show.units import PRINT, printed
 
 
 def command(
-    robot: RobotName,
-    plot: Annotated[Path | None, plot_option("the conditioning map")] = None,
+    robot: options.RobotName,
+    plot: Annotated[Path | None, options.plot_option("the conditioning map")] = None,
     samples: Annotated[
-        int, typer.Option(min=1, max=10_000_000, help="Poses sampled from the workspace.")
+        int, Option(min=1, max=10_000_000, help="Poses sampled from the workspace.")
     ] = 100_000,
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     length: Annotated[
-        float,
-        typer.Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."),
+        float, Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m.")
     ] = LENGTH,
-    how: How = Format.table,
-    force: Force = False,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Print a robot's degrees of freedom, reach, conditioning and motor speeds.
 
     Example: **truepose info hexa --plot hexa.png**
     """
-    save = plot_to(plot, [robot], force)
+    save = options.plot_to(plot, [robot], force)
     loaded = load(robot)
     measured = measure(loaded, samples, seed, length)
     save(lambda: figure_of(lambda figure: draw(figure, loaded, length)))

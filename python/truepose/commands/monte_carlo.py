@@ -9,24 +9,10 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from truepose import files, logs
-from truepose.commands.options import (
-    Force,
-    How,
-    RobotName,
-    Seed,
-    SensorsOption,
-    effects_of,
-    effects_option,
-    file_text,
-    load_with,
-    number_of,
-    paths,
-    true_robot,
-    wrote,
-)
+from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
 from truepose.robot.robot import Robot, load
@@ -43,30 +29,28 @@ AT_REST = ("backlash", "eccentricity", "quantization")
 
 
 def simulate_log_command(
-    robot: RobotName,
+    robot: options.RobotName,
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
+        Path, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
     ] = Path("simulated.csv"),
     truth: Annotated[
         Path | None,
-        typer.Option(
-            help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"
-        ),
+        Option(help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"),
     ] = None,
     found: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Calibrated robot file: print its errors against the true robot; write nothing."
         ),
     ] = None,
     count: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Number of poses, sampled from the workspace.")
+        int, Option(min=1, max=100_000, help="Number of poses, sampled from the workspace.")
     ] = 100,
-    seed: Seed = 0,
-    sensors: SensorsOption = None,
+    seed: options.Seed = 0,
+    sensors: options.SensorsOption = None,
     tracker: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--tracker/--no-tracker",
             help="Simulate an external tracker in a frame of its own.",
             show_default="where no sensor is in use",
@@ -74,10 +58,12 @@ def simulate_log_command(
     ] = None,
     effects: Annotated[
         str,
-        effects_option(f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST),
+        options.effects_option(
+            f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
+        ),
     ] = "quantization",
-    how: How = Format.table,
-    force: Force = False,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Simulate a calibration log of a robot sampled from the file's tolerances.
 
@@ -99,21 +85,21 @@ def simulate_log_command(
         )
         show(_compared(drawn, result), how, [nees])
         return
-    drawn, read = load_with(robot, sensors), paths([robot])
+    drawn, read = options.load_with(robot, sensors), options.paths([robot])
     outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
     files.check(outputs, read, force)
     ran = simulate_log(
         drawn,
-        true_robot(drawn, "drawn", seed),
+        options.true_robot(drawn, "drawn", seed),
         count,
         seed,
-        effects_of(effects, AT_REST),
+        options.effects_of(effects, AT_REST),
         tracker=not drawn.sensors if tracker is None else tracker,
     )
-    text = f"# {mark('true robot')}, sampled with seed {seed}\n{file_text(ran.truth)}"
+    text = f"# {mark('true robot')}, sampled with seed {seed}\n{options.file_text(ran.truth)}"
     log = logs.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
-    wrote(how, out, kept)
+    options.wrote(how, out, kept)
     calibrated = out.with_suffix(".calibrated.toml")
     names = drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
@@ -171,38 +157,35 @@ MEANING = {
 def study_command(
     function: Annotated[
         str,
-        typer.Argument(
+        Argument(
             help="calibration: errors after self-calibration; rest: errors of the static"
             " equilibrium under each law; or your own function, file.py:function."
         ),
     ],
-    robots: Annotated[list[str], typer.Argument(help="Shipped robots' names, or robot files.")],
-    count: Annotated[int, typer.Option(min=1, help="True robots to sample of each.")] = 100,
-    sensors: SensorsOption = None,
+    robots: Annotated[list[str], Argument(help="Shipped robots' names, or robot files.")],
+    count: Annotated[int, Option(min=1, help="True robots to sample of each.")] = 100,
+    sensors: options.SensorsOption = None,
     grid: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="name=value,value,…: evaluates every combination for every robot. Names: those "
             "that the function reads from case.values; calibration: poses; rest: law."
         ),
     ] = None,
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", help="Folder of the results; an interrupted study resumes from it."
-        ),
+        Option("--out", "-o", help="Folder of the results; an interrupted study resumes from it."),
     ] = None,
-    chunk: Annotated[int, typer.Option(min=1, help="Cases per task of a worker.")] = 16,
+    chunk: Annotated[int, Option(min=1, help="Cases per task of a worker.")] = 16,
     workers: Annotated[
-        int | None,
-        typer.Option(min=0, help="Processes; 0: only this one.", show_default="all cores"),
+        int | None, Option(min=0, help="Processes; 0: only this one.", show_default="all cores")
     ] = None,
-    on: Annotated[On, typer.Option(help="Kind of the parallel workers.")] = "processes",
+    on: Annotated[On, Option(help="Kind of the parallel workers.")] = "processes",
     cluster: Annotated[
-        str | None, typer.Option(help="Address of a dask scheduler: tcp://host:8786.")
+        str | None, Option(help="Address of a dask scheduler: tcp://host:8786.")
     ] = None,
-    how: How = Format.table,
+    how: options.How = Format.table,
 ) -> None:
     """Evaluate a function over many robots sampled from their tolerances.
 
@@ -214,7 +197,7 @@ def study_command(
     with progress("chunks") as bar:
         found = monte_carlo(
             function,
-            [load_with(robot, sensors) for robot in robots],
+            [options.load_with(robot, sensors) for robot in robots],
             count,
             grid=dict(map(_values, grid or ())),
             seed=seed,
@@ -234,13 +217,7 @@ def study_command(
 
 
 def _values(text: str) -> tuple[str, list[float | int | str]]:
-    """Read name=value,value,….
-
-    Examples
-    --------
-    >>> _values("law=joint,tej"), _values("poses=10,20")
-    (('law', ['joint', 'tej']), ('poses', [10, 20]))
-    """
+    """Parse name=value,value,…."""
     name, equals, values = text.partition("=")
     if not (name and equals and values):
         raise InputError(f"--grid {text}: must be name=value,value,…")
@@ -249,5 +226,5 @@ def _values(text: str) -> tuple[str, list[float | int | str]]:
 
 
 def _value(word: str) -> float | int | str:
-    value = number_of(word)
+    value = options.number_of(word)
     return word if isnan(value) else int(word) if re.fullmatch(r"[+-]?\d+", word) else value

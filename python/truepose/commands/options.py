@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
+from typer import Argument, Option
 from typer.models import OptionInfo
 
 from truepose import _core, files
@@ -18,12 +18,12 @@ from truepose.calibration.between import SIGMA, Between, read
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.fault import FAULT_KINDS, Fault
-from truepose.faults.limits import HOURS
 from truepose.logs import Log
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import summed
 from truepose.robotfile import path_of, to_toml
-from truepose.show.terminal import Format, say, wrote  # noqa: F401 – integrations print by it
+from truepose.show import terminal
+from truepose.show.terminal import Format, say
 from truepose.show.units import WRITTEN
 
 if TYPE_CHECKING:
@@ -37,65 +37,66 @@ def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str
 
 RobotName = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="ROBOT",
         help="A shipped robot's name, or a robot file.",
         autocompletion=completing(list_robots),
     ),
 ]
 Seed = Annotated[
-    int, typer.Option(min=0, help="Seed of all random numbers; the same seed repeats a run.")
+    int, Option(min=0, help="Seed of all random numbers; the same seed repeats a run.")
 ]
 SensorsOption = Annotated[
     str | None,
-    typer.Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),
+    Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),
 ]
 ModelLevel = Annotated[
     Level | None,
-    typer.Option(
+    Option(
         help="ideal: one rod per chain; full: every rod separately.",
         show_default="full where it exists",
     ),
 ]
 Poses = Annotated[
     Path | None,
-    typer.Option(
-        help="CSV file with a column for each coordinate, m and rad.",
+    Option(
+        help="CSV file of the poses to evaluate: a column for each coordinate, m and rad.",
         show_default="a grid over the workspace",
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
-How = Annotated[
-    Format,
-    typer.Option("--format", help="csv and json: data only, all digits, units in the names."),
+ReferencePose = Annotated[
+    str | None,
+    Option(metavar="X,Y,…", help="Once referenced at this externally known pose; m and rad."),
 ]
-
-
-def false_alarm_option(text: str) -> OptionInfo:
-    """Return the option of the false-alarm rate; `text` states what the command tests."""
-    default = f"one in {HOURS:g} hours at 1 kHz"
-    return typer.Option(metavar="P", help=text, show_default=default)
+CalibratedFile = Annotated[
+    Path | None, Option("-o", "--out", help="Calibrated robot file to write.")
+]
+wrote = terminal.wrote
+Force = Annotated[bool, Option("--force", help="Replace an existing file.")]
+How = Annotated[
+    Format, Option("--format", help="csv and json: data only, all digits, units in the names.")
+]
 
 
 def plot_option(what: str) -> OptionInfo:
     """Return the option of a picture of `what`, for :func:`plot_to`."""
-    return typer.Option(help=f"Also draw {what} (PNG, SVG, PDF).")
+    return Option(help=f"Also draw {what} (PNG, SVG, PDF).")
 
 
 def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
     """Return the option that :func:`effects_of` parses."""
-    return typer.Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
+    return Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
 
 
 def _fitting_kinds(incomplete: str) -> list[str]:
-    """Complete READING:KIND in zsh and fish; bash ends a word at the colon."""
+    """Complete READING:KIND; bash ends a word at the colon."""
     reading, colon, kind = incomplete.rpartition(":")
     return [f"{reading}:{known}" for known in FAULT_KINDS if colon and known.startswith(kind)]
 
 
 Faults = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--fault",
         metavar="READING:KIND[=SIZE][@TIME[..END]]",
         help="A fault that begins at TIME, s: theta:stuck@0.1. Kinds with a size: bias, "
@@ -147,14 +148,7 @@ def numbers_of(text: str) -> Array:
 
 
 def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
-    """Parse a sensor set: names or globs separated by commas, "none", or "all".
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_set(tp.load("h4"), "theta,wire*")
-    ('theta', 'wire1', 'wire2', 'wire3')
-    """
+    """Parse a sensor set: names or globs separated by commas, "none", or "all"."""
     names = [sensor.name for sensor in robot.spec.sensor]
     if not names and text not in ("all", "none"):
         raise InputError(f"{text}: {robot.name} has no sensor in its file")
@@ -162,14 +156,7 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
 
 
 def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Array:
-    """Parse a pose, m and rad separated by commas; check by default that the robot reaches it.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_pose(tp.load("3rpr"), "0.4,0.3,0", "--from")
-    array([0.4, 0.3, 0. ])
-    """
+    """Parse a pose, m and rad separated by commas; check by default that the robot reaches it."""
     pose = numbers_of(text)
     if np.isnan(pose).any():
         raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad")
@@ -200,9 +187,9 @@ _SIZES = {
 
 def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, float]:
     result: dict[str, float] = {}
-    for part in text.split(",") if text is not None else ():
-        number = part.strip().rstrip("".join(WRITTEN))
-        unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part.strip()[len(number) :], ("", np.nan))
+    for part in map(str.strip, text.split(",") if text is not None else ()):
+        number = part.rstrip("".join(WRITTEN))
+        unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part[len(number) :], ("", np.nan))
         value = factor * number_of(number)
         if unit not in units or not (0 < value < np.inf) or unit in result:
             known = ", ".join(written for written, (of, _) in WRITTEN.items() if of in units)
@@ -213,45 +200,30 @@ def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, f
 
 
 def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Parse a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit.
-
-    Examples
-    --------
-    >>> parse_sizes("0.05deg", "--outside"), parse_sizes("2e-5m", "--outside")
-    ((None, 0.0008726646259971648), (2e-05, None))
-    """
+    """Parse a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit."""
     result = _sizes(text, option, ("m", "rad"))
     return result.get("m"), result.get("rad")
 
 
 def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | None, float | None]:
     """Parse σ of measured lengths and angles; refuse a unit that no coordinate has."""
-    sizes = parse_sizes(text, option)
     units = {unit for _, unit in robot.coordinates}
-    if any(
-        size is not None and u not in units for u, size in zip(("m", "rad"), sizes, strict=True)
-    ):
+    if _sizes(text, option, ("m", "rad")).keys() - units:
         raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {min(units)}")
-    return sizes
+    return parse_sizes(text, option)
 
 
 def parse_each(text: str, option: str, units: Sequence[str], whose: str) -> list[float]:
     """Parse a length and an angle; return the one or the other for each unit."""
-    by = dict(zip(("m", "rad"), parse_sizes(text, option), strict=True))
-    if missing := {unit for unit in units if by[unit] is None}:
+    by = _sizes(text, option, ("m", "rad"))
+    if missing := set(units) - by.keys():
         every, wanted = (" and ".join(sorted(each)) for each in (set(units), missing))
         raise InputError(f"{option} {text}: {whose} {every}; give a value in {wanted}")
-    return [by[unit] or 0.0 for unit in units]
+    return [by[unit] for unit in units]
 
 
 def parse_size(text: str, option: str, unit: str) -> float:
-    """Parse a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit.
-
-    Examples
-    --------
-    >>> parse_size("0.1mm", "--price-steps", "m"), parse_size("2e-3", "--price-steps", "")
-    (0.0001, 0.002)
-    """
+    """Parse a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit."""
     (value,) = _sizes(text, option, (unit if unit in ("m", "rad") else "",)).values()
     return value
 
@@ -278,13 +250,7 @@ def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
 
 
 def faults_of(texts: Sequence[str] | None) -> list[Fault]:
-    """Parse faults in the notation that :class:`Fault` prints.
-
-    Examples
-    --------
-    >>> faults_of(["theta:bias=0.01@0.1..0.2", "q1:swap=q2"])[0].until
-    0.2
-    """
+    """Parse faults in the notation that :class:`Fault` prints."""
     return [_fault(text) for text in texts or ()]
 
 
@@ -317,34 +283,10 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     return true.with_level(true.highest_level)
 
 
-def _between(text: str, default: str | bool = True, **more: Any) -> OptionInfo:
+def between_option(text: str, default: str | bool = True, **more: Any) -> OptionInfo:
+    """Return an option of differences between poses."""
     panel = "Differences between poses"
-    return typer.Option(help=text, rich_help_panel=panel, show_default=default, **more)
-
-
-TouchSigma = Annotated[
-    str | None,
-    _between("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
-]
-Tilt = Annotated[str | None, _between("σ of a plane's inclination: 1deg.", "level")]
-Tool = Annotated[
-    str | None,
-    _between("Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"),
-]
-ToolSigma = Annotated[str | None, _between("σ of --tool: 1mm.", "exactly known")]
-DistancesFile = Annotated[
-    Path | None,
-    _between(
-        "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
-        "sigma, times.",
-        metavar="CSV",
-    ),
-]
-DistanceSigma = Annotated[str | None, _between("σ of a distance.", "the column sigma, else 0.02mm")]
-Shrinkage = Annotated[
-    float, _between("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
-]
-LineWidth = Annotated[str | None, _between("σ of a print's line width: 0.05mm.", "known")]
+    return Option(help=text, rich_help_panel=panel, show_default=default, **more)
 
 
 @dataclass(frozen=True)
@@ -363,7 +305,7 @@ class Asked:
     def between(self, robot: Robot, log: Log, where: Path) -> Between:
         """Parse the options, read the file of distances, check them against the log's columns."""
         sigma = _size(self.distance_sigma, "--distance-sigma", SIGMA)
-        tool = numbers_of(self.tool or "0,0,0")
+        tool = numbers_of("0,0,0" if self.tool is None else self.tool)
         if len(tool) != 3 or not np.isfinite(tool).all():
             raise InputError(f"--tool {self.tool}: must be three numbers, x,y,z (m)")
         result = Between(

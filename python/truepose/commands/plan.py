@@ -6,29 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Option
 
 from truepose import files, logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
+from truepose.commands import options
 from truepose.commands.calibrate import checked
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    Poses,
-    RobotName,
-    Seed,
-    SensorsOption,
-    load_with,
-    parse_given,
-    parse_sigmas,
-    parse_target,
-    paths,
-    plot_option,
-    plot_to,
-)
 from truepose.design.candidates import COUNT, CandidatePoses, drawn
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
@@ -41,56 +26,47 @@ from truepose.show.units import measured, printed
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     count: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Number of poses to choose.", show_default="30"),
+        int | None, Option(metavar="N", help="Number of poses to choose.", show_default="30")
     ] = None,
     target: Annotated[
-        str | None,
-        typer.Option(metavar="0.1mm", help="Choose as many as reach this σ of the position."),
+        str | None, Option(metavar="0.1mm", help="Choose as many as reach this σ of the position.")
     ] = None,
     candidates: Annotated[
         str,
-        typer.Option(
+        Option(
             metavar="N|CSV", help="Candidates: N poses of the workspace, or those of a CSV file."
         ),
     ] = str(COUNT),
     after: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
+        Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
     ] = None,
     outside: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="0.02mm,0.01deg",
             help="σ of a tracker, in a frame of its own, that measures each pose.",
         ),
     ] = None,
-    poses: Poses = None,
-    reference_pose: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,…", help="Also referenced at this externally known pose; m and rad."
-        ),
-    ] = None,
+    poses: options.Poses = None,
+    reference_pose: options.ReferencePose = None,
     seen: Annotated[
-        bool,
-        typer.Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame."),
+        bool, Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame.")
     ] = False,
     relative_to: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."),
+        str | None, Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad.")
     ] = None,
-    sensors: SensorsOption = None,
-    level: ModelLevel = None,
+    sensors: options.SensorsOption = None,
+    level: options.ModelLevel = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Poses to write, in tour order (CSV).")
+        Path | None, Option("-o", "--out", help="Poses to write, in tour order (CSV).")
     ] = None,
-    plot: Annotated[Path | None, plot_option("predictions and the tour")] = None,
-    seed: Seed = 0,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("predictions and the tour")] = None,
+    seed: options.Seed = 0,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Plan calibration poses by their marginal gain in accuracy.
 
@@ -100,12 +76,12 @@ def command(
     **truepose plan h4 --target 1.6mm**
     """
     given = None if candidates.isdigit() else Path(candidates)
-    inputs = paths((robot, after, poses, given))
-    save = plot_to(plot, inputs, force)
-    loaded = load_with(robot, sensors)
+    inputs = options.paths((robot, after, poses, given))
+    save = options.plot_to(plot, inputs, force)
+    loaded = options.load_with(robot, sensors)
     output = files.Output(out, "plan", "-o") if out is not None else None
     files.check([output] if output else [], inputs, force)
-    length, angle = parse_sigmas(loaded, outside, "--outside")
+    length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
     found = plan_poses(
         loaded,
@@ -113,9 +89,9 @@ def command(
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=None if after is None else fit_of(loaded, after),
         poses=None if poses is None else read_poses(loaded, poses),
-        target=parse_target(loaded, target),
-        reference_pose=parse_given(loaded, reference_pose, "--reference-pose"),
-        relative_to=parse_given(loaded, relative_to, "--relative-to"),
+        target=options.parse_target(loaded, target),
+        reference_pose=options.parse_given(loaded, reference_pose, "--reference-pose"),
+        relative_to=options.parse_given(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,
         seed=seed,

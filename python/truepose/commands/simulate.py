@@ -6,29 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from typer import Option
 
 from truepose import files, logs
 from truepose.arguments import Array
-from truepose.commands.options import (
-    Faults,
-    Force,
-    How,
-    RobotName,
-    Seed,
-    SensorsOption,
-    completing,
-    effects_of,
-    effects_option,
-    faults_of,
-    load_with,
-    numbers_of,
-    parse_pose,
-    paths,
-    plot_option,
-    plot_to,
-    true_robot,
-)
+from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
@@ -58,20 +40,17 @@ _UNITS = ("N", "N·m")
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     start: Annotated[
-        str | None,
-        typer.Option("--from", metavar="X,Y,…", help="Start pose, m and rad."),
+        str | None, Option("--from", metavar="X,Y,…", help="Start pose, m and rad.")
     ] = None,
     end: Annotated[
         str | None,
-        typer.Option(
-            "--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"
-        ),
+        Option("--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"),
     ] = None,
     path: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
             "rad; the log has the readings at rest. With a column time, s, the robot passes the "
             "poses at these times, and the log has every cycle."
@@ -79,14 +58,14 @@ def command(
     ] = None,
     way_points: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Instead: CSV file of poses to move through, with a stop at each; the log has "
             "every cycle."
         ),
     ] = None,
     circle: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="R,HZ[,TURNS]",
             help="Instead: a horizontal circle about the pose of --from (default: home), m and "
             "turns per second.",
@@ -94,54 +73,53 @@ def command(
     ] = None,
     law: Annotated[
         Law | None,
-        typer.Option(
+        Option(
             help="Control law; joint is standard control, tej the paper's law.",
             show_default="tej; joint where no sensor is in use",
         ),
     ] = None,
     true: Annotated[
         str,
-        typer.Option(
+        Option(
             help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
             "name or file.",
-            autocompletion=completing(lambda: ("drawn", "nominal", *list_robots())),
+            autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
         ),
     ] = "drawn",
     effects: Annotated[
         str,
-        effects_option("Effects that the model omits: all, none, or some: friction,delay,…"),
+        options.effects_option(
+            "Effects that the model omits: all, none, or some: friction,delay,…"
+        ),
     ] = "none",
-    fault: Faults = None,
+    fault: options.Faults = None,
     watch: Annotated[
-        bool,
-        typer.Option("--watch", help="Fault monitor: continue or stop when a reading is faulty."),
+        bool, Option("--watch", help="Fault monitor: continue or stop when a reading is faulty.")
     ] = False,
-    seed: Seed = 0,
-    sensors: SensorsOption = None,
+    seed: options.Seed = 0,
+    sensors: options.SensorsOption = None,
     duration: Annotated[
-        float | None,
-        typer.Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each"),
+        float | None, Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each")
     ] = None,
     hold: Annotated[
-        float | None, typer.Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
+        float | None, Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
     ] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(
+        Option(
             help="Poles of the PD, rad/s.",
             show_default="150, visiting 40; with effects the fastest with margins",
         ),
     ] = None,
     since: Annotated[
-        float, typer.Option(help="Time since switch-on of the cold robot, s (warm-up).")
+        float, Option(help="Time since switch-on of the cold robot, s (warm-up).")
     ] = 0.0,
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap."),
+        Path | None, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
     ] = None,
-    plot: Annotated[Path | None, plot_option("the errors")] = None,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("the errors")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Simulate a robot with geometric errors under a controller; print its pose errors.
 
@@ -153,31 +131,32 @@ def command(
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
     then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
     """
-    read = paths([robot, path, way_points, None if true in ("drawn", "nominal") else true])
-    save = plot_to(plot, read, force)
+    read = options.paths([robot, path, way_points, None if true in ("drawn", "nominal") else true])
+    save = options.plot_to(plot, read, force)
     log = None if out is None else logs.check(out, read, force)
-    believed = load_with(robot, sensors)
-    truth = true_robot(believed, true, seed)
-    forgotten = None if effects == "none" else effects_of(effects)
+    believed = options.load_with(robot, sensors)
+    truth = options.true_robot(believed, true, seed)
+    forgotten = None if effects == "none" else options.effects_of(effects)
     motion = _asked(believed, path, way_points, circle, start, end, duration)
-    x_d = motion if isinstance(motion, np.ndarray) else None
+    visiting = not isinstance(motion, dict)
     law = laws.usual(believed) if law is None else law
-    controller = _controller(believed, law, forgotten, frequency, visiting=x_d is not None)
-    usual = MOVE if x_d is None else VISIT
+    controller = _controller(believed, law, forgotten, frequency, visiting=visiting)
+    usual = VISIT if visiting else MOVE
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
     settings["effects"] = forgotten
-    settings["faults"] = faults = faults_of(fault)
+    settings["faults"] = faults = options.faults_of(fault)
     settings["watch"] = FaultMonitor(effects=forgotten) if watch else None
+    ran: Simulation | Visit
     with progress("simulating"):
-        if x_d is not None:
-            ran: Simulation | Visit = _visit(believed, truth, controller, x_d, settings)
-            over, error = np.arange(len(x_d)), ran.x - x_d
-            tables, torque, status = [error_table(believed, error)], None, _reached(ran)
+        if isinstance(motion, dict):
+            ran = move = simulate(believed, truth, controller, **motion, **settings)
+            over, error, torque, status = move.time, move.error, move.torque, move.status
+            tables = [move.table(), _motors(believed, move)]
         else:
-            ran = simulate(believed, truth, controller, **motion, **settings)
-            over, error, torque, status = ran.time, ran.error, ran.torque, ran.status
-            tables = [ran.table(), _motors(believed, ran)]
+            ran = _visit(believed, truth, controller, motion, settings)
+            over, error = np.arange(len(motion)), ran.x - motion
+            tables, torque, status = [error_table(believed, error)], None, _reached(ran)
     save(lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
     if log is not None:
         files.write({log: logs.encoded(log.path, logs.columns(ran, truth))}, read, force)
@@ -224,7 +203,7 @@ def _asked(
         each = MOVE_DURATION if duration is None else duration
         return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
     first, last = (
-        None if text is None else parse_pose(robot, text, option, False)
+        None if text is None else options.parse_pose(robot, text, option, False)
         for option, text in (("--from", start), ("--to", end))
     )
     if circle is not None:
@@ -236,7 +215,7 @@ def _asked(
 
 
 def _circle(text: str, centre: Array) -> Circle:
-    numbers = numbers_of(text)
+    numbers = options.numbers_of(text)
     if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
         raise InputError(f"--circle {text}: must be radius, turns per second, and turns")
     radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]

@@ -6,20 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from truepose import files, logs, robotfile
 from truepose.calibration.zeroing import Zeroing, zero
-from truepose.commands.options import (
-    Force,
-    How,
-    RobotName,
-    SensorsOption,
-    file_text,
-    load_with,
-    parse_each,
-    parse_pose,
-)
+from truepose.commands import options
 from truepose.robot.workspace import workspace_samples
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
@@ -29,17 +20,14 @@ _POSES = 500
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     log: Annotated[
-        Path,
-        typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI."),
+        Path, Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI.")
     ],
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
-    ] = None,
+    out: options.CalibratedFile = None,
     at: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="X,Y,…",
             help="Reference pose; m, rad.",
             show_default="zero of a rotational platform, else home",
@@ -47,14 +35,14 @@ def command(
     ] = None,
     sigma: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
             show_default="0.05deg of a rotational platform",
         ),
     ] = None,
-    sensors: SensorsOption = None,
-    how: How = Format.table,
-    force: Force = False,
+    sensors: options.SensorsOption = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Identify homing offsets from a known reference posture: a flat foot, a stop.
 
@@ -67,17 +55,17 @@ def command(
     output = robotfile.output(out, "-o") if out else None
     inputs = (log, robotfile.path_of(robot))
     files.check([output] if output else [], inputs, force)
-    loaded = load_with(robot, sensors)
-    pose = None if at is None else parse_pose(loaded, at, "--at", False)
+    loaded = options.load_with(robot, sensors)
+    pose = None if at is None else options.parse_pose(loaded, at, "--at", False)
     units = [unit for _, unit in loaded.coordinates]
     whose = f"{loaded.name}'s coordinates are in"
-    sizes = None if sigma is None else parse_each(sigma, "--sigma", units, whose)
+    sizes = None if sigma is None else options.parse_each(sigma, "--sigma", units, whose)
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
     if output:
-        files.write({output: file_text(found.robot)}, inputs, force)
-    show([found.table(), known(found)], how, open_questions(found), [out])
+        files.write({output: options.file_text(found.robot)}, inputs, force)
+    show([found.table(), known(found)], how, open_questions(found), written=(out,))
 
 
 def known(found: Zeroing) -> Table:

@@ -53,15 +53,7 @@ def workspace_grid(robot: Description, points: int | None = None) -> Array:
 
 
 def regular_grid(robot: Robot) -> tuple[Array, int]:
-    """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> poses, left_out = regular_grid(tp.load("delta"))
-    >>> poses.shape, left_out
-    ((125, 3), 0)
-    """
+    """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not."""
     grid, model = workspace_grid(robot), robot.expected()
     answers = [
         model.cross_sensitivity(grid, "joint", "nan"),

@@ -161,7 +161,8 @@ def laid_out(table: Table, width: int) -> list[str]:
     Columns that do not fit follow below, each block with the first column. Words wrap; numbers
     never do.
     """
-    columns, words = [], []
+    columns: list[list[str]] = []
+    words: list[bool] = []
     for name, *cells in zip(table.header, *table.rows, strict=True):
         words.append(not columns or any(map(_is_words, cells)))
         head = _printable(name)

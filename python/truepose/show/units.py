@@ -36,13 +36,7 @@ def printed(value: float, unit: str, form: str = ".2f") -> str:
 
 
 def measured(value: float, unit: str) -> str:
-    """Format a value with three digits and its printed unit.
-
-    Examples
-    --------
-    >>> measured(0.00123, "m")
-    '1.23 mm'
-    """
+    """Format a value with three digits and its printed unit."""
     factor, name = PRINT[unit]
     return f"{number(factor * value)}{' ' * name.isalpha()}{name}"
 
