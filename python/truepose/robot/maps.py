@@ -9,8 +9,9 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.kinematics import Kinematics
+from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_axes, label, label_axes
-from truepose.robot.workspace import workspace
+from truepose.robot.workspace import LENGTH, condition_numbers, workspace
 
 #: Values above so many times the median have the colour of that multiple.
 _MOST = 3.0
@@ -26,6 +27,16 @@ def workspace_slice(robot: Kinematics, points: int = 101) -> Array:
         *(np.linspace(box.minimum[k], box.maximum[k], points) for k in range(2))
     )
     return x
+
+
+def condition_map(robot: Robot, length: float = LENGTH, points: int = 101) -> tuple[Array, Array]:
+    """Return poses of a :func:`workspace_slice` and the condition number of J, NaN if singular."""
+    x = workspace_slice(robot, points)
+    J = robot.jacobian(x, errors="nan")
+    condition = np.full((points, points), np.nan)
+    regular = np.isfinite(J).all(axis=(2, 3))
+    condition[regular] = condition_numbers(robot, J[regular], length)
+    return x, condition
 
 
 def draw_map(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import ANGLE_SIGMA
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
@@ -109,6 +110,12 @@ class Missed:
     sigma: Array  #: (p,) σ stated by the calibration
     nees: float  #: squared error of them all in the metric of the stated covariance; p on average
     pose: dict[str, Array]  #: pose errors, see `missed`
+
+    @property
+    def nees_range(self) -> tuple[float, float]:
+        """Central 95 % of `nees` under a correct covariance: χ² of p degrees of freedom."""
+        low, high = (float(chi2_quantile(p, len(self.names))) for p in (0.025, 0.975))
+        return low, high
 
 
 def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int = 500) -> Missed:
