@@ -15,6 +15,10 @@ import truepose as tp
 
 #: A number that stands alone: names such as q1, versions and times of day are none.
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])", re.ASCII)
+#: A term of a combination of parameters: those that nothing determines are of any direction.
+TERM = r"[-+]?\d\.\d+ [A-Za-z]\w*(?:\.\w+)+"
+#: What a cell of a table holds.
+SIMPLE = str | bool | int | float | None
 #: Arrays with more numbers than this are told by figures of each column.
 MOST = 24
 
@@ -40,14 +44,19 @@ def of_array(array, name):
         if array.dtype.kind == "O" and array.ndim == 0:
             return
         yield f"{name}: {' '.join(map(str, array.ravel()[:MOST]))}"
-    elif array.size <= MOST and array.dtype.kind in "iub":
+    elif array.size == 0 or (array.size <= MOST and array.dtype.kind in "iub"):
         yield f"{name}: {' '.join(str(int(v)) for v in array.ravel())}"
     elif array.ndim < 2 and array.size <= MOST:
         yield f"{name}: {scaled(array)}"
     else:
-        columns = array.reshape(-1, array.shape[-1] if array.ndim > 1 else 1).astype(float).T
         yield f"{name}: {'×'.join(map(str, array.shape))}"
-        for k, column in enumerate(columns[:MOST]):
+        rows = array[:, None] if array.ndim < 2 else array.reshape(-1, array.shape[-1])
+        if rows.shape[1] > 12:
+            square = array.ndim == 2 and len(array) == len(array.T)
+            rows = np.array(
+                [*([np.diag(array)] if square else []), *rows.T[:2], rows.sum(axis=1)]
+            ).T
+        for k, column in enumerate(rows.astype(float).T):
             yield f"  {k}: {scaled(column if array.size <= MOST else figures(column))}"
 
 
@@ -68,7 +77,7 @@ def members(result):
     if dataclasses.is_dataclass(result):
         names = [field.name for field in dataclasses.fields(result)]
     else:
-        names = list(getattr(result, "_fields", ()) or vars(result))
+        names = list(getattr(result, "_fields", ()) or getattr(result, "__dict__", ()))
     for name in dir(kind):
         if isinstance(getattr(kind, name, None), property) or (
             type(kind.__dict__.get(name)).__name__ == "cached_property"
@@ -76,19 +85,19 @@ def members(result):
             names.append(name)
     for name in dict.fromkeys(names):
         if not name.startswith("_"):
-            yield name, getattr(result, name)
+            try:
+                yield name, getattr(result, name)
+            except tp.TrueposeError as error:
+                yield name, str(error)
 
 
 def told(result, name="", depth=0):
     """Yield an answer's lines: its numbers and words, under their names."""
-    if result is None or callable(result) or depth > 6:
-        return
     if isinstance(result, tp.Robot):
-        values = np.array([p.value for p in result.parameters.values()])
-        sigmas = np.array([p.sigma for p in result.parameters.values()])
+        parameters = result.parameters.values()
         yield f"{name}: robot {result.name} {' '.join(result.readings)}"
-        yield f"  values: {scaled(figures(values))}"
-        yield f"  sigmas: {scaled(figures(sigmas))}"
+        yield f"  values: {scaled(figures(np.array([p.value for p in parameters])))}"
+        yield f"  sigmas: {scaled(figures(np.array([p.sigma for p in parameters])))}"
     elif isinstance(result, str):
         yield f"{name}: {result}" if "\n" not in result else f"{name}:\n{result}"
     elif isinstance(result, bool | int | np.bool_ | np.integer):
@@ -99,16 +108,25 @@ def told(result, name="", depth=0):
         yield from of_array(result, name)
         if type(result) is not np.ndarray:
             yield from of_members(result, name, depth)
-    elif isinstance(result, Mapping):
+    elif isinstance(result, Figure):
+        yield from of_figure(result, name)
+    elif result is not None and not callable(result) and depth < 7:
+        yield from of_many(result, name, depth)
+
+
+def of_many(result, name, depth):
+    """Yield the lines of a mapping, a sequence or an object."""
+    if isinstance(result, Mapping):
         values = list(result.values())
         if values and all(isinstance(v, float) for v in values):
             yield f"{name}: {' '.join(map(str, result)) if len(values) <= MOST else len(values)}"
             yield from of_array(np.array(values), f"  {name}")
+        elif len(values) > 1 and (rows := rows_of(values)):
+            yield f"{name}: {' '.join(map(str, result)) if len(values) <= MOST else len(values)}"
+            yield from of_sequence(rows, name, depth)
         else:
             for key, value in result.items():
                 yield from told(value, f"{name}.{key}", depth + 1)
-    elif isinstance(result, Figure):
-        yield from of_figure(result, name)
     elif isinstance(result, list | tuple | frozenset) and not hasattr(result, "_fields"):
         yield from of_sequence(list(result), name, depth)
     else:
@@ -121,12 +139,21 @@ def of_members(result, name, depth):
         yield from told(value, f"{name}.{key}", depth + 1)
 
 
+def rows_of(values):
+    """Return objects of the same few numbers and words as rows of a table; else nothing."""
+    if len({type(value) for value in values}) > 1 or isinstance(values[0], SIMPLE | tp.Robot):
+        return []
+    rows = [v if isinstance(v, dict) else dict(members(v)) for v in values]
+    rows = [{k: v for k, v in row.items() if not callable(v)} for row in rows]
+    alike = len({tuple(row) for row in rows}) == 1
+    return rows if alike and all(isinstance(v, SIMPLE) for r in rows for v in r.values()) else []
+
+
 def of_sequence(result, name, depth):
     """Yield the lines of a list: rows of a table by columns."""
-    rows = bool(result) and all(isinstance(row, dict) for row in result)
-    if rows and len({tuple(row) for row in result}) == 1:
-        for key in result[0]:
-            yield from of_sequence([row[key] for row in result], f"{name}.{key}", depth)
+    if len(result) > 1 and (rows := rows_of(result)):
+        for key in rows[0]:
+            yield from of_sequence([row[key] for row in rows], f"{name}.{key}", depth)
     elif all(isinstance(v, float | int | None) and not isinstance(v, bool) for v in result):
         kind = int if all(isinstance(v, int) for v in result) else float
         yield from of_array(np.array([np.nan if v is None else v for v in result], kind), name)
@@ -184,8 +211,9 @@ def data(text: str) -> str:
 
 def masked(text: str) -> str:
     """Replace what differs between machines and days; shorten numbers and long lines."""
-    text = text.replace(tp.__version__, "VERSION")
+    text = re.sub(r"(?:truepose|Python|numpy|matplotlib|scipy) \d[\w.]*", "VERSION", text)
     text = re.sub(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(:\d\d)?(?:Z|[+-]\d\d:\d\d)?)?", "DATE", text)
+    text = re.sub(rf"(?:{TERM} *){{2,}}", "COMBINATION", text)
     text = re.sub(r"(?<![\w.:])/(?:tmp|home|root|work|usr)/[\w./+-]*", "PATH", text)
     return "\n".join(map(short, text.splitlines())) + "\n"
 
