@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose as tp
+from truepose.show.table import Table
 
 #: A number that stands alone: names such as q1, versions and times of day are none.
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])", re.ASCII)
@@ -24,7 +25,7 @@ MOST = 24
 
 
 def scaled(values):
-    """Write numbers with one power of ten: 6 digits of the largest, so that noise is 0."""
+    """Write numbers with one power of ten: 5 digits of the largest, so that noise is 0."""
     values = np.asarray(values, dtype=float).ravel()
     finite = np.abs(values[np.isfinite(values)])
     largest = finite.max() if len(finite) else 0.0
@@ -32,7 +33,7 @@ def scaled(values):
         return " ".join("0" if np.isfinite(v) else str(v) for v in values)
     power = int(np.floor(np.log10(1.0001 * largest)))
     power = 0 if -3 <= power <= 3 else power
-    places = 5 - int(np.floor(np.log10(1.0001 * largest))) + power
+    places = 4 - int(np.floor(np.log10(1.0001 * largest))) + power
     shown = " ".join(f"{v / 10.0**power:.{max(places, 1)}f}" for v in values)
     return re.sub(r"(?<![\d.])-(0\.0+)(?!\d)", r"\1", shown) + (f" ×1e{power}" if power else "")
 
@@ -40,6 +41,7 @@ def scaled(values):
 def of_array(array, name):
     """Yield an array's numbers by columns, each in its own unit; of many, their figures."""
     array = np.asarray(array)
+    array = np.abs(array) if array.dtype.kind == "c" else array
     if array.dtype.kind not in "fiub":
         if array.dtype.kind == "O" and array.ndim == 0:
             return
@@ -61,14 +63,16 @@ def of_array(array, name):
 
 
 def figures(column):
-    """Return four of many numbers, their root mean square, extremes and a weighted mean."""
+    """Return three of many numbers, their root mean square, the largest and a weighted mean."""
     good = np.isfinite(column)
     if not good.all():
         return [column.size - good.sum(), *(figures(column[good]) if good.any() else [])]
+    if np.ptp(column) == 0:
+        return [column[0]]
     weights = np.cos(np.arange(len(column)))
     square = np.sqrt(np.mean(column**2))
-    few = column[[0, len(column) // 3, 2 * len(column) // 3, -1]]
-    return [*few, square, column.min(), column.max(), np.mean(weights * column)]
+    few = column[[0, len(column) // 3, -1]]
+    return [*few, square, column.max(), np.mean(weights * column)]
 
 
 def members(result):
@@ -127,6 +131,8 @@ def of_many(result, name, depth):
         else:
             for key, value in result.items():
                 yield from told(value, f"{name}.{key}", depth + 1)
+    elif isinstance(result, Table):
+        yield from of_sequence(result.records(), f"{name}.{result.title}", depth)
     elif isinstance(result, list | tuple | frozenset) and not hasattr(result, "_fields"):
         yield from of_sequence(list(result), name, depth)
     else:
@@ -146,7 +152,11 @@ def rows_of(values):
     rows = [v if isinstance(v, dict) else dict(members(v)) for v in values]
     rows = [{k: v for k, v in row.items() if not callable(v)} for row in rows]
     alike = len({tuple(row) for row in rows}) == 1
-    return rows if alike and all(isinstance(v, SIMPLE) for r in rows for v in r.values()) else []
+    return (
+        rows
+        if rows[0] and alike and all(isinstance(v, SIMPLE) for r in rows for v in r.values())
+        else []
+    )
 
 
 def of_sequence(result, name, depth):
@@ -219,7 +229,7 @@ def masked(text: str) -> str:
 
 
 def short(line: str) -> str:
-    """Shorten numbers to 6 digits, and many of a line to figures; blanks are one."""
+    """Shorten numbers to 5 digits, and many of a line to figures; blanks are one."""
     line = re.sub(r"[ ─━═]+", " ", line).strip()
     found = NUMBER.findall(line)
     if len(found) > MOST and "×1e" not in line:
@@ -229,10 +239,10 @@ def short(line: str) -> str:
 
 
 def digits(number: str) -> str:
-    """Round a number of more than 7 digits to 6; what is 0 but for rounding is 0."""
-    if len(re.sub(r"e.*|\D", "", number).lstrip("0")) < 8:
+    """Round a number of more than 6 digits to 5; what is 0 but for rounding is 0."""
+    if len(re.sub(r"e.*|\D", "", number).lstrip("0")) < 7:
         return number
-    return "0" if abs(real(number)) < 1e-13 else f"{real(number):#.6g}".rstrip(".")
+    return "0" if abs(real(number)) < 1e-13 else f"{real(number):#.5g}".rstrip(".")
 
 
 def real(number: str) -> float:

@@ -81,6 +81,7 @@ def written(path):
         text = re.sub(r" */\* \w+ \*/", "", text)
     if path.suffix == ".toml":
         text = "\n".join(line for line in text.splitlines() if line not in SHIPPED)
+        text = re.sub(r"(?m)^\[[^\n]*\n(?=\[)", "", re.sub(r",\n\s*(?=\[-?\d)", ", ", text))
     return {".html": page, ".csv": table}.get(path.suffix, str)(text) + "\n"
 
 

@@ -61,7 +61,7 @@ def test_kinematics(kept, name):
 @pytest.mark.parametrize("name", ["h4", "par4", "neck", "3rpr", "stewart", "linear-delta"])
 def test_drawing(kept, name):
     robot = tp.load(name)
-    found = {"plot": robot.plot(some(robot, 1)[0]), "table": str(robot.table())}
+    found = {"plot": robot.plot(some(robot, 1)[0]), "table": robot.table()}
     found |= {"sigma": robot.reading_sigma, "resolution": robot.resolution}
     found |= {
         "expected": robot.expected(),
@@ -72,7 +72,7 @@ def test_drawing(kept, name):
     kept(answer(found))
 
 
-@pytest.mark.parametrize("name", ["h4", "linear-delta", "neck", "stewart"])
+@pytest.mark.parametrize("name", ["h4", "neck", "stewart"])
 def test_effects(kept, name):
     robot, effects = tp.load(name), tp.Effects()
     found = {"warm": effects.geometry(robot, 1800.0, seed=2), "growth": effects.growth(robot)}
@@ -113,7 +113,7 @@ def numbers(run):
     """Return the arrays of a simulation, and what it says."""
     if isinstance(run, str):
         return run
-    return [run.x, run.q_e, run.torque, run.motor_error, run.status, str(run.table())]
+    return [run.x, run.torque, run.q_e.ravel(), run.motor_error.ravel(), run.status, run.table()]
 
 
 @pytest.mark.parametrize("name", ["h4", "stewart", "3rrr", "neck"])
@@ -139,11 +139,11 @@ def test_path_accuracy(kept):
         ),
         "way": tp.simulation.path_accuracy(delta, way, delta.sample(2), runs=2, points=40),
     }
-    found |= {f"table {name}": str(result.table()) for name, result in found.items()}
+    found |= {f"table {name}": result.table() for name, result in found.items()}
     kept(answer(found))
 
 
-@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "weighted"])
 def test_margins_of(kept, law):
     h4 = tp.load("h4").sample(2)
     slow = delayed(tp.load("h4"), "theta").sample(2)
@@ -155,7 +155,8 @@ def test_margins_of(kept, law):
     ):
         asked = tp.Controller(law=law, frequency=50, velocity_bandwidth=400, damping=0.8)
         margins = tp.control.stability_margins(robot, asked, effects, poses=some(robot, 2))
-        found[name] = [margins, str(margins.table()), margins.plot()]
+        found[name] = [margins.loops, margins.loci, margins.dither, margins.limit_cycle]
+        found[f"{name} shown"] = [margins.stable, margins.plot() if law == "tej" else law]
     found["chosen"] = tried(
         tp.Controller.for_robot, h4, tp.Effects().only("delay", "friction"), law
     )
@@ -168,7 +169,7 @@ def test_detectability(kept, name):
     robot = robot.with_sensors("*") if name == "delta" else robot
     found = tp.faults.detectability(robot, some(robot, 6), false_alarm=1e-4, power=0.8, moving=30)
     after = tp.faults.detectability(robot, some(robot, 6), some(robot, 12, 5), level="ideal")
-    kept(answer([found, str(found.table()), after]))
+    kept(answer([found, found.table(), after]))
 
 
 @pytest.mark.parametrize("fault", ["theta:bias=0.03", "q2:gain=1.02", "z_telemeter:sign", ""])
@@ -200,9 +201,9 @@ def test_fault_monitor(kept, fault):
     kind, _, size = kind.partition("=")
     asked = tp.faults.Fault(reading, kind, at=float(rest), size=float(size) if size else None)
     monitor, found = tp.FaultMonitor(effects=tp.Effects().only("delay")), {}
-    for law in ("joint", "tej", "weighted"):
-        run = tp.simulate(h4, h4.sample(2), law, faults=[asked], watch=monitor, hold=0.1)
-        found[law] = [*numbers(run), run.health.sum(axis=0), run.stops, run.symptom]
+    law = {"q1": "tej", "q2": "weighted", "wire1": "estimated"}.get(reading, "joint")
+    run = tp.simulate(h4, h4.sample(2), law, faults=[asked], watch=monitor, hold=0.1)
+    found["run"] = [*numbers(run), run.health.sum(axis=0), run.stops.sum(), run.symptom.sum(axis=0)]
     found["review"] = monitor.review(h4, run.q_e[:120], run.x_d[:120])
     kept(answer(found))
 
@@ -268,7 +269,11 @@ def test_calibration_of(kept, case):
     elif case == "rehomed":
         h4 = of.rehomed(tp.calibrate(h4, truth.read(some(h4, 30, 7), seed=7)).robot, 0.02)
     fit = tried(tp.calibrate, h4, q_e, **options)
-    kept(answer(fit if isinstance(fit, str) else [fit, str(fit.table()), fit.plot()]))
+    kept(
+        answer(
+            fit if isinstance(fit, str) else [fit, fit.plot() if case == "tracker" else fit.table()]
+        )
+    )
 
 
 def test_accuracy_of(kept):
@@ -281,7 +286,7 @@ def test_accuracy_of(kept):
         "bare": {"model_error": False, "level": "ideal"},
     }.items():
         found[name] = tp.accuracy(h4, x, **options)
-    found["table"] = str(found["calibrated"].table())
+    found["table"] = found["calibrated"].table()
     kept(answer(found))
 
 
@@ -295,7 +300,7 @@ def test_planned_poses(kept):
     seen = tp.plan_poses(h4, 4, candidates=measured, poses=some(h4, 8), seen=True)
     fit = tp.calibrate(h4, h4.sample(3).read(some(h4, 12, 9), seed=3))
     after = tp.plan_poses(h4, 4, candidates=candidates, after=fit, poses=some(h4, 8))
-    kept(answer([plan, seen, after, str(plan.table())]))
+    kept(answer([plan, seen, after, plan.table()]))
 
 
 def test_selected_sensors(kept):
@@ -315,7 +320,7 @@ def test_selected_sensors(kept):
             reference_sigma=1e-4,
         ),
     ]
-    kept(answer([*found, str(found[0].table())]))
+    kept(answer([*found, found[0].table()]))
 
 
 @pytest.mark.parametrize("name", ["h4", "linear-delta"])
@@ -359,7 +364,7 @@ def test_studies(kept):
         tp.monte_carlo("rest", ["h4", "delta"], 3, grid={"law": ["joint"]}, workers=0, seed=2),
         tp.monte_carlo("calibration", "x1-ankle", 3, grid={"poses": [6]}, workers=0),
     ]
-    kept(answer([[study.columns, str(study.table())] for study in found]))
+    kept(answer([[study.columns, study.table()] for study in found]))
 
 
 def test_workbench_state(kept):
