@@ -20,6 +20,8 @@ NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])", re
 TERM = r"[-+]?\d\.\d+ [A-Za-z]\w*(?:\.\w+)+"
 #: What a cell of a table holds.
 SIMPLE = str | bool | int | float | None
+#: Members that repeat what was asked.
+ASKED = {"robot", "prior", "truth", "x_d", "over"}
 #: Arrays with more numbers than this are told by figures of each column.
 MOST = 24
 
@@ -29,13 +31,13 @@ def scaled(values):
     values = np.asarray(values, dtype=float).ravel()
     finite = np.abs(values[np.isfinite(values)])
     largest = finite.max() if len(finite) else 0.0
-    if largest < 1e-13:
+    if largest < 1e-12:
         return " ".join("0" if np.isfinite(v) else str(v) for v in values)
     power = int(np.floor(np.log10(1.0001 * largest)))
     power = 0 if -3 <= power <= 3 else power
     places = 4 - int(np.floor(np.log10(1.0001 * largest))) + power
     shown = " ".join(f"{v / 10.0**power:.{max(places, 1)}f}" for v in values)
-    return re.sub(r"(?<![\d.])-(0\.0+)(?!\d)", r"\1", shown) + (f" ×1e{power}" if power else "")
+    return re.sub(r"(?<![\d.])-?0\.0+(?!\d)", "0", shown) + (f" ×1e{power}" if power else "")
 
 
 def of_array(array, name):
@@ -88,7 +90,7 @@ def members(result):
         ):
             names.append(name)
     for name in dict.fromkeys(names):
-        if not name.startswith("_"):
+        if not name.startswith("_") and name not in ASKED:
             try:
                 yield name, getattr(result, name)
             except tp.TrueposeError as error:

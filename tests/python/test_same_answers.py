@@ -62,15 +62,16 @@ def printed(run, tmp_path, kept):
                 text += f"$ {line}\n{status}\n{out}{err}"
                 continue
             before |= {path for path in tmp_path.rglob("*") if path.is_file()}
+        own = verb.startswith("import")
         for path in sorted({p for p in tmp_path.rglob("*") if p.is_file()} - before):
-            text += f"== {path.relative_to(tmp_path)}\n{written(path)}"
+            text += f"== {path.relative_to(tmp_path)}\n{written(path, own)}"
         kept(text)
 
     return check
 
 
-def written(path):
-    """Return what is kept of a written file."""
+def written(path, own):
+    """Return what is kept of a written file; of one made of a shipped robot, what is its `own`."""
     if path.suffix in (".svg", ".png", ".parquet", ".npz"):
         return ""
     try:
@@ -79,7 +80,9 @@ def written(path):
         return ""
     if path.suffix == ".h":
         text = re.sub(r" */\* \w+ \*/", "", text)
-    if path.suffix == ".toml":
+    if path.suffix == ".xml":
+        text = re.sub(r' rgba="[^"]*"', "", text)
+    if path.suffix == ".toml" and not own:
         text = "\n".join(line for line in text.splitlines() if line not in SHIPPED)
         text = re.sub(r"(?m)^\[[^\n]*\n(?=\[)", "", re.sub(r",\n\s*(?=\[-?\d)", ", ", text))
     return {".html": page, ".csv": table}.get(path.suffix, str)(text) + "\n"
