@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping
 from html import unescape
 from itertools import zip_longest
@@ -20,6 +21,8 @@ NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])", re
 TERM = r"[-+]?\d\.\d+ [A-Za-z]\w*(?:\.\w+)+"
 #: What a cell of a table holds.
 SIMPLE = str | bool | int | float | None
+#: What is kept of a line of words, such as a list of choices.
+LONGEST = 320
 #: Members that repeat what was asked.
 ASKED = {"robot", "prior", "truth", "x_d", "over"}
 #: Arrays with more numbers than this are told by figures of each column.
@@ -169,9 +172,14 @@ def of_sequence(result, name, depth):
     elif all(isinstance(v, float | int | None) and not isinstance(v, bool) for v in result):
         kind = int if all(isinstance(v, int) for v in result) else float
         yield from of_array(np.array([np.nan if v is None else v for v in result], kind), name)
-    elif all(isinstance(v, str | bool | int | float | None) for v in result):
-        shown = (str(v) if isinstance(v, str | bool) else scaled([v or 0.0]) for v in result)
-        yield f"{name}: {' '.join(shown)}"
+    elif all(isinstance(v, SIMPLE) for v in result):
+        words = [str(v) if isinstance(v, str | bool) else scaled([v or 0.0]) for v in result]
+        counts = Counter(words) if len(words) > MOST else {}
+        if len(counts) > 6:
+            words = [str(len(words)), *words[::20]]
+        elif counts:
+            words = [f"{counts[word]} {word}," for word in sorted(counts)]
+        yield f"{name}: {' '.join(words)}"
     else:
         for k, value in enumerate(result[:12]):
             yield from told(value, f"{name}.{k}", depth + 1)
@@ -237,7 +245,8 @@ def short(line: str) -> str:
     if len(found) > MOST and "×1e" not in line:
         words = re.sub(r"#(?:[^\w#]+#)+", "#…", NUMBER.sub("#", line))
         return f"{words} {len(found)}: {scaled(figures(np.array([real(n) for n in found])))}"
-    return NUMBER.sub(lambda number: digits(number[0]), line)
+    line = NUMBER.sub(lambda number: digits(number[0]), line)
+    return line if len(line) <= LONGEST else f"{line[:LONGEST]}… {len(line)}"
 
 
 def digits(number: str) -> str:

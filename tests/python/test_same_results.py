@@ -24,7 +24,7 @@ def tried(function, *words, **options):
         return str(error)
 
 
-@pytest.mark.parametrize("name", ["h4", "delta", "par4", "stewart", "neck", "3rrr", "linear-delta"])
+@pytest.mark.parametrize("name", ["h4", "delta", "par4", "stewart", "neck", "3rrr"])
 def test_kinematics(kept, name):
     robot = tp.load(name).sample(1)
     x = some(robot)
@@ -60,7 +60,7 @@ def test_kinematics(kept, name):
 
 @pytest.mark.parametrize("name", ["h4", "par4", "neck", "3rpr", "stewart", "linear-delta"])
 def test_drawing(kept, name):
-    robot = tp.load(name)
+    robot = tp.load(name).sample(2)
     found = {"plot": robot.plot(some(robot, 1)[0]), "table": robot.table()}
     found |= {"sigma": robot.reading_sigma, "resolution": robot.resolution}
     found |= {
@@ -155,17 +155,16 @@ def test_margins_of(kept, law):
         asked = tp.Controller(law=law, frequency=50, velocity_bandwidth=400, damping=0.8)
         margins = tp.control.stability_margins(robot, asked, effects, poses=some(robot, 2))
         found[name] = [margins.loops, margins.loci, margins.dither, margins.limit_cycle]
-        found[f"{name} shown"] = [margins.stable, margins.plot() if law == "tej" else law]
+        found[f"{name} shown"] = [margins.stable, margins.table()]
     found["chosen"] = tried(
         tp.Controller.for_robot, h4, tp.Effects().only("delay", "friction"), law
     )
     kept(answer(found))
 
 
-@pytest.mark.parametrize("name", ["h4", "x1-ankle", "delta"])
+@pytest.mark.parametrize("name", ["h4", "x1-ankle"])
 def test_detectability(kept, name):
     robot = tp.load(name)
-    robot = robot.with_sensors("*") if name == "delta" else robot
     found = tp.faults.detectability(robot, some(robot, 6), false_alarm=1e-4, power=0.8, moving=30)
     after = tp.faults.detectability(robot, some(robot, 6), some(robot, 12, 5), level="ideal")
     kept(answer([found, found.table(), after]))
