@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
 
 
+@dataclass(frozen=True)
 class DynamicPlant:
     """A true robot whose moves are simulated, with any of the effects.
 
@@ -52,22 +54,17 @@ class DynamicPlant:
     ['ok']
     """
 
-    def __init__(
-        self,
-        truth: Robot,
-        effects: Effects | None = None,
-        time: float = 0.0,
-        seed: int = 0,
-        duration: float = 0.25,
-        hold: float = 0.35,
-        faults: Sequence[Fault] = (),
-        watch: FaultMonitor | None = None,
-    ):
-        in_core(truth, faults, math.inf)  # for any control period
-        self.truth, self.time, self.seed = truth, time, seed
-        self.duration, self.hold, self.faults = duration, hold, tuple(faults)
-        self.watch = watch
-        self.effects = Effects.none() if effects is None else effects
+    truth: Robot
+    effects: Effects | None = None
+    time: float = 0.0
+    seed: int = 0
+    duration: float = 0.25
+    hold: float = 0.35
+    faults: Sequence[Fault] = ()
+    watch: FaultMonitor | None = None
+
+    def __post_init__(self) -> None:
+        in_core(self.truth, self.faults, math.inf)  # for any control period
 
     def visit(
         self,
@@ -77,19 +74,7 @@ class DynamicPlant:
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
         """See :class:`truepose.simulation.plants.Plant`."""
-        x, q_e, status = visit(
-            robot,
-            self.truth,
-            x_d,
-            controller,
-            duration=self.duration,
-            hold=self.hold,
-            seed=self.seed,
-            effects=self.effects,
-            time=self.time,
-            faults=self.faults,
-            watch=self.watch,
-        )
+        x, q_e, status = visit(robot, x_d=x_d, controller=controller, **vars(self))
         for _ in x:
             progress()
         status[np.char.startswith(status, SATURATED)] = "ok"  # arrived despite saturation
