@@ -102,12 +102,13 @@ class PathAccuracy(Shown):
         values = [("path accuracy AT", self.AT, "m"), ("path repeatability RT", self.RT, "m")]
         if (~linear_of(self.robot)).any():
             values += [("AT, angle", self.AT_angle, "rad"), ("RT, angle", self.RT_angle, "rad")]
-        for what in ("contour", "tracking"):
-            for name, size in ((what, "rms"), (f"{what}_max", "largest")):
-                values.append((f"{what} error, {size}", getattr(self, name), "m"))
-        rows = [
-            [name, number(PRINT[unit][0] * value), PRINT[unit][1]] for name, value, unit in values
+        values += [
+            ("contour error, rms", self.contour, "m"),
+            ("contour error, largest", self.contour_max, "m"),
+            ("tracking error, rms", self.tracking, "m"),
+            ("tracking error, largest", self.tracking_max, "m"),
         ]
+        rows = [[name, number(PRINT[of][0] * value), PRINT[of][1]] for name, value, of in values]
         rows.append(["speed of the path", number(self.speed), "m/s"])
         rows.append(["periods at a torque limit", number(100 * self.saturated), "%"])
         title = f"{self.robot.name}: {len(self.deviation)} runs of a path (ISO 9283)"
@@ -270,11 +271,9 @@ def path_accuracy(
 def _shifted(robot: Robot, shift: Array) -> Robot:
     """Return the robot with shifted reading offsets, so that counts shift in both robots."""
     names = [f"chain{k + 1}.encoder_offset" for k in range(robot.n)]
-    names += [f"{sensor}.offset" for sensor in robot.readings[robot.n :]]
-    values = {name: robot.parameters[name].value for name in names}
-    return robot.replace(
-        {name: values[name] + float(s) for name, s in zip(names, shift, strict=True)}
-    )
+    names += [f"{sensor}.offset" for sensor in robot.sensors]
+    offsets = [robot.parameters[name].value for name in names] + shift
+    return robot.replace(dict(zip(names, offsets.tolist(), strict=True)))
 
 
 def _compared(rate: Array, speed: Array, length: Array, points: int) -> tuple[Array, Array]:

@@ -100,7 +100,7 @@ class Simulation(Shown):
     def table(self) -> Table:
         """Return one row per coordinate: its start and end, and errors."""
         ends = {"from": self.x_d[0], "to": self.x_d[-1]}
-        return figures.error_table(self.robot, self.error, ends, last=True)
+        return figures.error_table(self.robot, self.error, ends)
 
     def _draw(self, figure: Any) -> None:
         figures.draw_errors(figure, self.robot, self.time, self.error, self.torque)

@@ -67,7 +67,7 @@ class ExactPlant:
         seed: int = 0,
         faults: Sequence[Fault] = (),
     ):
-        self.truth, self.seed, self.faults = truth, check_seed(seed), faults
+        self.truth, self.seed = truth, check_seed(seed)
         self.level: Level = truth.highest_level if level is None else level
         self.effects = effects = Effects.none() if effects is None else effects
         for group in effects.groups():
@@ -112,9 +112,8 @@ class ExactPlant:
         exact = self._exact.extended_positions(x[rests], errors="nan", level=self.level)
         exact += ahead[rests, None] * self._geared
         q_e[rests] = _core.spoil(self.robot.core, exact, self.seed)
-        if self.faults:
-            faulty = _core.FaultyReadings(self._faults, controller.period)
-            q_e[rests] = faulty.read([0.0] * len(exact), q_e[rests])
+        faulty = _core.FaultyReadings(self._faults, controller.period)
+        q_e[rests] = faulty.read([0.0] * len(exact), q_e[rests])
         frame = np.full((len(x), 4, 4), np.nan)
         frame[rests] = self._frames(x[rests])
         for _ in x:
