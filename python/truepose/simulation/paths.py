@@ -49,7 +49,7 @@ class _Moves:
     linear: tuple[float, float, float] | None = None
     angular: tuple[float, float, float] | None = None
 
-    def _along(self, robot: Robot, poses: ArrayLike, period: float) -> Setpoints:
+    def _along(self, robot: Robot, poses: Any, period: float) -> Setpoints:
         positive("duration", self.duration)
         for name, limits in (("linear", self.linear), ("angular", self.angular)):
             if limits is not None and (np.shape(limits) != (3,) or not np.min(limits) > 0):
