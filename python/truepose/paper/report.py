@@ -124,7 +124,7 @@ def write(
         judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         section=result.section,
-        setup=describe(result.section) if result.section else None,
+        setup=describe(result.section.twin) if result.section else None,
         csv=sorted(file.name for file in out.glob("*.csv")),
         versions=page.versions(),
     )
@@ -142,20 +142,20 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
         yield "warm_up_curves", figures.warm_up(result.warm_up)
     yield "following", figures.following(result.following)
     yield "faults", figures.faults(result.faults)
-    for plant, runs in result.section.runs.items() if result.section else ():
-        yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
-    if result.section and result.section.loops:
+    if result.section:
+        for plant, runs in result.section.runs.items():
+            yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
         yield "loops", figures.loops(result.section)
 
 
-def describe(section: twin.Section) -> dict[str, float]:
-    """Return the properties of the twin's vision system and gear, mm and degrees."""
-    setup = section.twin.setup
+def describe(of: twin.Twin) -> dict[str, float]:
+    """Return the properties of a twin's vision system and gear, mm and degrees."""
+    setup = of.setup
     return {
         "noise": setup.noise,
         "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
         "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
-        "backlash": float(np.degrees(section.twin.effects.tool_backlash)),
+        "backlash": float(np.degrees(of.effects.tool_backlash)),
         "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
         "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
     }

@@ -443,4 +443,4 @@ def twin_tables(section: twin.Section) -> list[Table]:
             twin_gains(runs, plant),
         )
     ]
-    return [*of_plants, *([effects(section.forgotten)] if section.forgotten else [])]
+    return [*of_plants, effects(section.forgotten)]
