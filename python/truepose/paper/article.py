@@ -1,8 +1,4 @@
-"""The paper's tables as data, and the geometric errors of its simulated robots.
-
-F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with Redundant
-Sensors*.
-"""
+"""The paper's tables as data, and the geometric errors of its simulated robots."""
 
 from __future__ import annotations
 
@@ -37,14 +33,7 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 
 def table2() -> Array:
-    """Return the 625 poses of Table 2, shape (625, 4): x, y, z in m, the *nacelle's* θ in rad.
-
-    Examples
-    --------
-    >>> from truepose.paper import article
-    >>> article.table2().shape
-    (625, 4)
-    """
+    """Return the 625 poses of Table 2, shape (625, 4): x, y, z in m, the *nacelle's* θ in rad."""
     axes = []
     for row in _rows("table2_locations"):
         low, high, step = (float(row[key]) for key in ("minimum", "maximum", "step"))

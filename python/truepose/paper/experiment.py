@@ -34,6 +34,14 @@ CONTROLS: dict[Control, Law] = {
     "cartesian": "cartesian",
     "self-calibrated": "estimated",
 }
+#: Names of the controls for people.
+LABELS: dict[Control, str] = {
+    "joint": "usual",
+    "tej": "TEJ",
+    "weighted": "weighted",
+    "cartesian": "Cartesian",
+    "self-calibrated": "self-calibrated",
+}
 
 
 @dataclass(frozen=True)

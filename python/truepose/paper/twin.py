@@ -1,7 +1,4 @@
-"""The shipped twin of the paper's robot, and its experiment under every control on every plant.
-
-tools/twin_search.py searched for it; the printed numbers do not determine a unique robot.
-"""
+"""The shipped twin of the paper's robot, and its experiment under every control on every plant."""
 
 from __future__ import annotations
 
@@ -50,16 +47,11 @@ class Twin:
         """Return the robot in exact statics, each rod on its own."""
         return ExactPlant(self.truth, self.effects, level="full", seed=self.seed)
 
-    def run(
-        self,
-        robot: Robot,
-        controls: tuple[Control, ...] = LAWS,
-        progress: Callable[[], None] = lambda: None,
-    ) -> dict[Control, Run]:
+    def run(self, robot: Robot, controls: tuple[Control, ...] = LAWS) -> dict[Control, Run]:
         """Carry out the experiment on the twin; `robot` is the nominal one."""
         vision = Vision(self.setup, self.seed)
         return virtual_experiment.run(
-            self.plant(), robot, vision, controls=controls, seed=self.seed, progress=progress
+            self.plant(), robot, vision, controls=controls, seed=self.seed
         )
 
 

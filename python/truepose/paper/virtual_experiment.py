@@ -1,9 +1,4 @@
-"""The paper's section 4 with a simulated robot and vision system.
-
-The robot settles at each pose of Table 2. The pose estimated from its encoders is compared with the
-one that the vision system measures, and the errors are summed up as in Table 3. Only the vision
-system has access to the plant's true pose.
-"""
+"""The paper's section 4 with a simulated robot and vision system."""
 
 from __future__ import annotations
 
@@ -98,6 +93,9 @@ def run(
     progress: Callable[[], None] = lambda: None,
 ) -> dict[Control, Run]:
     """Carry out the experiment under some controls.
+
+    The robot settles at each pose. The pose estimated from its encoders is compared with the one
+    that the vision system measures; only that has access to the plant's true pose.
 
     `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
     `poses` (P, 4) are desired, default Table 2's 625. `controls` are some of

@@ -1,13 +1,4 @@
-"""The paper's vision system: three line cameras, four LEDs, and their covariance.
-
-A line camera (a linear CCD behind a cylindrical lens) at c, with optical axis n and line direction
-a, measures one coordinate of an LED at p, in pixels:
-
-    u = f a·(p − c) / n·(p − c) + u0
-
-Each reading is thus a plane through the LED. The LEDs light one after the other, so their identity
-is known. The cameras are calibrated on an artefact, never on the robot's own poses.
-"""
+"""The paper's vision system: three line cameras, four LEDs, and their covariance."""
 
 from __future__ import annotations
 
@@ -100,7 +91,11 @@ class Setup:
 
 
 class Cameras(NamedTuple):
-    """Parameters of K line cameras, true or estimated."""
+    """Parameters of K line cameras, true or estimated.
+
+    A line camera (a linear CCD behind a cylindrical lens) at c, with optical axis n and line
+    direction a, measures one coordinate of a point p: u = f a·(p − c) / n·(p − c) + u0, pixels.
+    """
 
     position: Array  #: (K, 3) m
     axis: Array  #: (K, 3) unit

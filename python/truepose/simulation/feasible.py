@@ -23,14 +23,6 @@ def require_feasible_move(robot: Robot, move: Line, period: float) -> None:
 
     As :func:`require_feasible`; where motor speed or torque is exceeded, it names the shortest
     possible duration.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> tp.simulate(tp.load("h4"), duration=0.02)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-        ...
-    truepose.exceptions.PoseError: h4: move ...: allow a duration of at least 0.0829 s
     """
     _require_pose(robot, move.end, "end of the move")
     period = min(period, move.duration / _ROWS)
@@ -52,15 +44,6 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: st
     Checks reach, stops and assembly mode of every setpoint, then motor speed and torque where the
     file has a limit. Torques are those of the nominal robot along the path, friction included; the
     controller's come on top. The error names the time, and the chain or motor with its need.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> too_fast = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.1, frequency=9)
-    >>> tp.simulate(tp.load("h4"), path=too_fast)
-    Traceback (most recent call last):
-        ...
-    truepose.exceptions.PoseError: h4: path at t = 0.043 s: motor 2 would need 30.84 N·m, at most 30
     """
     x, rate, acceleration = setpoints
     q = robot.ikm(x, errors="nan", own_mode=True)
@@ -98,16 +81,7 @@ def _require_pose(robot: Robot, x: ArrayLike, when: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Paced:
-    """A path, `speed` times as fast.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.simulation.feasible import Paced
-    >>> line = tp.simulation.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], duration=0.4)
-    >>> [len(p.setpoints(tp.load("h4"), 1e-3).x) for p in (line, Paced(path=line, speed=2))]
-    [401, 201]
-    """
+    """A path, `speed` times as fast."""
 
     path: Path
     speed: float

@@ -1,8 +1,4 @@
-"""Paths: lines, circles, waypoints, samples, functions of time.
-
-:meth:`Path.setpoints` returns pose, free twist and its derivative at the start of every control
-period, for the controller's feed-forward.
-"""
+"""Paths: lines, circles, waypoints, samples, functions of time."""
 
 from __future__ import annotations
 
@@ -20,7 +16,8 @@ from truepose.control.controller import pose_of, positive
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
-from truepose.simulation.chart import Chart, Setpoints, linear_of
+from truepose.robot.units import angles
+from truepose.simulation.chart import Chart, Setpoints
 from truepose.simulation.moves import MOVE_DURATION
 
 
@@ -29,7 +26,7 @@ class Path(Protocol):
     """A path in time. Write your own: an object with this one method."""
 
     def setpoints(self, robot: Robot, period: float) -> Setpoints:
-        """Setpoints at 0, `period`, 2 `period`, … to the path's end."""
+        """Pose, free twist and its derivative at 0, `period`, 2 `period`, … to the path's end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +58,7 @@ class _Moves:
         for number, (a, b) in enumerate(itertools.pairwise(rows), 1):
             chart = Chart(robot, a)
             (whole,) = chart.into(b[None])
-            law, duration = self._law(chart, whole, number)
+            law, duration = self._law(robot, whole, number)
             moves.append((chart, whole, law, start, duration))
             start += duration
         time = _periods(start, period)
@@ -73,11 +70,11 @@ class _Moves:
             parts.append(chart.out(*(one[:, None] * whole for one in s)))
         return Setpoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
-    def _law(self, chart: Chart, whole: Array, number: int) -> tuple[Callable, float]:
+    def _law(self, robot: Robot, whole: Array, number: int) -> tuple[Callable, float]:
         """Return s(t), its rate and acceleration, from 0 to 1, and its duration."""
         if self.linear is None and self.angular is None:
             return lambda t: _quintic(t, self.duration), self.duration
-        long, turn = (float(np.linalg.norm(whole[k])) for k in (chart.linear, ~chart.linear))
+        long, turn = (float(np.linalg.norm(whole[k])) for k in (~angles(robot), angles(robot)))
         shares = [
             np.divide(limits, size)
             for limits, size in ((self.linear, long), (self.angular, turn))
@@ -180,7 +177,7 @@ class Circle:
         for name in ("radius", "frequency", "turns"):
             positive(name, getattr(self, name))
         centre = pose_of(robot, self.centre, "centre")[: robot.n]
-        across = self._plane(linear_of(robot))
+        across = self._plane(~angles(robot))
         steady = self.turns / self.frequency
         ramp = min(0.25, steady) if self.ramp is None else self.ramp
         if not 0 < ramp <= steady:
@@ -193,7 +190,7 @@ class Circle:
         second = acceleration[:, None] * ahead - rate[:, None] ** 2 * round_
         rows = np.zeros((3, len(time), robot.n))
         rows[0] = centre
-        rows[..., linear_of(robot)] += self.radius * np.stack([round_, first, second])
+        rows[..., ~angles(robot)] += self.radius * np.stack([round_, first, second])
         return Setpoints(*rows)
 
     def _plane(self, linear: Array) -> Array:

@@ -1,7 +1,4 @@
-"""Simulation of a move or a path under a controller, every control period.
-
-The controller uses the nominal robot; the plant is the true one. Both are :class:`Robot`.
-"""
+"""Simulation of a move or a path under a controller, every control period."""
 
 from __future__ import annotations
 

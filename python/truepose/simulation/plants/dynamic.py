@@ -1,8 +1,4 @@
-"""A plant with dynamics, driven from pose to pose.
-
-Friction and backlash carry over from pose to pose; arms and rods deflect; readings are delayed.
-Loops close at the ideal level: the platform does not tilt.
-"""
+"""A plant with dynamics, driven from pose to pose."""
 
 from __future__ import annotations
 
@@ -27,6 +23,8 @@ from truepose.simulation.visit import visit
 @dataclass(frozen=True)
 class DynamicPlant:
     """A true robot whose moves are simulated, with any of the effects.
+
+    Loops close at the ideal level: the platform does not tilt.
 
     Parameters
     ----------

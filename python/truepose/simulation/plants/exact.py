@@ -1,9 +1,4 @@
-"""A plant at exact static equilibrium.
-
-Without load on the motors (or with integral action) the law's motor error is zero. Of
-:class:`truepose.Effects` only geometry and the tool gear's backlash act: friction, compliance,
-delay and ripple need forces and time.
-"""
+"""A plant at exact static equilibrium."""
 
 from __future__ import annotations
 
@@ -30,12 +25,14 @@ EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
 class ExactPlant:
     """A true robot in exact statics, at either level of the model.
 
+    It has no load on its motors (or integral action): the law's motor error is zero.
+
     Parameters
     ----------
     truth : Robot
         The true geometry, cold.
     effects : Effects
-        Those of `EFFECTS`; any other must be off.
+        Those of `EFFECTS`; any other needs forces or time and must be off.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod: the platform then tilts. By default
         :attr:`Robot.highest_level`.
