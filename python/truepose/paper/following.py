@@ -70,14 +70,6 @@ def study(
     own. `full`: both paths, all laws, nominal and calibrated, all `SPEEDS`; otherwise the circle at
     half the motors' speed, under the report's controls. `progress` is called after each path
     accuracy.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import following
-    >>> usual, *_, learnt = following.study(tp.load("h4"), robots=1, seed=0, full=False)
-    >>> usual.law, learnt.calibrated, learnt.each[0].AT < usual.each[0].AT / 2
-    ('joint', True, True)
     """
     effects = Effects()
     known = [drawn(robot, effects, seed, number) for number in range(robots)]

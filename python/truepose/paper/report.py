@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose import files, logs
+from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
@@ -49,21 +50,13 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
         with files.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
             work.mkdir()
             yield work
-            if there:
-                _move(work, out)
-            else:
-                out.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(work, out)
+            out.mkdir(parents=True, exist_ok=True)
+            places = {file: out / file.name for file in sorted(work.iterdir())}
+            files.check([files.Output(p, "report") for p in places.values()], force=True)
+            for file, place in places.items():
+                os.replace(file, place)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
-
-
-def _move(work: Path, out: Path) -> None:
-    """Move all files of a folder into another one, or none of them."""
-    places = {file: out / file.name for file in sorted(work.iterdir())}
-    files.check([files.Output(place, "report") for place in places.values()], force=True)
-    for file, place in places.items():
-        os.replace(file, place)
 
 
 def write(
@@ -124,7 +117,7 @@ def write(
         judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         section=result.section,
-        setup=describe(result.section) if result.section else None,
+        setup=describe(result.section.twin) if result.section else None,
         csv=sorted(file.name for file in out.glob("*.csv")),
         versions=page.versions(),
     )
@@ -142,20 +135,20 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
         yield "warm_up_curves", figures.warm_up(result.warm_up)
     yield "following", figures.following(result.following)
     yield "faults", figures.faults(result.faults)
-    for plant, runs in result.section.runs.items() if result.section else ():
-        yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
-    if result.section and result.section.loops:
+    if result.section:
+        for plant, runs in result.section.runs.items():
+            yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
         yield "loops", figures.loops(result.section)
 
 
-def describe(section: twin.Section) -> dict[str, float]:
-    """Return the properties of the twin's vision system and gear, mm and degrees."""
-    setup = section.twin.setup
+def describe(of: twin.Twin) -> dict[str, float]:
+    """Return the properties of a twin's vision system and gear, mm and degrees."""
+    setup = of.setup
     return {
         "noise": setup.noise,
         "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
         "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
-        "backlash": float(np.degrees(section.twin.effects.tool_backlash)),
+        "backlash": float(np.degrees(of.effects.tool_backlash)),
         "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
         "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
     }
@@ -198,21 +191,24 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
             for statistic, v in zip(article.STATISTICS, row, strict=True)
         ),
     )
-    poses = experiment.in_print_units(result.experiment.poses)
-    names = ["x", "y", "z", "theta"]
-    units = ["mm", "mm", "mm", "deg"]
-    header = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
-    columns = [poses]
+    poses = _columns("{}_{}", experiment.in_print_units(result.experiment.poses))
     for control in CONTROLS:
-        header += [f"error_{control}_{n}_{u}" for n, u in zip(names, units, strict=True)]
-        columns.append(result.experiment.errors[control][0])
-    rows = np.hstack(columns).tolist()
-    _csv(out / "poses.csv", [dict(zip(header, row, strict=True)) for row in rows])
+        poses |= _columns(f"error_{control}_{{}}_{{}}", result.experiment.errors[control][0])
+    _csv(out / "poses.csv", _rows(poses))
     for name, run in result.moves.items():
-        header = ["time_s"]
-        header += [f"{n}_desired_{u}" for n, u in zip(names, units, strict=True)]
-        header += [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
-        header += [f"torque{i + 1}_Nm" for i in range(run.robot.n)]
-        x_d, x = experiment.in_print_units(run.x_d), experiment.in_print_units(run.x)
-        rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
-        _csv(out / f"{name}.csv", [dict(zip(header, row, strict=True)) for row in rows])
+        columns = {"time_s": run.time}
+        columns |= _columns("{}_desired_{}", experiment.in_print_units(run.x_d))
+        columns |= _columns("{}_{}", experiment.in_print_units(run.x))
+        columns |= {f"torque{i}_Nm": torque for i, torque in enumerate(run.torque.T, 1)}
+        _csv(out / f"{name}.csv", _rows(columns))
+
+
+def _columns(name: str, values: Array) -> dict[str, Array]:
+    """Return coordinates, (N, 4), mm and degrees, by `name` filled with their names and units."""
+    axes = {"x": "mm", "y": "mm", "z": "mm", "theta": "deg"}
+    return {name.format(*axis): v for axis, v in zip(axes.items(), values.T, strict=True)}
+
+
+def _rows(columns: dict[str, Array]) -> list[dict[str, object]]:
+    rows = np.column_stack([*columns.values()]).tolist()
+    return [dict(zip(columns, row, strict=True)) for row in rows]

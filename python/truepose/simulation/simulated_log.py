@@ -1,9 +1,4 @@
-"""Simulated calibration logs, and the error of calibrations on them.
-
-A robot sampled from its tolerances visits its workspace under the joint law and is read at rest. An
-optional tracker at an unknown place sees a marker beside the platform's reference point; for a
-rotational platform the axis angles are measured instead.
-"""
+"""Simulated calibration logs, and the error of calibrations on them."""
 
 from __future__ import annotations
 
@@ -54,17 +49,9 @@ def simulate_log(
 
     `robot` is the controller's; both robots keep their levels. `seed` determines the poses, the
     noise and the places of tracker and marker. `effects` are those at rest, by default quantization
-    alone. `tracker` adds external measurements. Raises InputError if the file has no workspace, or
-    too little of it can be reached.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
-    >>> from truepose.simulation.simulated_log import simulate_log
-    >>> h4 = tp.load("h4")
-    >>> simulate_log(h4, with_paper_errors(h4, seed=1), poses=20).q_e.shape
-    (20, 5)
+    alone. `tracker` adds measurements of a tracker at an unknown place, of a marker beside the
+    platform's reference point; of a rotational platform the axis angles. Raises InputError if the
+    file has no workspace, or too little of it can be reached.
     """
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
     x_d = _drawn(robot, _DRAWN * poses, where)
