@@ -1,4 +1,4 @@
-"""Nuisance parameters: patterns that act on the readings, deflection under load among them."""
+"""Nuisance parameters: patterns that act on the readings, as of loads and earlier homings."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.calibration.learnt import Learnt
+from truepose.calibration.learnt import Learnt, calibration_of
 from truepose.exceptions import InputError
-from truepose.robot import compliance
+from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import Payloads, under_load
 from truepose.robot.robot import Robot
@@ -112,6 +112,87 @@ def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     at = under_load(weightless, x, False, force=F)
     require_answers(robot, "pose", x, (len(x),), at.status, at.chain, "raise")
     return at.tension
+
+
+def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
+    """Return a robot whose homing offsets have `sigma` added to their uncertainty (in squares).
+
+    All other calibrated parameters keep their covariance, so that a few poses identify the offsets.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal or calibrated robot.
+    sigma : float, or array_like, shape (n,)
+        σ of each offset's change, m or rad; not negative.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.calibration.rehomed(tp.load("stewart"), 0.02)
+    >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
+    0.02
+    """
+    moved = _moved(robot, sigma)
+    zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
+    uncertain = set(knowledge.learnable(robot)) | {name for name, by in zeros.items() if by > 0}
+    names = [name for name in robot.parameters if name in uncertain]
+    before = knowledge.root(robot, names)
+    root = knowledge.triangular(
+        np.hstack([before, np.diag([zeros.get(name, 0) for name in names])])
+    )
+    learnt = robot.spec.calibration
+    source = f"{learnt.source}; homed anew" if learnt else "homed anew"
+    values = {name: robot.parameters[name].mean for name in names}
+    error = dict(zip(robot.readings, map(float, knowledge.stated_error(robot)), strict=True))
+    return robot.with_calibration(calibration_of(values, root, source, error))
+
+
+def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
+    """Return the earlier homing offsets of a log with several homings, as nuisance parameters.
+
+    The calibrated robot has the offsets of the last homing. All rows contribute to the other
+    parameters and to the registration of a tracker that has not moved.
+
+    Parameters
+    ----------
+    robot : Robot
+    homing : array_like, shape (N,)
+        Number of the homing before each row, increasing.
+    sigma : float, or array_like, shape (n,)
+        σ of each offset's change between homings, m or rad; not negative.
+
+    Returns
+    -------
+    tuple of NuisanceParameter
+        One for each homing but the last and each offset that may have changed: its excess over the
+        last homing's.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> [of.name for of in tp.calibration.homings(tp.load("3rrr"), [0, 0, 1], 0.01)]
+    ['homing 0, q1', 'homing 0, q2', 'homing 0, q3']
+    """
+    moved, after = _moved(robot, sigma), np.asarray(homing)
+    return tuple(
+        NuisanceParameter(
+            name=f"homing {number}, {robot.readings[k]}",
+            pattern=np.outer(after == number, np.eye(robot.n + robot.r)[k]),
+            amount=(0.0, float(moved[k])),
+        )
+        for number in np.unique(after)[:-1]
+        for k in np.flatnonzero(moved)
+    )
+
+
+def _moved(robot: Robot, sigma: ArrayLike) -> Array:
+    moved = np.asarray(sigma, dtype=float)
+    if moved.shape not in ((), (robot.n,)) or not (np.isfinite(moved) & (moved >= 0)).all():
+        raise InputError(
+            f"sigma = {moved.tolist()}: must be a number or {robot.n} of them, m or rad, at least 0"
+        )
+    return np.broadcast_to(moved, robot.n)
 
 
 #: Maximum iterations; change of a reading, in units of its σ, that ends them.

@@ -12,12 +12,11 @@ import typer
 
 from truepose import files, logs, robotfile
 from truepose.arguments import Level
-from truepose.calibration import log_checks, review
+from truepose.calibration import log_checks, rehomed, review
 from truepose.calibration.differences import measurements
 from truepose.calibration.fitting import MUCH, Loss, ModelError, memory, much_memory
 from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
-from truepose.calibration.zeroing import rehomed
 from truepose.commands.options import (
     Asked,
     DistancesFile,
