@@ -162,10 +162,10 @@ class Assembled:
         """Return the free unknowns' columns in a covariance of `size` columns, w the last."""
         return size - len(self.sigma) + np.flatnonzero(self.sigma > 0)
 
-    def found(self, w: Array, each: Array, joint: Array, p: int) -> Differences:
-        """Split the core's result by set; `joint` is the covariance with w last."""
+    def found(self, w: Array, each: Array, joint: Array, p: int, more: int) -> Differences:
+        """Split the core's result by set; in the covariance `joint`, `more` columns follow w."""
         free = np.flatnonzero(self.sigma > 0)
-        at = self.columns(len(joint))
+        at = self.columns(len(joint) - more)
         covariance = joint[np.ix_(at, at)]
         unknowns = {
             self.names[k]: Learnt(self.mean[k], self.sigma[k], float(w[k]), float(sigma))

@@ -193,9 +193,9 @@ def measured_outside(
     angle_sigma: float | None,
     count: int,
 ) -> tuple[Array, Array]:
-    """Return external measurements and σ in the core's form; no rows without any."""
+    """Return external measurements, (count, n), NaN without any, and their σ."""
     if measured is None:
-        return np.zeros((0, robot.n)), np.zeros((0, robot.n))
+        return np.full((count, robot.n), np.nan), np.ones((count, robot.n))
     rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
