@@ -150,29 +150,22 @@ def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
     Ends are names in the log's column `point`, at their first row; without that column, line
     numbers of the log's file. An InputError names the file, the line, the column and the cell.
     """
-    cells, lines = logs.texts(path, ("from", "to", "distance"))
-    count = len(lines)
-
-    def column(name: str, default: float) -> Array:
-        if name not in cells:
-            return np.full(count, default)
-        values = logs.numbers(cells[name], name, lines, path)
-        return np.where(np.isnan(values), default, values)
-
-    measured, spread, times = (
-        column(name, value)
-        for name, value in (("distance", np.nan), ("sigma", sigma), ("times", 1))
-    )
-    for name, values in (("distance", measured), ("sigma", spread)):
-        if (wrong := np.flatnonzero(~(values > 0))).size:
-            shown = one_line(shortened(cells[name][wrong[0]]) or "empty", 60)
+    cells = logs.texts(path, ("from", "to", "distance"))
+    lines, texts = cells.lines, cells.columns
+    table = []
+    for name, default in (("distance", np.nan), ("sigma", sigma), ("times", 1.0)):
+        values = cells.numbers(name) if name in texts else np.full(len(lines), default)
+        table.append(np.where(np.isnan(values), default, values))
+        if name != "times" and (wrong := np.flatnonzero(~(table[-1] > 0))).size:
+            shown = one_line(shortened(texts[name][wrong[0]]) or "empty", 60)
             raise InputError(
                 f"{path}: line {lines[wrong[0]]}: {name} = {shown}: must be greater than 0 (m)"
             )
     result = []
-    for k in range(count):
-        where = f"{path}: line {lines[k]}"
-        ends = (cells["from"][k], cells["to"][k])
+    for line, *ends, measured, spread, times in zip(
+        lines, texts["from"], texts["to"], *table, strict=True
+    ):
+        where = f"{path}: line {line}"
         i, j = (
             _line(log, end, f"{where}: {name}")
             for name, end in zip(("from", "to"), ends, strict=True)
@@ -180,7 +173,7 @@ def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
         if i == j:
             raise InputError(f"{where}: from {ends[0]} to {ends[1]}: must be two {log.word}s")
         named = " to ".join(ends) if POINT in log.labels else f"{log.word}s {i} and {j}"
-        result.append(Distance((i, j), named, measured[k], spread[k], times[k]))
+        result.append(Distance((i, j), named, measured, spread, times))
     return tuple(result)
 
 

@@ -17,7 +17,6 @@ from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import Payloads, under_load
 from truepose.robot.robot import Robot
-from truepose.robotfile.schema import COMMON
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,14 +36,12 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
     """Return the checked patterns of all influences, (N, n + r, k)."""
     width = robot.n + robot.r
     result = np.zeros((lines, width, len(influences)))
-    names: set[str] = set()
     for k, of in enumerate(influences):
         mean, sigma = of.amount
         if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0):
             raise InputError(f"{of.name}: amount {of.amount}: must be a mean, and σ greater than 0")
-        if of.name in names:
+        if of.name in (other.name for other in influences[:k]):
             raise InputError(f"influences: {of.name} is there twice")
-        names.add(of.name)
         pattern, lead = flattened(robot, of.pattern, width, of.name, "nan")
         if lead != (lines,):
             raise InputError(
@@ -57,15 +54,8 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
 def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
     """Return the pattern of compliant rods, legs or belts for a compliance of 1/N, (N, n + r).
 
-    Every rod, leg, belt or wire of length L elongates by compliance · tension · L. At a given pose
-    this shifts its motor by H_ξ's column of the rod length; a leg's or wire's reading falls by it.
-
-    Parameters
-    ----------
-    poses : array_like, shape (N, n)
-        Poses, m or rad.
-    tension : array_like, shape (N, n + r)
-        Tension of each chain and of each sensor of kind distance, N; others are ignored.
+    At `poses`, (N, n), under the `tension`, (N, n + r), N, of each chain and each sensor of kind
+    distance: every rod, leg, belt or wire of length L elongates by compliance · tension · L.
 
     Examples
     --------
@@ -89,12 +79,8 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
 def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     """Return every chain's tension under a force on the platform's reference point, (N, n), N.
 
-    At the ideal level, from this force alone; :meth:`Robot.rod_forces` includes the weights.
-
-    Parameters
-    ----------
-    force : array_like, shape (3,) or (N, 3)
-        Force, N, base frame; for the platform's weight its mass times gravity.
+    At the ideal level, from `force` alone, (3,) or (N, 3), N, base frame;
+    :meth:`Robot.rod_forces` includes the weights.
 
     Examples
     --------
@@ -157,6 +143,7 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Nuisance
     Parameters
     ----------
     robot : Robot
+        Robot of the log.
     homing : array_like, shape (N,)
         Number of the homing before each row, increasing.
     sigma : float, or array_like, shape (n,)
@@ -205,8 +192,7 @@ class Stretching:
     def __init__(self, robot: Robot, loads: Payloads | None, readings: Array, full: bool):
         self.names = compliance.unknown(robot)
         self._robot, self._full = robot, full
-        known = robot.parameters
-        self._prior = [known[name] for name in self.names]
+        self._prior = [robot.parameters[name] for name in self.names]
         expected = robot.expected()
         self._usual = expected.compliance
         self.acts = bool(self.names) or expected.is_compliant
@@ -222,15 +208,10 @@ class Stretching:
             model, x, self._full, compliance=model.compliance / 2, **self._loads
         )
         by = np.where(np.isfinite(at.by_compliance), at.by_compliance, self._by)
-        size = np.abs(model.compliance) + [self._sigma(i) for i in range(model.n)]
-        change: Array = np.abs(by - self._by) @ size
+        change = np.abs(by - self._by)
         self._by = by
-        return change
-
-    def _sigma(self, chain: int) -> float:
-        own = (f"chain{chain + 1}.compliance", COMMON)
-        both = zip(self.names, self._prior, strict=True)
-        return float(np.sqrt(sum(p.sigma**2 for name, p in both if name in own)))
+        unknown: Array = compliance.columns(self._robot, self.names, change)
+        return change @ np.abs(model.compliance) + unknown @ [p.sigma for p in self._prior]
 
     def patterns(self) -> Array:
         """Return the patterns of the unknown compliances, (N, n + r, k)."""
@@ -238,8 +219,7 @@ class Stretching:
 
     def usual(self) -> Array:
         """Return the effect of the prior-mean compliances on the readings, (N, n + r)."""
-        added: Array = self._by @ self._usual
-        return added
+        return np.asarray(self._by @ self._usual)
 
     def learnt(self, amounts: Array, sigma: Array) -> dict[str, Learnt]:
         """Return the compliances by name; `amounts` are relative to the prior means."""
@@ -253,14 +233,12 @@ def relieved(
     robot: Robot, readings: Array, full: bool, loads: dict[str, Array]
 ) -> tuple[Array, Array]:
     """Return readings corrected to stiff rods, (N, n + r), and FKM poses (or NaN)."""
-    n = robot.n
-    home = np.broadcast_to(robot.home, (len(readings), n))
+    home = np.tile(robot.home, (len(readings), 1))
 
     def answer(q: Array, near: Array | None) -> compliance.Answer:
-        begin = np.ascontiguousarray(home if near is None else near)
-        return _core.fkm(robot.core, np.ascontiguousarray(q[:, :n]), begin, full)[:3]
+        return _core.fkm(robot.core, q[:, : robot.n], home if near is None else near, full)[:3]
 
-    x, *_ = compliance.at_rest(robot, readings[:, :n], full, answer, **loads)
+    x, *_ = compliance.at_rest(robot, readings[:, : robot.n], full, answer, **loads)
     if not robot.is_compliant:
         return readings, x
     return readings - compliance.given_way(robot, x, full, **loads).readings, x
