@@ -52,38 +52,34 @@ class Between:
 
     def of(self, robot: Robot, log: Log) -> list[Difference]:
         """Return the differences between the rows left in `log`; single touches are skipped."""
-        touched = any((names != "").any() for names in log.labels.values())
+        touched = _touched(log)
         tool = self._places(robot, log) if touched else np.zeros((0, 3))
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
         result: list[Difference] = []
-
-        planes: list[tuple[str, str, Array, Array, float]] = []
-        for column, name, rows in _touched(log):
+        for column, name, rows in touched:
             if len(rows) < 2:
                 continue
+            above = log.above.get(column, np.zeros(len(log.lines)))[rows]
+            planes = [(f"{column} {name}", PLANES.get(column, ""))]
             if column == POINT:  # coordinates are the same unknowns at every touch
-                level = np.zeros(len(rows))
                 linear = [axis for axis, unit in robot.coordinates if unit == "m"]
-                planes += [(f"point {name}, {axis}", axis, rows, level, 0.0) for axis in linear]
-            else:
-                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
-                planes.append((f"{column} {name}", PLANES[column], rows, above, self.tilt))
-        for name, axis, rows, above, tilt in planes:
-            heights = tool[rows, AXES.index(axis)] - above
-            mean = float(np.median(heights[np.isfinite(heights)])) if len(heights) else 0.0
-            result.append(
-                PlaneContacts(
-                    lines=rows,
-                    sigma=self.sigma,
-                    above=above,
-                    height=(mean if np.isfinite(mean) else 0.0, SPREAD),
-                    slope_sigma=tilt,
-                    axis=axis,  # type: ignore[arg-type]
-                    name=name,
-                    called=[f"{log.word} {log.lines[k]}" for k in rows],
-                    **common,
+                planes = [(f"point {name}, {axis}", axis) for axis in linear]
+            for called, axis in planes:
+                heights = tool[rows, AXES.index(axis)] - above
+                mean = float(np.median(heights[np.isfinite(heights)]))
+                result.append(
+                    PlaneContacts(
+                        lines=rows,
+                        sigma=self.sigma,
+                        above=above,
+                        height=(mean if np.isfinite(mean) else 0.0, SPREAD),
+                        slope_sigma=0.0 if column == POINT else self.tilt,
+                        axis=axis,  # type: ignore[arg-type]
+                        name=called,
+                        called=[f"{log.word} {log.lines[k]}" for k in rows],
+                        **common,
+                    )
                 )
-            )
         at = {int(line): k for k, line in enumerate(log.lines)}
         kept = [of for of in self.distances if at.keys() >= set(of.lines)]
         if kept:
