@@ -65,10 +65,7 @@ class Log:
 
 
 def repeated(readings: Array, measured: Array | None, n: int) -> Array:
-    """Return rows identical to an earlier one, with a reading beyond the n motors, (N,) bool.
-
-    A copied row adds nothing, nor do repeated counts: their rounding error is the same.
-    """
+    """Return rows identical to an earlier one, with a reading beyond the n motors, (N,) bool."""
     cells = readings if measured is None else np.hstack([readings, measured])
     result = np.zeros(len(cells), dtype=bool)
     rows = np.flatnonzero(np.isfinite(cells[:, n:]).any(axis=1))
@@ -85,9 +82,7 @@ def is_table(value: object) -> bool:
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     """Extract the readings of a robot and its sensors in use from a table in SI units.
 
-    Columns q1 … qn and each sensor's name; measured_x …, measured_x_sigma … of external
-    measurements; plane and point, names of touched features; for files with compliances load_x …
-    and q1_tension …, N, empty if absent or not measured. An InputError names the column that is
+    Columns are those of :func:`truepose.calibrate`'s tables. An InputError names the column that is
     missing, or the cell that is no number.
 
     Examples
@@ -152,15 +147,9 @@ def _bytes(path: Path) -> bytes:
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
+    pyarrow = limits.pyarrow_for(path)
     try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(
-            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
-        ) from None
-    try:
-        table = limits.parquet(path, pyarrow.BufferReader(data))
+        table = limits.parquet(path, pyarrow, pyarrow.BufferReader(data))
         names = table.column_names
     except InputError:
         raise
@@ -347,16 +336,11 @@ _NONE = ("", "0", "no", "false")
 def flat(
     robot: Robot, names: Array, measured: Array | None, sigma: Array | None
 ) -> tuple[Array, Array]:
-    """Fill in the measurements of postures: 0 for every axis that tilts, and its σ.
-
-    Only NaN of `measured` and `sigma`, (N, n) or None, are replaced. The rows of one posture are of
-    one pose, which counts once: in the first of them.
-    """
+    """Fill in missing measurements, (N, n), in each posture's first row: 0 for tilts, and σ."""
     first = np.zeros(len(names), dtype=bool)
     first[np.unique(names.astype(str), return_index=True)[1]] = True
     nothing = np.full((len(names), robot.n), np.nan)
-    measured = nothing if measured is None else measured
-    sigma = nothing if sigma is None else sigma
+    measured, sigma = (nothing if of is None else of for of in (measured, sigma))
     here = (first & stood(names))[:, None] & tilts(robot) & np.isnan(measured)
     return np.where(here, 0.0, measured), np.where(here & np.isnan(sigma), FLAT, sigma)
 
