@@ -210,7 +210,7 @@ def after_visiting(
         guarded=model_error and not full,
         level=level,
         error=False,
-        beside=between and between.sigma,
+        beside=between.sigma if between else None,
         stretches=True,
     )
     known_poses = np.zeros((0, robot.n)) if touched is None else touched

@@ -116,7 +116,8 @@ class Differences:
         for given, of, s in zip(self.measured, self.found, size, strict=True):
             for at in np.ndindex(of.residual.shape):
                 doubtful = bool(s[at] > limit and (of.weight[at] < 0.1 or s[at] == worst))
-                result.append(Each(_named(given, at), *(float(v[at]) for v in of), doubtful))
+                residual, left_out, sigma, weight = (float(v[at]) for v in of)
+                result.append(Each(_named(given, at), residual, left_out, sigma, weight, doubtful))
         return result
 
 

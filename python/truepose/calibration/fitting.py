@@ -132,9 +132,11 @@ def fit_to(
             break
         if not (stretching.follow(calibrated, answer.x) > NEGLIGIBLE * sigma).any():
             break
-    found = between and between.found(answer.w, answer.differences, answer.covariance, p, k)
-    own_columns = between.columns(len(sigmas) - k) if between else np.zeros(0, dtype=int)
-    last = [*range(p), *own_columns, *range(len(sigmas) - k, len(sigmas))]
+    found, last = None, [*range(p)]
+    if between:
+        found = between.found(answer.w, answer.differences, answer.covariance, p, k)
+        last += between.columns(len(sigmas) - k).tolist()
+    last += range(len(sigmas) - k, len(sigmas))
     amounts = {
         of.name: of.learnt(float(amount), float(s))
         for of, amount, s in zip(

@@ -138,7 +138,7 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     still = np.ptp(q, axis=0) < np.maximum(robot.resolution[:n], 1e-9)
     if len(q) >= 5 and still.any() and not still.all():
         lines = np.flatnonzero(read)
-        texts = [_stuck_at(log, k, q[0, k], lines) for k in np.flatnonzero(still)]
+        texts = [_stuck_at(log, k, q[0, k], lines) for k in np.flatnonzero(still).tolist()]
         return [Finding(text, refused=True) for text in texts]
     near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
     if near >= 0.5:

@@ -218,7 +218,7 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
             ) from None
     if angle_sigma is not None:
         result[:, angles] = angle_sigma
-    if np.ndim(sigma) == 2:  # NaN: an empty cell of a log
+    if sigma is not None and np.ndim(sigma) == 2:  # NaN: an empty cell of a log
         result = np.where(np.isnan(result), default, result)
     for name, given, which in (
         ("measured_sigma", sigma, ~angles),

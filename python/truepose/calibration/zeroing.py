@@ -230,7 +230,7 @@ def _postures(
                 f"out, or give the pose in columns {outside}"
             )
     elif log.measured is not None:
-        names, stood = log.lines.astype(str), np.isfinite(log.measured).any(axis=1)
+        names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
         usual = np.full(robot.n, np.nan) if at is None else usual
     postures, notes = [], []
     for name in dict.fromkeys(names[stood].tolist()):
@@ -347,5 +347,5 @@ def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
     for share, all_of in zip(shares.tolist(), whole.tolist(), strict=True):
         named = sorted(zip(share, fit.names, strict=True), reverse=True)
         causes.append({name: of / all_of for of, name in named if of > _SHARE * all_of})
-    columns = np.array([rows[0, :n], drawn, off, *sigmas]).T.tolist()
-    return tuple(Zero(*column, of) for column, of in zip(columns, causes, strict=True))
+    columns = np.array([rows[0, :n], drawn, off, *sigmas]).tolist()
+    return tuple(map(Zero, *columns, causes))

@@ -106,7 +106,7 @@ class Detectability(Shown):
     @cached_property
     def unseen(self) -> tuple[str, ...]:
         """Readings whose faults no test detects, at no pose."""
-        seen = self._by_pose(self.parity.signature).any(axis=0)
+        seen = np.asarray(self._by_pose(self.parity.signature).any(axis=0))
         return tuple(name for name, some in zip(self.robot.readings, seen, strict=True) if not some)
 
     def pose_error(self, law: Law) -> Array:

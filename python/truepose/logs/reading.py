@@ -247,7 +247,7 @@ class Cells(NamedTuple):
             at = f"{self.where}: {self.word} {line}: {name}"
             raise InputError(f"{at} = '{shown}': must be a {must}{hint}") from None
 
-    def _refuse(self, row: int, name: str, why: str) -> NoReturn:
+    def _refuse(self, row: Any, name: str, why: str) -> NoReturn:
         raise InputError(f"{self.where}: {self.word} {self.lines[row]}: {name} = {why}")
 
     def labels(self, name: str) -> Array:
