@@ -1,7 +1,4 @@
-"""Differences between rows of a log: plane contacts, repeated points, measured distances.
-
-Columns `plane` and `point` name what the tool touched; distances come in a file of their own.
-"""
+"""Differences between rows of a log: plane contacts, repeated points, measured distances."""
 
 from __future__ import annotations
 

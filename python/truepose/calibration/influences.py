@@ -54,8 +54,15 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
 def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
     """Return the pattern of compliant rods, legs or belts for a compliance of 1/N, (N, n + r).
 
-    At `poses`, (N, n), under the `tension`, (N, n + r), N, of each chain and each sensor of kind
-    distance: every rod, leg, belt or wire of length L elongates by compliance · tension · L.
+    Every rod, leg, belt or wire of length L elongates by compliance · tension · L. At a given pose
+    this shifts its motor by H_ξ's column of the rod length; a leg's or wire's reading falls by it.
+
+    Parameters
+    ----------
+    poses : array_like, shape (N, n)
+        Poses, m or rad.
+    tension : array_like, shape (N, n + r)
+        Tension of each chain and of each sensor of kind distance, N; others are ignored.
 
     Examples
     --------
@@ -79,8 +86,12 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
 def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     """Return every chain's tension under a force on the platform's reference point, (N, n), N.
 
-    At the ideal level, from `force` alone, (3,) or (N, 3), N, base frame;
-    :meth:`Robot.rod_forces` includes the weights.
+    At the ideal level, from this force alone; :meth:`Robot.rod_forces` includes the weights.
+
+    Parameters
+    ----------
+    force : array_like, shape (3,) or (N, 3)
+        Force, N, base frame; for the platform's weight its mass times gravity.
 
     Examples
     --------

@@ -1,8 +1,4 @@
-"""Search for the column mistakes that explain a log best: units, signs, order.
-
-Each mistake is undone and a geometry fitted. Of those that make motors and sensors consistent,
-the one with the smallest residuals is reported, with equally good ones (mirror images).
-"""
+"""Search for the column mistakes that explain a log best: units, signs, order."""
 
 from __future__ import annotations
 
@@ -74,9 +70,9 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Return the column mistakes that explain a log, given the expected geometry.
+    """Return the mistakes that explain a log best, or none; None where nothing is wrong.
 
-    None: nothing is wrong. Empty: no known mistake. Several: equally good, fewest columns first.
+    Each is undone and a geometry fitted; mirror images fit equally well: fewest columns first.
     """
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)

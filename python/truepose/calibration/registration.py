@@ -245,20 +245,17 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
     """Check shapes and values of known poses; no rows without any."""
     if given is None:
         return KnownPoses(np.zeros((0, robot.n + robot.r)), *np.zeros((2, 0, robot.n)))
-    sigma: ArrayLike
     if logs.is_table(given):
         log = logs.of(robot, given, "known_pose")
         if log.measured is None:
             wanted = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
             raise InputError(f"known_pose: no column with its pose: {wanted}")
-        readings, x = log.readings, log.measured
         sigma = 0.0 if log.measured_sigma is None else np.nan_to_num(log.measured_sigma)
-    elif isinstance(given, tuple) and len(given) in (2, 3):
-        readings, _ = flattened(robot, given[0], robot.n + robot.r, "known_pose: readings", "nan")
-        x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
-        sigma = given[2] if len(given) == 3 else 0.0
-    else:
+        given = log.readings, log.measured, sigma
+    if not (isinstance(given, tuple) and len(given) in (2, 3)):
         raise InputError("known_pose: must be (readings, pose), (readings, pose, σ) or a table")
+    readings, _ = flattened(robot, given[0], robot.n + robot.r, "known_pose: readings", "nan")
+    x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
     if len(readings) != len(x):
         raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
     for k, (row, pose) in enumerate(zip(readings, x, strict=True), 1):
@@ -270,7 +267,8 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
             )
     _require_turns(robot, x, "known_pose")
     try:
-        rows = np.broadcast_to(np.asarray(sigma, dtype=float), x.shape)
+        sigma = np.asarray(given[2] if len(given) == 3 else 0.0, dtype=float)
+        rows = np.broadcast_to(sigma, x.shape)
     except (TypeError, ValueError):
         raise InputError(f"known_pose: σ: must be a number or {robot.n} of them") from None
     return KnownPoses(readings, x, np.array([reference_sigmas(robot, row) for row in rows]))
@@ -301,10 +299,7 @@ class Row(NamedTuple):
 def rows_of(
     robot: Robot, names: tuple[str, ...], readings: Array, x: Array, known: Array, sigma: Array
 ) -> list[Row]:
-    """Linearize K readings at poses `x` near the `known` ones with σ `sigma`, all (K, n).
-
-    `known` is NaN for unknown coordinates; `names` are those of the p parameters.
-    """
+    """Linearize K readings at poses `x` near the `known` ones (or NaN) with σ `sigma`, (K, n)."""
     H_x, H_xi = robot.linearize(x, level=robot.level)
     every = list(robot.parameters)
     H_xi = H_xi[..., [every.index(name) for name in names]]

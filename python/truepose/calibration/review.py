@@ -59,12 +59,10 @@ def assess(
     between: Between | None = None,
     **settings: Any,
 ) -> Assessment:
-    """Calibrate by a log, and again without every fifth row; predict the accuracy.
+    """Calibrate by a checked log, and again without every fifth row; predict the accuracy.
 
-    `log` and `notes` come from :func:`truepose.calibration.log_checks.check`. `reference_pose`,
-    (n,), by default home, is known in the predicted accuracy. `progress` is called `STEPS` times
-    with a step's name. `between` has the errors of the log's touches. `settings` are those of
-    :func:`truepose.calibrate`: level, loss, ….
+    `reference_pose`, (n,), is by default home. `progress` is called `STEPS` times with a step's
+    name. `settings` are those of :func:`truepose.calibrate`.
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:

@@ -33,13 +33,7 @@ UNUSED = 1e-9
 
 
 def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
-    """Return the false-alarm probability of a test per cycle, for one false alarm in `hours`.
-
-    Examples
-    --------
-    >>> false_alarm_rate()
-    2.7777777777777777e-10
-    """
+    """Return the false-alarm probability of a test per cycle, for one false alarm in `hours`."""
     return period / (3600 * hours)
 
 

@@ -113,8 +113,7 @@ class FaultMonitor:
     ) -> _core.FaultTolerantSetup:
         """Return the setup of the core's fault-tolerant controller: robot, covariances, thresholds.
 
-        Without `still_sensors` a constant sensor beside moving motors is not called stuck: a law
-        that holds it within a count despite wrong geometry does the same to a healthy one.
+        Without `still_sensors`, for laws that hold a sensor, it is not stuck beside moving motors.
         """
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:

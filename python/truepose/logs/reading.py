@@ -84,14 +84,6 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
 
     Columns are those of :func:`truepose.calibrate`'s tables. An InputError names the column that is
     missing, or the cell that is no number.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.extended_positions([[0, 0, -0.4, 0]] * 3).T))
-    >>> of(h4, table).readings.shape
-    (3, 5)
     """
     if isinstance(table, Log):
         return table
