@@ -8,6 +8,7 @@ import pytest
 
 import truepose as tp
 from truepose.commands import faults
+from truepose.faults.limits import false_alarm_rate
 from truepose.faults.parity import Parity, detectable, gate, parity, unexplained
 from truepose.robot import knowledge
 
@@ -281,6 +282,19 @@ def test_a_robot_known_exactly_is_left_with_the_noise_of_its_readings(h4):
     (G,) = found.parity.at_rest()
     assert np.linalg.norm(G * exact.reading_sigma) == pytest.approx(1)
     assert found.detected == pytest.approx(detectable(1e-6, 1, 0.9) / np.abs(G))
+
+
+def test_one_reading_at_one_in_a_million_is_detected_from_6_sigma():
+    """4.89 σ to the gate, 1.28 σ beyond it; the default is one in 1000 hours at 1 kHz."""
+    assert detectable(1e-6, 1, 0.9) == pytest.approx(6.173, abs=1e-3)
+    assert false_alarm_rate() == pytest.approx(1 / 3.6e9)
+
+
+def test_an_error_of_the_pose_is_no_parity(h4):
+    robot, x = h4.expected(), np.array([0.05, 0, -0.4, 0.2])
+    G = parity(robot, x).at_rest()
+    off = robot.extended_positions(x + 1e-6 * np.eye(4)[0]) - robot.extended_positions(x)
+    assert G.shape == (1, 5) and abs(G @ off).max() < 1e-7
 
 
 def test_what_another_fault_cannot_explain_is_the_sine_of_the_angle():

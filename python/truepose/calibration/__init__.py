@@ -2,9 +2,9 @@
 
 from truepose.calibration.differences import DistanceMeasurements, PlaneContacts, RepeatedPoses
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import NuisanceParameter
+from truepose.calibration.influences import NuisanceParameter, homings, rehomed
 from truepose.calibration.registration import Registration
-from truepose.calibration.zeroing import Zeroing, homings, rehomed, zero
+from truepose.calibration.zeroing import Zeroing, zero
 from truepose.robot.compliance import Payloads
 
 __all__ = [

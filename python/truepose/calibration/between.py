@@ -1,7 +1,4 @@
-"""Differences between rows of a log: plane contacts, repeated points, measured distances.
-
-Columns `plane` and `point` name what the tool touched; distances come in a file of their own.
-"""
+"""Differences between rows of a log: plane contacts, repeated points, measured distances."""
 
 from __future__ import annotations
 
@@ -52,38 +49,34 @@ class Between:
 
     def of(self, robot: Robot, log: Log) -> list[Difference]:
         """Return the differences between the rows left in `log`; single touches are skipped."""
-        touched = any((names != "").any() for names in log.labels.values())
+        touched = _touched(log)
         tool = self._places(robot, log) if touched else np.zeros((0, 3))
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
         result: list[Difference] = []
-
-        planes: list[tuple[str, str, Array, Array, float]] = []
-        for column, name, rows in _touched(log):
+        for column, name, rows in touched:
             if len(rows) < 2:
                 continue
+            above = log.above.get(column, np.zeros(len(log.lines)))[rows]
+            planes = [(f"{column} {name}", PLANES.get(column, ""))]
             if column == POINT:  # coordinates are the same unknowns at every touch
-                level = np.zeros(len(rows))
                 linear = [axis for axis, unit in robot.coordinates if unit == "m"]
-                planes += [(f"point {name}, {axis}", axis, rows, level, 0.0) for axis in linear]
-            else:
-                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
-                planes.append((f"{column} {name}", PLANES[column], rows, above, self.tilt))
-        for name, axis, rows, above, tilt in planes:
-            heights = tool[rows, AXES.index(axis)] - above
-            mean = float(np.median(heights[np.isfinite(heights)])) if len(heights) else 0.0
-            result.append(
-                PlaneContacts(
-                    lines=rows,
-                    sigma=self.sigma,
-                    above=above,
-                    height=(mean if np.isfinite(mean) else 0.0, SPREAD),
-                    slope_sigma=tilt,
-                    axis=axis,  # type: ignore[arg-type]
-                    name=name,
-                    called=[f"{log.word} {log.lines[k]}" for k in rows],
-                    **common,
+                planes = [(f"point {name}, {axis}", axis) for axis in linear]
+            for called, axis in planes:
+                heights = tool[rows, AXES.index(axis)] - above
+                mean = float(np.median(heights[np.isfinite(heights)]))
+                result.append(
+                    PlaneContacts(
+                        lines=rows,
+                        sigma=self.sigma,
+                        above=above,
+                        height=(mean if np.isfinite(mean) else 0.0, SPREAD),
+                        slope_sigma=0.0 if column == POINT else self.tilt,
+                        axis=axis,  # type: ignore[arg-type]
+                        name=called,
+                        called=[f"{log.word} {log.lines[k]}" for k in rows],
+                        **common,
+                    )
                 )
-            )
         at = {int(line): k for k, line in enumerate(log.lines)}
         kept = [of for of in self.distances if at.keys() >= set(of.lines)]
         if kept:
@@ -150,29 +143,22 @@ def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
     Ends are names in the log's column `point`, at their first row; without that column, line
     numbers of the log's file. An InputError names the file, the line, the column and the cell.
     """
-    cells, lines = logs.texts(path, ("from", "to", "distance"))
-    count = len(lines)
-
-    def column(name: str, default: float) -> Array:
-        if name not in cells:
-            return np.full(count, default)
-        values = logs.numbers(cells[name], name, lines, path)
-        return np.where(np.isnan(values), default, values)
-
-    measured, spread, times = (
-        column(name, value)
-        for name, value in (("distance", np.nan), ("sigma", sigma), ("times", 1))
-    )
-    for name, values in (("distance", measured), ("sigma", spread)):
-        if (wrong := np.flatnonzero(~(values > 0))).size:
-            shown = one_line(shortened(cells[name][wrong[0]]) or "empty", 60)
+    cells = logs.texts(path, ("from", "to", "distance"))
+    lines, texts = cells.lines, cells.columns
+    table = []
+    for name, default in (("distance", np.nan), ("sigma", sigma), ("times", 1.0)):
+        values = cells.numbers(name) if name in texts else np.full(len(lines), default)
+        table.append(np.where(np.isnan(values), default, values))
+        if name != "times" and (wrong := np.flatnonzero(~(table[-1] > 0))).size:
+            shown = one_line(shortened(texts[name][wrong[0]]) or "empty", 60)
             raise InputError(
                 f"{path}: line {lines[wrong[0]]}: {name} = {shown}: must be greater than 0 (m)"
             )
     result = []
-    for k in range(count):
-        where = f"{path}: line {lines[k]}"
-        ends = (cells["from"][k], cells["to"][k])
+    for line, *ends, measured, spread, times in zip(
+        lines, texts["from"], texts["to"], *table, strict=True
+    ):
+        where = f"{path}: line {line}"
         i, j = (
             _line(log, end, f"{where}: {name}")
             for name, end in zip(("from", "to"), ends, strict=True)
@@ -180,7 +166,7 @@ def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
         if i == j:
             raise InputError(f"{where}: from {ends[0]} to {ends[1]}: must be two {log.word}s")
         named = " to ".join(ends) if POINT in log.labels else f"{log.word}s {i} and {j}"
-        result.append(Distance((i, j), named, measured[k], spread[k], times[k]))
+        result.append(Distance((i, j), named, measured, spread, times))
     return tuple(result)
 
 

@@ -199,22 +199,20 @@ def after_visiting(
     reference_sigma: Sequence[float] = (),
     differences: Sequence[Difference] = (),
 ) -> tuple[Array, int]:
-    """Return the root of Σ_ξ after a calibration at these poses, and the core's status.
+    """Return the root of Σ_ξ after a calibration at poses `visited`, (N, n), and the core's status.
 
-    Parameters are those of :func:`truepose.robot.knowledge.learnable`. `visited` has shape (N, n);
     `touched` is one pose more, known from outside; `differences` link the visited poses.
     """
-    full = robot.is_full(level)
+    model, full = robot.expected(), robot.is_full(level)
     between = assemble(robot, differences, len(visited), len(knowledge.uncertain(robot)))
     known = knowledge.knowledge(
         robot,
         guarded=model_error and not full,
         level=level,
         error=False,
-        beside=None if between is None else between.sigma,
+        beside=between.sigma if between else None,
         stretches=True,
     )
-    model = robot.expected()
     known_poses = np.zeros((0, robot.n)) if touched is None else touched
     root, status, _ = _core.after_visiting(
         model.core,
@@ -222,7 +220,7 @@ def after_visiting(
         visited,
         known_poses,
         list(reference_sigma) or [0.0] * robot.n,
-        _core.Links([], 0) if between is None else between.core,
+        between.core if between else _core.Links([], 0),
         full,
         known.nuisances,
         compliance.acting(model, np.vstack([visited, known_poses]), full),

@@ -189,12 +189,8 @@ def review(fit: Calibration, log: Log) -> list[str]:
             f"the readings disagree by {apart:.1f} times their noise (median) for any "
             "geometry: check the file's level, tolerances and sensor noise"
         )
-    far = [
-        f"{name} by {abs(p.value - p.prior) / p.prior_sigma:.1f} σ"
-        for name, p in fit.parameters.items()
-        if abs(p.value - p.prior) > 4 * p.prior_sigma
-    ]
-    if far:
+    steps = {name: abs(p.value - p.prior) / p.prior_sigma for name, p in fit.parameters.items()}
+    if far := [f"{name} by {step:.1f} σ" for name, step in steps.items() if step > 4]:
         findings.append(f"further from nominal than tolerances allow: {', '.join(far[:5])}")
     if all(p.verdict == "not identified" for p in fit.parameters.values()):
         findings.append("no parameter is known noticeably better than before")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any, Literal, NamedTuple
 
@@ -106,20 +107,18 @@ class Differences:
 
     @property
     def each(self) -> list[Each]:
-        """All measurements, one by one."""
-        return list(self._each())
-
-    def _each(self) -> Iterator[Each]:
-        """Yield measurements; doubtful: beyond the limit, and down-weighted or the worst."""
+        """All measurements; doubtful: beyond the limit, and down-weighted or the worst."""
         count = sum(of.residual.size for of in self.found)
         limit = NormalDist().inv_cdf(1 - 0.5 * FALSE_ALARM / max(count, 1))
         size = [np.abs(of.left_out / of.left_out_sigma) for of in self.found]
         worst = max(np.nanmax(s, initial=0.0) for s in size)
+        result = []
         for given, of, s in zip(self.measured, self.found, size, strict=True):
             for at in np.ndindex(of.residual.shape):
                 doubtful = bool(s[at] > limit and (of.weight[at] < 0.1 or s[at] == worst))
                 residual, left_out, sigma, weight = (float(v[at]) for v in of)
-                yield Each(_named(given, at), residual, left_out, sigma, weight, doubtful)
+                result.append(Each(_named(given, at), residual, left_out, sigma, weight, doubtful))
+        return result
 
 
 class Each(NamedTuple):
@@ -156,16 +155,16 @@ class Assembled:
     mean: Array  #: of all unknowns w
     sigma: Array  #: 0: known
     names: list[str]  #: of all
-    shapes: list[tuple[int, ...]] = field(default_factory=list)  #: of each set's measurements
+    shapes: list[tuple[int, ...]]  #: of each set's measurements
 
     def columns(self, size: int) -> Array:
         """Return the free unknowns' columns in a covariance of `size` columns, w the last."""
         return size - len(self.sigma) + np.flatnonzero(self.sigma > 0)
 
-    def found(self, w: Array, each: Array, joint: Array, p: int) -> Differences:
-        """Split the core's result by set; `joint` is the covariance with w last."""
+    def found(self, w: Array, each: Array, joint: Array, p: int, more: int) -> Differences:
+        """Split the core's result by set; in the covariance `joint`, `more` columns follow w."""
         free = np.flatnonzero(self.sigma > 0)
-        at = self.columns(len(joint))
+        at = self.columns(len(joint) - more)
         covariance = joint[np.ix_(at, at)]
         unknowns = {
             self.names[k]: Learnt(self.mean[k], self.sigma[k], float(w[k]), float(sigma))
@@ -193,48 +192,41 @@ def assemble(
             f"{robot.name}: measured differences need lengths among the coordinates: a "
             "rotational platform has only angles"
         )
-    mean: list[float] = []
-    sigma: list[float] = []
-    names: list[str] = []
-    called = _names(differences)
+    unknowns: list[tuple[str, float, float]] = []  #: name, mean, σ
 
-    def unknowns(of: str, new: Sequence[tuple[str, float, float]]) -> int:
+    def add(of: str, new: Sequence[tuple[str, float, float]]) -> int:
         for name, value, spread in new:
             if not (math.isfinite(value) and math.isfinite(spread) and spread >= 0):
                 raise InputError(
                     f"{of}: {name}: {value}, σ {spread}: must be a number, and 0 or greater"
                 )
-            mean.append(float(value))
-            sigma.append(float(spread))
-            names.append(f"{of}.{name}")
-        return len(mean) - len(new)
+            unknowns.append((f"{of}.{name}", float(value), float(spread)))
+        return len(unknowns) - len(new)
 
     tools: dict[tuple[float, ...], int] = {}
     rows: list[tuple[Any, ...]] = []
     shapes: list[tuple[int, ...]] = []
-    for given, name in zip(differences, called, strict=True):
+    renamed: list[Difference] = []
+    for given in differences:
         if not isinstance(given, Difference):
             raise InputError(
                 f"differences: {type(given).__name__}: must be a PlaneContacts, "
                 "DistanceMeasurements or RepeatedPoses"
             )
-        tool = _numbers(name, "tool", given.tool, (3,))
-        key = (*tool.tolist(), given.tool_sigma)
-        if key not in tools:
+        name = _free(given.name, [other.name for other in renamed])
+        tool = _numbers(name, "tool", given.tool, (3,)).tolist()
+        if (key := (*tool, given.tool_sigma)) not in tools:
             of = "tool" if not tools else f"tool{len(tools) + 1}"
-            spread = given.tool_sigma
-            tools[key] = unknowns(of, [(c, v, spread) for c, v in zip(AXES, tool, strict=True)])
-        links, shape = _links(robot, given, name, lines, tools[key], unknowns)
+            tools[key] = add(of, [(c, v, key[3]) for c, v in zip(AXES, tool, strict=True)])
+        links, shape = _links(robot, given, name, lines, tools[key], add)
         rows += links
         shapes.append(shape)
+        renamed.append(replace(given, name=name))
+    names, mean, sigma = map(list, zip(*unknowns, strict=True))
     core = _core.Links(mean, first)
     for row in rows:
         core.add(*row)
-    renamed = tuple(
-        given if given.name == name else replace(given, name=name)
-        for given, name in zip(differences, called, strict=True)
-    )
-    return Assembled(renamed, core, np.array(mean), np.array(sigma), names, shapes)
+    return Assembled(tuple(renamed), core, np.array(mean), np.array(sigma), names, shapes)
 
 
 def measurements(differences: Sequence[Difference]) -> int:
@@ -245,54 +237,55 @@ def measurements(differences: Sequence[Difference]) -> int:
     )
 
 
-def _names(differences: Sequence[Difference]) -> list[str]:
-    result: list[str] = []
-    for given in differences:
-        base = name = str(getattr(given, "name", ""))
-        number = 1
-        while name in result:
-            number += 1
-            name = f"{base}{number}"
-        result.append(name)
-    return result
+def _free(name: str, taken: Sequence[str]) -> str:
+    """Return the name, numbered where it is taken."""
+    numbered = (f"{name}{number}" for number in itertools.count(2))
+    return next(of for of in itertools.chain([name], numbered) if of not in taken)
 
 
 def _links(
-    robot: Robot, given: Difference, name: str, lines: int, tool: int, unknowns: Any
+    robot: Robot,
+    given: Difference,
+    name: str,
+    lines: int,
+    tool: int,
+    add: Callable[[str, list[tuple[str, float, float]]], int],
 ) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
-    kinds = _core.LinkKind
+    """Return the core's rows of one set, and the shape of its measurements."""
+    kind, unknown, axis, times = _core.LinkKind.point, 0, np.zeros(1, dtype=int), np.zeros((1, 1))
     if isinstance(given, PlaneContacts):
         if given.axis not in AXES:
             raise InputError(f"{name}: {choose('axis', given.axis, AXES)}")
-        at = _at(name, given.lines, lines, 1)
-        above, spread = _measurements(name, given, "above", given.above, (len(at),))
-        axis = AXES.index(given.axis)
-        slopes = [(f"slope.{AXES[(axis + k) % 3]}", 0.0, given.slope_sigma) for k in (1, 2)]
-        shape = unknowns(name, [("height", *given.height), *slopes])
-        return [
-            (kinds.plane, (i, i), tool, shape, axis, 0.0, value, s)
-            for i, value, s in zip(at[:, 0].tolist(), above, spread, strict=True)
-        ], (len(at),)
-    pairs = _at(name, given.pairs, lines, 2)
-    if (same := np.flatnonzero(pairs[:, 0] == pairs[:, 1])).size:
-        raise InputError(f"{name}: pairs: line {pairs[same[0], 0]} twice: must be two lines")
-    if isinstance(given, DistanceMeasurements):
-        measured, spread = _measurements(name, given, "measured", given.measured, (len(pairs),))
-        if (short := np.flatnonzero(~(measured > 0))).size:
-            raise InputError(f"{name}: measured = {measured[short[0]]}: must be greater than 0 (m)")
-        times = _numbers(name, "times", given.times, (len(pairs),))
-        shape = unknowns(name, [("scale", *given.scale), ("width", *given.width)])
-        return [
-            (kinds.distance, tuple(pair), tool, shape, 0, t, value, s)
-            for pair, t, value, s in zip(pairs.tolist(), times, measured, spread, strict=True)
-        ], (len(pairs),)
-    axes = sum(unit == "m" for _, unit in robot.coordinates)
-    apart, spread = _measurements(name, given, "apart", given.apart, (len(pairs), axes))
+        pairs = np.repeat(_at(name, given.lines, lines, 1), 2, axis=1)
+        axis += AXES.index(given.axis)
+        slopes = [(f"slope.{AXES[(axis[0] + k) % 3]}", 0.0, given.slope_sigma) for k in (1, 2)]
+        kind, unknown = _core.LinkKind.plane, add(name, [("height", *given.height), *slopes])
+        what, measured = "above", given.above
+    else:
+        pairs = _at(name, given.pairs, lines, 2)
+        if (same := np.flatnonzero(pairs[:, 0] == pairs[:, 1])).size:
+            raise InputError(f"{name}: pairs: line {pairs[same[0], 0]} twice: must be two lines")
+        if isinstance(given, DistanceMeasurements):
+            times = _numbers(name, "times", given.times, (len(pairs),))[:, None]
+            scale = [("scale", *given.scale), ("width", *given.width)]
+            kind, unknown = _core.LinkKind.distance, add(name, scale)
+            what, measured = "measured", given.measured
+        else:
+            axis = np.arange(sum(unit == "m" for _, unit in robot.coordinates))
+            what, measured = "apart", given.apart
+    shape = (len(pairs), len(axis)) if isinstance(given, RepeatedPoses) else (len(pairs),)
+    sigma = _numbers(name, "sigma", given.sigma, shape)
+    if not (sigma > 0).all():
+        raise InputError(f"{name}: sigma = {sigma.min()}: must be greater than 0 (m)")
+    values = _numbers(name, what, measured, shape)
+    if what == "measured" and not (values > 0).all():
+        raise InputError(f"{name}: measured = {values.min()}: must be greater than 0 (m)")
+    values, sigma = (of.reshape(len(pairs), -1) for of in (values, sigma))
+    table = np.broadcast_arrays(pairs[:, :1], pairs[:, 1:], axis, times, values, sigma)
     return [
-        (kinds.point, tuple(pairs[k].tolist()), tool, 0, axis, 0.0, apart[k, axis], spread[k, axis])
-        for k in range(len(pairs))
-        for axis in range(axes)
-    ], (len(pairs), axes)
+        (kind, (i, j), tool, unknown, *row)
+        for i, j, *row in zip(*(column.ravel().tolist() for column in table), strict=True)
+    ], shape
 
 
 def _numbers(name: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -303,15 +296,6 @@ def _numbers(name: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> 
     if not np.isfinite(result).all():
         raise InputError(f"{name}: {what}: must be finite numbers")
     return result
-
-
-def _measurements(
-    name: str, given: Difference, what: str, value: ArrayLike, shape: tuple[int, ...]
-) -> tuple[Array, Array]:
-    sigma = _numbers(name, "sigma", given.sigma, shape)
-    if not (sigma > 0).all():
-        raise InputError(f"{name}: sigma = {sigma.min()}: must be greater than 0 (m)")
-    return _numbers(name, what, value, shape), sigma
 
 
 def _at(name: str, lines: ArrayLike, count: int, width: int) -> Array:

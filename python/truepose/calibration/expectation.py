@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from truepose.robot.robot import Robot
 LINES = 4096
 
 
-@dataclass(frozen=True)
-class Expectation:
+class Expectation(NamedTuple):
     """Sensor readings, then external measurements, as predicted from the motors.
 
     N rows, k = r (+ n with external measurements) columns; NaN where nothing was read.
@@ -54,10 +53,7 @@ def expect(
             sigma = np.asarray(measured_sigma)[part] if np.ndim(measured_sigma) else measured_sigma
             own = loads and loads.only(np.arange(len(readings))[part])
             parts.append(expect(robot, readings[part], outside, sigma, registration, level, own))
-        names = [field.name for field in fields(Expectation)]
-        return Expectation(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        )
+        return Expectation(*map(np.concatenate, zip(*parts, strict=True)))
     n, r = robot.n, robot.r
     level = robot.highest_level if level is None else level
     under = (loads or Payloads()).arrays(robot, len(readings))
@@ -67,8 +63,7 @@ def expect(
         stiff = robot.stiff
     x = poses_of(stiff, readings[:, :n], level)
     expected = stiff.extended_positions(x, errors="nan", level=level)
-    apart = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))
-    residual = np.asarray(apart)[:, n:]
+    residual = np.asarray(_core.innovation(robot.core, readings, expected))[:, n:]
     expected = expected[:, n:]
     H_x, by_geometry = _slopes(robot, x, level, under)
     S = knowledge.root(robot, knowledge.learnable(robot))
@@ -111,12 +106,9 @@ def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tu
 def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:
     """Return the FKM of a log, (N, n): from home, else from the last pose found; else NaN."""
     x = robot.fkm(q, errors="nan", level=level)
-    lost = ~np.isfinite(x).all(axis=1) & np.isfinite(q).all(axis=1)
-    if lost.any() and not lost.all():
-        found = np.maximum.accumulate(np.where(lost, -1, np.arange(len(x))))
-        first = int(np.flatnonzero(~lost)[0])
-        near = x[np.maximum(found, first)[lost]]
-        usable = np.isfinite(near).all(axis=1)
-        again = np.flatnonzero(lost)[usable]
-        x[again] = robot.fkm(q[again], near[usable], errors="nan", level=level)
+    good = np.isfinite(x).all(axis=1)
+    lost = ~good & np.isfinite(q).all(axis=1)
+    if lost.any() and good.any():
+        last = np.maximum.accumulate(np.where(good, np.arange(len(x)), np.argmax(good)))
+        x[lost] = robot.fkm(q[lost], x[last[lost]], errors="nan", level=level)
     return x

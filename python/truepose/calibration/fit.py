@@ -13,13 +13,7 @@ from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration import learnt
 from truepose.calibration.differences import Differences
-from truepose.calibration.learnt import (
-    VERDICTS,
-    Departure,
-    Learnt,
-    chi2_quantile,
-    departure,
-)
+from truepose.calibration.learnt import VERDICTS, Departure, Learnt, chi2_quantile, departure
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
@@ -130,9 +124,8 @@ class Calibration(Shown):
     def accuracy_seen(self, poses: ArrayLike) -> Array:
         """Return the covariance of the marker's pose in the tracker's frame, (P, n, n).
 
-        It is estimated from all readings, the calibrated geometry and the registration.
-        :func:`truepose.accuracy` of the calibrated robot refers to the base frame instead, which
-        readings and a tracker in its own frame hardly determine.
+        It is estimated from all readings, the calibrated geometry and the registration, while
+        :func:`truepose.accuracy` of the calibrated robot refers to the base frame.
 
         Parameters
         ----------
@@ -143,25 +136,22 @@ class Calibration(Shown):
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
         robot, by = self.robot, self.registration
         x, _ = flattened(robot, poses, robot.n, "poses", "raise")
-        known = knowledge.knowledge(robot, level=self.level, stretches=True).core
-        full = robot.is_full(self.level)
-        influence = compliance.acting(robot, x, full)
-        gain, _, status, chain = _core.gain(robot.core, known, x, full, influence)
+        known, full = (
+            knowledge.knowledge(robot, level=self.level, stretches=True),
+            robot.is_full(self.level),
+        )
+        acting = compliance.acting(robot, x, full)
+        gain, _, status, chain = _core.gain(robot.core, known.core, x, full, acting)
         require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
         _, H_xi = robot.linearize(x, level=self.level)
         every = list(robot.parameters)
         view = by.see(robot, x)
         H_mt, G = view.H, view.H_x @ gain
         E = -G @ H_xi[:, :, [every.index(name) for name in self.names]]
-        shared = E @ by.cross @ H_mt.swapaxes(1, 2)
-        sigma = knowledge.reading_sigma(robot)
-        return (
-            E @ self.covariance @ E.swapaxes(1, 2)
-            + shared
-            + shared.swapaxes(1, 2)
-            + H_mt @ by.covariance @ H_mt.swapaxes(1, 2)
-            + (G * sigma**2) @ G.swapaxes(1, 2)
-        )
+        joint = np.block([[self.covariance, by.cross], [by.cross.T, by.covariance]])
+        both = np.concatenate([E, H_mt], axis=2)
+        noise = (G * knowledge.reading_sigma(robot) ** 2) @ G.swapaxes(1, 2)
+        return both @ joint @ both.swapaxes(1, 2) + noise
 
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
         """Return the parameter combinations that the readings determine least.
@@ -173,19 +163,15 @@ class Calibration(Shown):
             of each parameter's prior σ, including auxiliary unknowns. Gauges (the base's and the
             platform's own frames) appear with ratio 1.
         """
-        names, before, after = list(self.names), self.prior_covariance, self.covariance
-        if others := self.others:
-            names += others
-            nothing = np.zeros((len(self.names), len(others)))
-            sigma = [of.prior_sigma for of in others.values()]
-            cross, own = self.beside[:, : len(self.names)], self.beside[:, len(self.names) :]
-            before = np.block([[before, nothing], [nothing.T, np.diag(np.square(sigma))]])
-            after = np.block([[after, cross.T], [cross, own]])
+        names, p = [*self.names, *self.others], len(self.names)
+        before = np.diag([0.0] * p + [of.prior_sigma**2 for of in self.others.values()])
+        before[:p, :p] = self.prior_covariance
+        cross, own = self.beside[:, :p], self.beside[:, p:]
+        after = np.block([[self.covariance, cross.T], [cross, own]])
         scale = np.linalg.inv(np.linalg.cholesky(before))
         ratio2, vectors = np.linalg.eigh(scale @ after @ scale.T)
         result = []
-        for k in range(len(ratio2) - 1, max(len(ratio2) - 1 - count, -1), -1):
-            largest = np.argsort(-np.abs(vectors[:, k]))[:4]
-            terms = {names[i]: float(vectors[i, k]) for i in largest}
-            result.append((math.sqrt(max(ratio2[k], 0.0)), terms))
+        for square, vector in [*zip(ratio2, vectors.T, strict=True)][: -count - 1 : -1]:
+            terms = {names[i]: float(vector[i]) for i in np.argsort(-np.abs(vector))[:4]}
+            result.append((math.sqrt(max(square, 0.0)), terms))
         return result

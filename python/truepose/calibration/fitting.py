@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
-from truepose.calibration.differences import Assembled, Difference, Differences, assemble
+from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import (
     NEGLIGIBLE,
@@ -82,41 +82,39 @@ def fit_to(
     registering = bool(frames.any())
     between = assemble(robot, differences, lines.own, own + 12 * registering)
     acting = np.pad(patterns(robot, influences, lines.own), ((0, lines.known), (0, 0), (0, 0)))
-    usual = np.array([of.amount[0] for of in influences])
-    beside = np.concatenate(
-        [
-            frames if registering else [],
-            between.sigma if between else [],
-            [of.amount[1] for of in influences],
-        ]
-    )
+    usual, amount_sigma = np.array([of.amount for of in influences]).reshape(-1, 2).T
+    apart = between.sigma if between else np.zeros(0)
     level = robot.highest_level if level is None else level
     full = robot.is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
     known = knowledge.knowledge(
-        robot, guarded=guarded, level=level, error=False, beside=beside, stretches=True
+        robot,
+        guarded=guarded,
+        level=level,
+        error=False,
+        beside=np.concatenate([frames if registering else [], apart, amount_sigma]),
+        stretches=True,
     )
     under = loads and loads.padded(robot, lines.own, lines.known)
     stretching = Stretching(robot, under, lines.rows, full)
-    needed = memory(robot, len(lines.rows), len(lines.outside) > 0, guarded)
+    needed = memory(robot, len(lines.rows), lines.tracked, guarded)
     if needed > MUCH:
         warnings.warn(much_memory(robot, len(lines.rows), needed), stacklevel=3)
-    begin, sigma = mean_of(robot).tolist(), knowledge.reading_sigma(robot)
-
-    def solve() -> _Answer:
+    p, k, sigma = len(names), len(influences), knowledge.reading_sigma(robot)
+    for _ in range(ROUNDS):
         every = np.concatenate([acting, stretching.patterns()], axis=2)
-        return _Answer(
+        answer = _Answer(
             *_core.calibrate(
                 robot.core_drawn,
                 known.core,
                 known.nuisances,
-                begin,
-                np.ascontiguousarray(lines.rows - acting @ usual - stretching.usual()),
+                mean_of(robot).tolist(),
+                lines.rows - acting @ usual - stretching.usual(),
                 lines.outside,
                 lines.outside_sigma,
                 *begun.begin(),
                 own if registering else -1,
-                _core.Links([], 0) if between is None else between.core,
+                between.core if between else _core.Links([], 0),
                 every.shape[2],
                 every.reshape(len(every), -1),
                 getattr(_core.Loss, loss),
@@ -125,34 +123,28 @@ def fit_to(
                 lines.known,
             )
         ).reordered(own, known)
-
-    for _ in range(ROUNDS):
-        answer = solve()
         _require_found(robot, answer, loss, lines.known)
-        covariance, registered = _apart(answer, len(names), frames)
-        stretched = stretching.learnt(
-            answer.amounts[len(influences) :], np.sqrt(np.diag(covariance))[own:]
-        )
-        calibrated = _calibrated(robot, names, answer, stretched, covariance, level, guarded)
-        added = stretching.usual() + stretching.patterns() @ answer.amounts[len(influences) :]
-        if not (
-            stretching.acts and (stretching.follow(calibrated, answer.x) > NEGLIGIBLE * sigma).any()
-        ):
+        sigmas = np.sqrt(np.diag(answer.covariance))
+        stretched = stretching.learnt(answer.amounts[k:], sigmas[own:p])
+        calibrated = _calibrated(robot, names, answer, stretched, level, guarded)
+        added = stretching.usual() + stretching.patterns() @ answer.amounts[k:]
+        if not stretching.acts:
             break
-    found, last = _between(between, answer, len(names), len(influences))
+        if not (stretching.follow(calibrated, answer.x) > NEGLIGIBLE * sigma).any():
+            break
+    found, last = None, [*range(p)]
+    if between:
+        found = between.found(answer.w, answer.differences, answer.covariance, p, k)
+        last += between.columns(len(sigmas) - k).tolist()
+    last += range(len(sigmas) - k, len(sigmas))
     amounts = {
-        of.name: of.learnt(amount, float(s))
+        of.name: of.learnt(float(amount), float(s))
         for of, amount, s in zip(
-            influences,
-            answer.amounts[: len(influences)].tolist(),
-            np.sqrt(np.diag(answer.covariance))[len(answer.covariance) - len(influences) :],
-            strict=True,
+            influences, answer.amounts[:k], sigmas[len(sigmas) - k :], strict=True
         )
     }
-    shown = lines.rows - acting @ np.array([of.value for of in amounts.values()]) - added
-    stiff = calibrated.stiff if stretching.acts else calibrated
-    expected = stiff.extended_positions(answer.x, errors="nan", level=level)
-    residuals = np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected)))
+    shown = lines.rows - acting @ (usual + answer.amounts[:k]) - added
+    expected = calibrated.stiff.extended_positions(answer.x, errors="nan", level=level)
     told = slice(lines.own or None)  # known poses only without a log
     root = knowledge.root(robot, names)
     fit = Calibration(
@@ -160,10 +152,10 @@ def fit_to(
         prior=robot.with_calibration(robot.spec.calibration),
         level=level,
         names=tuple(names),
-        covariance=covariance,
+        covariance=answer.covariance[:p, :p],
         prior_covariance=root @ root.T,
         x=answer.x[told],
-        residuals=residuals[told],
+        residuals=np.asarray(_core.innovation(robot.core, shown, expected))[told],
         chi2=answer.chi2[told],
         redundancy=answer.redundancy[told],
         weights=answer.weights[told],
@@ -171,27 +163,14 @@ def fit_to(
         iterations=answer.iterations,
         cost=answer.cost,
         guarded=guarded,
-        registration=registered if lines.tracked else None,
+        registration=answer.registered(p, frames) if lines.tracked else None,
         differences=found,
         influences=amounts,
-        beside=answer.covariance[np.ix_(last, [*range(len(names)), *last])],
-        notes=lines.notes + (() if found is None else tuple(found.doubt)),
+        beside=answer.covariance[np.ix_(last[p:], last)],
     )
-    notes = (*fit.notes, *_contradictions(fit, lines))
+    notes = [*lines.notes, *(found.doubt if found else ()), *_contradictions(fit, lines)]
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
     return replace(fit, notes=(*notes, *fit.departure.doubt(believed)))
-
-
-def _between(
-    between: Assembled | None, answer: _Answer, names: int, influences: int
-) -> tuple[Differences | None, Array]:
-    """Return the fitted differences; columns of their unknowns and of influences."""
-    last = np.arange(len(answer.covariance) - influences, len(answer.covariance))
-    if between is None:
-        return None, last
-    joint = answer.covariance[: last[0] if len(last) else None]
-    found = between.found(answer.w, answer.differences, joint[:, : len(joint)], names)
-    return found, np.concatenate([between.columns(len(joint)), last])
 
 
 class _Answer(NamedTuple):
@@ -224,6 +203,14 @@ class _Answer(NamedTuple):
         first = size - known.compliances
         at = [*range(own), *range(first, size), *range(own, first)]
         return self._replace(covariance=self.covariance[np.ix_(at, at)])
+
+    def registered(self, p: int, sigma: Array) -> Registered:
+        """Return the registration, whose unknowns had this σ, (12,), before; 0: was known."""
+        cross, own = np.zeros((p, 12)), np.zeros((12, 12))
+        if sigma.any():
+            cross, own = self.covariance[:p, p : p + 12], self.covariance[p : p + 12, p : p + 12]
+        begun = (self.base_begun, self.marker_begun)
+        return Registered(self.base, self.marker, sigma, own, cross, begun)
 
 
 class _Lines(NamedTuple):
@@ -288,24 +275,19 @@ def _lines(
     rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) + len(poses.x) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
+    tracked = measured is not None and len(rows) > 0
     outside, sigma = measured_outside(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
-    tracked = len(outside) > 0
-    again = repeated(rows, outside if tracked else None, robot.n)
+    again = repeated(rows, outside, robot.n)
     if len(poses.x):  # which may repeat rows of the log
         again |= repeated(np.vstack([poses.readings, rows]), None, robot.n)[len(poses.x) :]
-        outside = np.vstack(
-            [outside if tracked else np.full((len(rows), robot.n), np.nan), poses.x]
-        )
-        sigma = np.vstack([sigma if tracked else np.ones((len(rows), robot.n)), poses.sigma])
-    rows, again = np.vstack([rows, poses.readings]), np.pad(again, (0, len(poses.x)))
-    if not again.any():
-        return _Lines(rows, outside, sigma, len(poses.x), tracked, ())
-    rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
-    outside[again[: len(outside)]] = np.nan
-    note = f"{again.sum()} rows identical to an earlier one: each counts once"
-    return _Lines(rows, outside, sigma, len(poses.x), tracked, (note,))
+    notes = (f"{again.sum()} rows identical to an earlier one: each counts once",)
+    again = np.pad(again, (0, len(poses.x)))
+    rows, outside = np.vstack([rows, poses.readings]), np.vstack([outside, poses.x])
+    rows[again, robot.n :] = outside[again] = np.nan
+    sigma = np.vstack([sigma, poses.sigma])
+    return _Lines(rows, outside, sigma, len(poses.x), tracked, notes if again.any() else ())
 
 
 def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> None:
@@ -337,13 +319,13 @@ def _calibrated(
     names: list[str],
     answer: _Answer,
     stretched: dict[str, Learnt],
-    covariance: Array,
     level: Level,
     guarded: bool,
 ) -> Robot:
     column = dict(columns(robot.spec))
     values = {name: of.value for name, of in stretched.items()}
     values = {name: values.get(name, float(answer.xi[column.get(name, 0)])) for name in names}
+    covariance = answer.covariance[: len(names), : len(names)]
     sigma = np.sqrt(np.diag(covariance))  # scaled: factors mix no units
     root = sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
     source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
@@ -351,16 +333,6 @@ def _calibrated(
     left_out = dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {}
     learnt = calibration_of(values, root, source, left_out)
     return robot.with_calibration(learnt).with_level(level)
-
-
-def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered]:
-    joint, cross, own = answer.covariance, np.zeros((count, 12)), np.zeros((12, 12))
-    if sigma.any():
-        at = slice(count, count + 12)
-        cross, own = joint[:count, at], joint[at, at]
-    begun = (answer.base_begun, answer.marker_begun)
-    registered = Registered(answer.base, answer.marker, sigma, own, cross, begun)
-    return joint[:count, :count], registered
 
 
 def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:

@@ -1,4 +1,4 @@
-"""Nuisance parameters: patterns that act on the readings, deflection under load among them."""
+"""Nuisance parameters: patterns that act on the readings, as of loads and earlier homings."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.calibration.learnt import Learnt
+from truepose.calibration.learnt import Learnt, calibration_of
 from truepose.exceptions import InputError
-from truepose.robot import compliance
+from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import Payloads, under_load
 from truepose.robot.robot import Robot
-from truepose.robotfile.base import COMMON
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,14 +36,12 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
     """Return the checked patterns of all influences, (N, n + r, k)."""
     width = robot.n + robot.r
     result = np.zeros((lines, width, len(influences)))
-    names: set[str] = set()
     for k, of in enumerate(influences):
         mean, sigma = of.amount
         if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0):
             raise InputError(f"{of.name}: amount {of.amount}: must be a mean, and σ greater than 0")
-        if of.name in names:
+        if of.name in (other.name for other in influences[:k]):
             raise InputError(f"influences: {of.name} is there twice")
-        names.add(of.name)
         pattern, lead = flattened(robot, of.pattern, width, of.name, "nan")
         if lead != (lines,):
             raise InputError(
@@ -114,6 +111,88 @@ def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     return at.tension
 
 
+def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
+    """Return a robot whose homing offsets have `sigma` added to their uncertainty (in squares).
+
+    All other calibrated parameters keep their covariance, so that a few poses identify the offsets.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal or calibrated robot.
+    sigma : float, or array_like, shape (n,)
+        σ of each offset's change, m or rad; not negative.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.calibration.rehomed(tp.load("stewart"), 0.02)
+    >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
+    0.02
+    """
+    moved = _moved(robot, sigma)
+    zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
+    uncertain = set(knowledge.learnable(robot)) | {name for name, by in zeros.items() if by > 0}
+    names = [name for name in robot.parameters if name in uncertain]
+    before = knowledge.root(robot, names)
+    root = knowledge.triangular(
+        np.hstack([before, np.diag([zeros.get(name, 0) for name in names])])
+    )
+    learnt = robot.spec.calibration
+    source = f"{learnt.source}; homed anew" if learnt else "homed anew"
+    values = {name: robot.parameters[name].mean for name in names}
+    error = dict(zip(robot.readings, map(float, knowledge.stated_error(robot)), strict=True))
+    return robot.with_calibration(calibration_of(values, root, source, error))
+
+
+def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
+    """Return the earlier homing offsets of a log with several homings, as nuisance parameters.
+
+    The calibrated robot has the offsets of the last homing. All rows contribute to the other
+    parameters and to the registration of a tracker that has not moved.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot of the log.
+    homing : array_like, shape (N,)
+        Number of the homing before each row, increasing.
+    sigma : float, or array_like, shape (n,)
+        σ of each offset's change between homings, m or rad; not negative.
+
+    Returns
+    -------
+    tuple of NuisanceParameter
+        One for each homing but the last and each offset that may have changed: its excess over the
+        last homing's.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> [of.name for of in tp.calibration.homings(tp.load("3rrr"), [0, 0, 1], 0.01)]
+    ['homing 0, q1', 'homing 0, q2', 'homing 0, q3']
+    """
+    moved, after = _moved(robot, sigma), np.asarray(homing)
+    return tuple(
+        NuisanceParameter(
+            name=f"homing {number}, {robot.readings[k]}",
+            pattern=np.outer(after == number, np.eye(robot.n + robot.r)[k]),
+            amount=(0.0, float(moved[k])),
+        )
+        for number in np.unique(after)[:-1]
+        for k in np.flatnonzero(moved)
+    )
+
+
+def _moved(robot: Robot, sigma: ArrayLike) -> Array:
+    moved = np.asarray(sigma, dtype=float)
+    if moved.shape not in ((), (robot.n,)) or not (np.isfinite(moved) & (moved >= 0)).all():
+        raise InputError(
+            f"sigma = {moved.tolist()}: must be a number or {robot.n} of them, m or rad, at least 0"
+        )
+    return np.broadcast_to(moved, robot.n)
+
+
 #: Maximum iterations; change of a reading, in units of its σ, that ends them.
 ROUNDS, NEGLIGIBLE = 8, 1e-3
 
@@ -124,8 +203,7 @@ class Stretching:
     def __init__(self, robot: Robot, loads: Payloads | None, readings: Array, full: bool):
         self.names = compliance.unknown(robot)
         self._robot, self._full = robot, full
-        known = robot.parameters
-        self._prior = [known[name] for name in self.names]
+        self._prior = [robot.parameters[name] for name in self.names]
         expected = robot.expected()
         self._usual = expected.compliance
         self.acts = bool(self.names) or expected.is_compliant
@@ -141,15 +219,10 @@ class Stretching:
             model, x, self._full, compliance=model.compliance / 2, **self._loads
         )
         by = np.where(np.isfinite(at.by_compliance), at.by_compliance, self._by)
-        size = np.abs(model.compliance) + [self._sigma(i) for i in range(model.n)]
-        change: Array = np.abs(by - self._by) @ size
+        change = np.abs(by - self._by)
         self._by = by
-        return change
-
-    def _sigma(self, chain: int) -> float:
-        own = (f"chain{chain + 1}.compliance", COMMON)
-        both = zip(self.names, self._prior, strict=True)
-        return float(np.sqrt(sum(p.sigma**2 for name, p in both if name in own)))
+        unknown: Array = compliance.columns(self._robot, self.names, change)
+        return change @ np.abs(model.compliance) + unknown @ [p.sigma for p in self._prior]
 
     def patterns(self) -> Array:
         """Return the patterns of the unknown compliances, (N, n + r, k)."""
@@ -157,8 +230,7 @@ class Stretching:
 
     def usual(self) -> Array:
         """Return the effect of the prior-mean compliances on the readings, (N, n + r)."""
-        added: Array = self._by @ self._usual
-        return added
+        return np.asarray(self._by @ self._usual)
 
     def learnt(self, amounts: Array, sigma: Array) -> dict[str, Learnt]:
         """Return the compliances by name; `amounts` are relative to the prior means."""
@@ -172,14 +244,12 @@ def relieved(
     robot: Robot, readings: Array, full: bool, loads: dict[str, Array]
 ) -> tuple[Array, Array]:
     """Return readings corrected to stiff rods, (N, n + r), and FKM poses (or NaN)."""
-    n = robot.n
-    home = np.broadcast_to(robot.home, (len(readings), n))
+    home = np.tile(robot.home, (len(readings), 1))
 
     def answer(q: Array, near: Array | None) -> compliance.Answer:
-        begin = np.ascontiguousarray(home if near is None else near)
-        return _core.fkm(robot.core, np.ascontiguousarray(q[:, :n]), begin, full)[:3]
+        return _core.fkm(robot.core, q[:, : robot.n], home if near is None else near, full)[:3]
 
-    x, *_ = compliance.at_rest(robot, readings[:, :n], full, answer, **loads)
+    x, *_ = compliance.at_rest(robot, readings[:, : robot.n], full, answer, **loads)
     if not robot.is_compliant:
         return readings, x
     return readings - compliance.given_way(robot, x, full, **loads).readings, x

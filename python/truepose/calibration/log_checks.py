@@ -11,7 +11,7 @@ import numpy as np
 from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
-from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.log_faults import APART, DEGREES, MILLIMETRES, UNITS, apart
 from truepose.logs import Log
 from truepose.robot import knowledge
@@ -39,20 +39,14 @@ def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Findi
     findings = [*_cells(robot, log)]
     log, twice = _once(robot, log)
     findings += [*twice, *_repeats(robot, log)]
-    seen = expect(model, log.readings)
-    log, hung = _hung(model, log, seen)
-    log, stuck = _stuck(model, log, expect(model, log.readings) if hung else seen)
+    log, hung = _hung(model, log)
+    log, stuck = _stuck(model, log)
     findings += [*hung, *stuck]
-    if any(finding.refused for finding in findings):
-        return log, findings
-    findings += outside(model, log)
-    if any(finding.refused for finding in findings):
-        return log, findings
-    if motors := _motors(model, log):
-        return log, [*findings, *(Finding(text, refused=True) for text in motors)]
-    findings += _sensors(model, log, expect(model, log.readings))
-    findings += _equations(robot, log, differences)
-    return log, findings
+    for further in (outside, _motors, _sensors):
+        if any(finding.refused for finding in findings):
+            return log, findings
+        findings += further(model, log)
+    return log, [*findings, *_equations(robot, log, differences)]
 
 
 def _count(number: int, what: str) -> str:
@@ -84,12 +78,10 @@ def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     again = logs.repeated(log.readings, log.measured, robot.n)
     if not again.any():
         return log, []
-    readings, measured = log.readings.copy(), log.measured  # motors are kept
-    readings[again, robot.n :] = np.nan
-    if measured is not None:
-        measured = np.where(again[:, None], np.nan, measured)
-    rows = np.flatnonzero(again)
-    text = f"{log.at(rows, 5)}: identical to an earlier line: each counts once"
+    readings = log.readings.copy()
+    readings[again, robot.n :] = np.nan  # motors are kept
+    measured = None if log.measured is None else np.where(again[:, None], np.nan, log.measured)
+    text = f"{log.at(np.flatnonzero(again), 5)}: identical to an earlier line: each counts once"
     return replace(log, readings=readings, measured=measured), [Finding(text)]
 
 
@@ -117,17 +109,13 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
     use = f"the log has {', '.join(spare)}: select --sensors "
     use += ",".join((*robot.sensors, *spare))
     if total == 0:
-        yield Finding(
-            f"nothing to calibrate from: {robot.n} motors determine only the pose; "
-            + (
-                f"{use} (with_sensors)"
-                if spare
-                else "read a redundant sensor, measure a coordinate from outside "
-                f"(measured_{robot.coordinates[0][0]}, …), "
-                "or touch a plane or a point again and again (plane, point)"
-            ),
-            refused=True,
+        more = (
+            f"read a redundant sensor, measure a coordinate from outside (measured_"
+            f"{robot.coordinates[0][0]}, …), or touch a plane or a point again and again "
+            "(plane, point)"
         )
+        said = f"nothing to calibrate from: {robot.n} motors determine only the pose; "
+        yield Finding(said + (f"{use} (with_sensors)" if spare else more), refused=True)
     elif spare:
         yield Finding(f"{use} (with_sensors) to use them as well")
     if 0 < total < unknown:
@@ -137,37 +125,28 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
         )
 
 
-def _motors(robot: Robot, log: Log) -> list[str]:
+def _motors(robot: Robot, log: Log) -> list[Finding]:
     """Return the mistakes that explain motors and sensors; none where these agree."""
     n = robot.n
     read = np.isfinite(log.readings[:, :n]).all(axis=1)
-    if not read.any():
-        return ["no line has a reading of every motor"]
-    found = log_faults.named(robot, log)
+    found = log_faults.named(robot, log) if read.any() else ["no line has a reading of every motor"]
     if found is None:
         return []
     if found:
-        return [" or ".join(found)]
+        return [Finding(" or ".join(found), refused=True)]
     q = log.readings[read, :n]
-    step = np.maximum(robot.resolution[:n], 1e-9)
-    still = np.ptp(q, axis=0) < step
+    still = np.ptp(q, axis=0) < np.maximum(robot.resolution[:n], 1e-9)
     if len(q) >= 5 and still.any() and not still.all():
-        return [
-            f"{log.names[k]}: stuck at {q[0, k]:.6g} on {_count(len(q), log.word)}"
-            for k in np.flatnonzero(still)
-        ]
+        lines = np.flatnonzero(read)
+        texts = [_stuck_at(log, k, q[0, k], lines) for k in np.flatnonzero(still).tolist()]
+        return [Finding(text, refused=True) for text in texts]
     near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
-    if near == 0:
-        return [
-            "the motors' readings fit this robot on no line: units, signs, offsets and the order "
-            "of the columns?"
-        ]
-    if near < 0.5:
-        return [
-            f"only {100 * near:.0f} % of the lines lie near the robot's workspace: units, signs, "
-            "offsets and the order of the motors' columns?"
-        ]
-    return []
+    if near >= 0.5:
+        return []
+    share = f"only {100 * near:.0f} % of the lines lie near the robot's workspace"
+    none = "the motors' readings fit this robot on no line"
+    order = ": units, signs, offsets and the order of the motors' columns?"
+    return [Finding((share if near else none) + order, refused=True)]
 
 
 def outside(robot: Robot, log: Log) -> Iterator[Finding]:
@@ -213,27 +192,25 @@ def _named(slope: float, is_angle: bool) -> str | None:
     return "its sign is flipped" if abs(slope + 1) < 0.3 else None
 
 
-def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
+def _sensors(robot: Robot, log: Log) -> Iterator[Finding]:
     """Check units, signs and order of the sensors' columns, given correct motors."""
-    n, distance, units = robot.n, apart(seen), reading_units(robot)[robot.n :]
-    for k in [k for k in range(robot.r) if distance[k] > APART]:
+    n, seen, units = robot.n, expect(robot, log.readings), reading_units(robot)[robot.n :]
+    distance = apart(seen)
+    for k in np.flatnonzero(distance > APART):
         name, unit = log.names[n + k], units[k]
         slope = _slope(log.readings[:, n + k], seen.expected[:, k])
-        if wrong := _named(slope, unit == "rad"):
-            text = f"{name}: {slope:.3g} times what the motors predict: {wrong}"
-            yield Finding(text, refused=True)
-            continue
         off = np.nanmedian(seen.residual[:, k])
         scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
-        if abs(off) > 5 * scatter:
-            yield Finding(
-                f"{name}: reads {off:+.4g} {unit} more than motors and tolerances allow: a zero "
-                f"offset? Give {name}.offset its value, or a tolerance"
-            )
+        lost = not abs(slope) > 0.3  # a NaN too
+        if wrong := _named(slope, unit == "rad"):
+            text, lost = f"{slope:.3g} times what the motors predict: {wrong}", True
+        elif abs(off) > 5 * scatter:
+            text, lost = f"reads {off:+.4g} {unit} more than motors and tolerances allow", False
+            text += f": a zero offset? Give {name}.offset its value, or a tolerance"
         else:
-            lost = not abs(slope) > 0.3  # a NaN too
-            text = f"{name}: {distance[k]:.0f} σ (median) off what motors and tolerances allow"
-            yield Finding(text + (": does not follow the robot" if lost else ""), refused=lost)
+            text = f"{distance[k]:.0f} σ (median) off what motors and tolerances allow"
+            text += ": does not follow the robot" * lost
+        yield Finding(f"{name}: {text}", refused=lost)
 
 
 def _runs(read: Array, rows: Array, step: float) -> list[Array]:
@@ -249,14 +226,14 @@ def _stuck_at(log: Log, column: int, value: float, rows: Array) -> str:
     return f"{log.names[column]}: stuck at {value:.6g} on {_count(len(rows), log.word)} ({where})"
 
 
-def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+def _hung(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     """Exclude stuck motors: constant, while others move and most predictions fail."""
     n, findings, readings = robot.n, [], log.readings.copy()
+    seen, step = expect(robot, readings), np.maximum(robot.resolution[:n], 1e-9)
     rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
     odd = np.asarray((np.abs(seen.residual) > APART * seen.sigma).any(axis=1))
     odd |= ~np.isfinite(seen.x).all(axis=1)
     for k in range(n):
-        step = np.maximum(robot.resolution[:n], 1e-9)
         runs = [
             run
             for run in _runs(readings[:, k], rows, step[k])
@@ -272,28 +249,26 @@ def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]
     return replace(log, readings=readings), findings
 
 
-def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     """Exclude or refuse readings that are constant while their prediction varies."""
-    findings, readings = [], log.readings.copy()
+    n, findings, readings = robot.n, [], log.readings.copy()
+    seen, steps = expect(robot, readings), np.maximum(robot.resolution, 1e-9)
     for k in range(robot.r):
-        read = readings[:, robot.n + k]
-        rows = np.flatnonzero(np.isfinite(read) & np.isfinite(seen.expected[:, k]))
-        if len(rows) < 2:
+        read, expected, step = readings[:, n + k], seen.expected[:, k], steps[n + k]
+        rows = np.flatnonzero(np.isfinite(read) & np.isfinite(expected))
+        # In a plane of the workspace a reading may be constant but its prediction not.
+        runs = [
+            run
+            for run in _runs(read, rows, step)
+            if np.ptp(expected[run]) > VARIES * (step + np.median(seen.sigma[run, k]))
+        ]
+        if not runs:
             continue
-        step = max(robot.resolution[robot.n + k], 1e-9)
-        hung = []
-        for run in _runs(read, rows, step):
-            # In a plane of the workspace a reading may be constant but its prediction not.
-            moved = np.ptp(seen.expected[run, k])
-            if moved > VARIES * (step + np.median(seen.sigma[run, k])):
-                hung.append(run)
-        if not hung:
-            continue
-        lost = np.concatenate(hung)
-        at = _stuck_at(log, robot.n + k, read[lost[0]], lost)
+        lost = np.concatenate(runs)
+        at = _stuck_at(log, n + k, read[lost[0]], lost)
         if len(lost) > 0.5 * len(rows):
             findings.append(Finding(f"{at}; leave it out (--sensors, with_sensors)", refused=True))
         else:
-            readings[lost, robot.n + k] = np.nan
+            readings[lost, n + k] = np.nan
             findings.append(Finding(f"{at}: these readings are left out"))
     return replace(log, readings=readings), findings

@@ -1,8 +1,4 @@
-"""Search for the column mistakes that explain a log best: units, signs, order.
-
-Each mistake is undone and a geometry fitted. Of those that make motors and sensors consistent,
-the one with the smallest residuals is reported, with equally good ones (mirror images).
-"""
+"""Search for the column mistakes that explain a log best: units, signs, order."""
 
 from __future__ import annotations
 
@@ -20,7 +16,7 @@ from truepose.calibration.fitting import fit_to
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units, summed
+from truepose.robot.units import reading_units
 
 #: Median deviation of a reading from its prediction, σ, that no geometry explains.
 APART = 5.0
@@ -74,9 +70,9 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Return the column mistakes that explain a log, given the expected geometry.
+    """Return the mistakes that explain a log best, or none; None where nothing is wrong.
 
-    None: nothing is wrong. Empty: no known mistake. Several: equally good, fewest columns first.
+    Each is undone and a geometry fitted; mirror images fit equally well: fewest columns first.
     """
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
@@ -115,12 +111,6 @@ def agree(robot: Robot, readings: Array) -> bool:
 
 def _distance(robot: Robot, log: Log, readings: Array) -> float:
     """Return a robust distance of all readings from their prediction by the motors."""
-    if robot.r == 0 and log.measured is not None:  # distances are the same in every frame
-        linear = summed(robot).columns
-        x = poses_of(robot, readings)
-        steps = [np.linalg.norm(np.diff(v[:, linear], axis=0), axis=1) for v in (log.measured, x)]
-        off = np.abs(steps[0] - steps[1])
-        return float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else 0.0
     seen = expect(robot, readings)
     return float(np.nanmean(np.log1p((seen.residual / seen.sigma) ** 2)))
 
@@ -152,7 +142,7 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
         return Mistake(text, len(which), lambda rows: rows / factors)
 
     alone = [(k,) for k in every]
-    groups = [tuple(range(n)), _too_large(robot, log.readings)]
+    groups = [some for size in range(n, 1, -1) for some in itertools.combinations(range(n), size)]
     groups += [tuple(np.flatnonzero(angle == kind)) for kind in (True, False)]
     for which in dict.fromkeys([*groups, *alone]):
         if len(which) and len(set(angle[list(which)])) == 1:
@@ -199,21 +189,3 @@ def _reordered(names: list[str], order: tuple[int, ...]) -> str:
         return f"{names[moved[0]]} and {names[moved[1]]}: swapped"
     held = [order[k] for k in moved]
     return f"{_listed(names, moved)}: in another order, they hold {_listed(names, held)}"
-
-
-def _too_large(robot: Robot, readings: Array) -> tuple[int, ...]:
-    """Return the motors outside their workspace range that a unit factor brings inside."""
-    if (box := robot.spec.workspace) is None:
-        return ()
-    revolute = [chain.actuator == "revolute" for chain in robot.spec.chain]
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (500, robot.n))
-    q = robot.ikm(x, errors="nan")
-    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
-    margin = 0.25 * (high - low) + 1e-6
-
-    def inside(rows: Array) -> Array:
-        return ((rows > low - margin) & (rows < high + margin)).mean(axis=0)
-
-    q = readings[:, : robot.n]
-    divided = q / np.where(revolute, DEGREES, MILLIMETRES)
-    return tuple(np.flatnonzero((inside(q) < 0.5) & (inside(divided) > 0.9)))

@@ -67,9 +67,9 @@ class OnlineCalibrator:
     ):
         require(robot, Robot, "robot", "truepose.load(name)")
         warn_if_stiff(robot, "an online calibration")
-        self._level = robot.highest_level if level is None else level
-        self._robot = robot.with_level(self._level)
-        self._prior = robot
+        self.level: Level = robot.highest_level if level is None else level  #: of the model
+        self.prior = robot  #: at the start
+        self._robot = robot.with_level(self.level)
         if model_error not in MODEL_ERRORS:
             raise InputError(choose("model_error", model_error, MODEL_ERRORS))
         self._error = model_error == "on"
@@ -101,20 +101,15 @@ class OnlineCalibrator:
         return result[result.any(axis=1)]
 
     def _start(self, xi: Array, root: Array | None = None) -> None:
-        known = knowledge.knowledge(self._robot, root, level=self._level, error=self._error)
+        model, full = self._robot, self._robot.is_full(self.level)
+        known = knowledge.knowledge(model, root, level=self.level, error=self._error).core
         self._filter = _core.Online(
-            self._robot.core_drawn,
-            known.core,
-            xi.tolist(),
-            self._drift,
-            self._gate,
-            self._robot.is_full(self._level),
+            model.core_drawn, known, xi.tolist(), self._drift, self._gate, full
         )
 
     def __getstate__(self) -> dict:
         core = self._filter
-        learnt = (np.array(core.xi), np.array(core.root), core.memory)
-        return self.__dict__ | {"_filter": learnt}
+        return self.__dict__ | {"_filter": (np.array(core.xi), np.array(core.root), core.memory)}
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
@@ -156,16 +151,6 @@ class OnlineCalibrator:
             self._filter.observe(rows, about)
 
     @property
-    def prior(self) -> Robot:
-        """Robot at the start."""
-        return self._prior
-
-    @property
-    def level(self) -> Level:
-        """Model level of the filter."""
-        return self._level
-
-    @property
     def lines(self) -> int:
         """Number of rows used with all their readings."""
         return self._filter.lines
@@ -196,11 +181,10 @@ class OnlineCalibrator:
         """
         if not self._filter.stopped:
             return None
-        suspect = self._filter.suspect
-        guilty = self._robot.readings[suspect] if suspect >= 0 else ""
-        return f"after {self._filter.stopped_after} lines: readings keep disagreeing" + (
-            f"; {guilty} alone would explain it" if guilty else ""
-        )
+        said = f"after {self._filter.stopped_after} lines: readings keep disagreeing"
+        if (suspect := self._filter.suspect) >= 0:
+            said += f"; {self._robot.readings[suspect]} alone would explain it"
+        return said
 
     @property
     def covariance(self) -> Array:
@@ -222,7 +206,7 @@ class OnlineCalibrator:
     def robot(self) -> Robot:
         """Robot with the current parameters and their covariance."""
         left_out = {}
-        if self._error and self._level == "ideal":
+        if self._error and self.level == "ideal":
             error = knowledge.stated_error(self._robot).tolist()
             left_out = dict(zip(self._robot.readings, error, strict=True))
         more = compliance.unknown(self._robot)  # keep their priors: loads are unknown

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +20,6 @@ from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles as angles_of
 from truepose.show.units import printed
-
-if TYPE_CHECKING:
-    from truepose.robot.robot import Robot
 
 #: σ of an unknown angle, rad: uniform over a whole turn.
 ANY_TURN = math.pi / math.sqrt(3)
@@ -69,13 +67,11 @@ class Registration:
         result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
         if robot.spec.passive_axis:  # rotational platform: angles need no frame
             return np.zeros_like(result)
-        names = [name for name, _ in robot.coordinates]
-        if "z" not in names:  # in a plane
+        if "z" not in dict(robot.coordinates):  # in a plane
             result[[2, 3, 4, 8]] = 0.0
-        angles = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
-        seen = np.isfinite(measured[:, angles]).any() if angles else False
-        turns = {1: [11], 3: [9, 10, 11]}.get(len(angles), []) if seen else []
-        result[[k for k in (9, 10, 11) if k not in turns]] = 0.0
+        angles = angles_of(robot)
+        seen = angles.sum() if np.isfinite(measured[:, angles]).any() else 0
+        result[9 : 12 - seen] = 0.0  # one angle is about z
         return result
 
     def begin(self) -> tuple[Array, Array]:
@@ -135,8 +131,7 @@ class Registered:
 
     def see(self, robot: Robot, x: Array, measured: Array | None = None) -> View:
         """Predict the tracker's measurements at poses (N, n)."""
-        x = np.ascontiguousarray(x)
-        measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
+        measured = np.full_like(x, np.nan) if measured is None else measured
         return View(*_core.seen(robot.core, self.base, self.marker, x, measured))
 
     def begun(self) -> Registered:
@@ -150,8 +145,7 @@ class Registered:
         """Identified quantities of the registration.
 
         Marker coordinates that only shift with the base, because the platform does not rotate that
-        way, are given as sums: "base + marker.z" has known x, y and z in the tracker's frame, while
-        its two parts keep their priors.
+        way, are given as sums: "base + marker.z", whose two parts keep their priors.
         """
         result = []
         R, after = self.base[:3, :3], np.sqrt(np.diag(self.covariance))
@@ -166,23 +160,22 @@ class Registered:
         for k, c in enumerate("xyz"):
             row, unit = np.zeros(12), np.eye(3)[k]
             row[:3], row[3:6], row[6:9] = unit, np.cross(on, unit), R[k] * shared
-            rows.append((f"{name}, {c}", row, self.base[k, 3] + on[k]))
+            rows.append((f"{name}, {c}", "m", row, self.base[k, 3] + on[k]))
         rows += [
-            (f"marker, {c}", np.eye(12)[6 + k], self.marker[k, 3])
+            (f"marker, {c}", "m", np.eye(12)[6 + k], self.marker[k, 3])
             for k, c in enumerate("xyz")
             if not shared[k]
         ]
-        for name, row, value in rows:
+        turns = frames.rotation_vector([R, self.marker[:3, :3]])
+        rows += [
+            (f"{part}, r{c}", "rad", np.eye(12)[first + k], turn[k])
+            for part, first, turn in zip(("base", "marker"), (3, 9), turns, strict=True)
+            for k, c in enumerate("xyz")
+        ]
+        for name, unit, row, value in rows:
             if prior := float(np.linalg.norm(row * self.sigma)):
                 sigma = float(np.sqrt(row @ self.covariance @ row))
-                result.append(Known(name, "m", float(value), sigma, prior))
-        turns = frames.rotation_vector([R, self.marker[:3, :3]])
-        for k in (3, 4, 5, 9, 10, 11):
-            if self.sigma[k] > 0:
-                value = float(turns[k // 6][k % 3])
-                sigma = float(after[k])
-                name = f"{('base', 'marker')[k // 6]}, {('rx', 'ry', 'rz')[k % 3]}"
-                result.append(Known(name, "rad", value, sigma, float(self.sigma[k])))
+                result.append(Known(name, unit, float(value), sigma, prior))
         return result
 
 
@@ -193,9 +186,9 @@ def measured_outside(
     angle_sigma: float | None,
     count: int,
 ) -> tuple[Array, Array]:
-    """Return external measurements and σ in the core's form; no rows without any."""
+    """Return external measurements, (count, n), NaN without any, and their σ."""
     if measured is None:
-        return np.zeros((0, robot.n)), np.zeros((0, robot.n))
+        return np.full((count, robot.n), np.nan), np.ones((count, robot.n))
     rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
@@ -225,7 +218,7 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
             ) from None
     if angle_sigma is not None:
         result[:, angles] = angle_sigma
-    if sigma is not None and np.ndim(sigma) == 2:  # an empty cell of a log
+    if sigma is not None and np.ndim(sigma) == 2:  # NaN: an empty cell of a log
         result = np.where(np.isnan(result), default, result)
     for name, given, which in (
         ("measured_sigma", sigma, ~angles),
@@ -252,20 +245,17 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
     """Check shapes and values of known poses; no rows without any."""
     if given is None:
         return KnownPoses(np.zeros((0, robot.n + robot.r)), *np.zeros((2, 0, robot.n)))
-    sigma: ArrayLike
     if logs.is_table(given):
         log = logs.of(robot, given, "known_pose")
         if log.measured is None:
             wanted = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
             raise InputError(f"known_pose: no column with its pose: {wanted}")
-        readings, x = log.readings, log.measured
         sigma = 0.0 if log.measured_sigma is None else np.nan_to_num(log.measured_sigma)
-    elif isinstance(given, tuple) and len(given) in (2, 3):
-        readings, _ = flattened(robot, given[0], robot.n + robot.r, "known_pose: readings", "nan")
-        x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
-        sigma = given[2] if len(given) == 3 else 0.0
-    else:
+        given = log.readings, log.measured, sigma
+    if not (isinstance(given, tuple) and len(given) in (2, 3)):
         raise InputError("known_pose: must be (readings, pose), (readings, pose, σ) or a table")
+    readings, _ = flattened(robot, given[0], robot.n + robot.r, "known_pose: readings", "nan")
+    x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
     if len(readings) != len(x):
         raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
     for k, (row, pose) in enumerate(zip(readings, x, strict=True), 1):
@@ -277,7 +267,8 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
             )
     _require_turns(robot, x, "known_pose")
     try:
-        rows = np.broadcast_to(np.asarray(sigma, dtype=float), x.shape)
+        sigma = np.asarray(given[2] if len(given) == 3 else 0.0, dtype=float)
+        rows = np.broadcast_to(sigma, x.shape)
     except (TypeError, ValueError):
         raise InputError(f"known_pose: σ: must be a number or {robot.n} of them") from None
     return KnownPoses(readings, x, np.array([reference_sigmas(robot, row) for row in rows]))
@@ -308,16 +299,13 @@ class Row(NamedTuple):
 def rows_of(
     robot: Robot, names: tuple[str, ...], readings: Array, x: Array, known: Array, sigma: Array
 ) -> list[Row]:
-    """Linearize K readings at poses `x` near the `known` ones with σ `sigma`, all (K, n).
-
-    `known` is NaN for unknown coordinates; `names` are those of the p parameters.
-    """
+    """Linearize K readings at poses `x` near the `known` ones (or NaN) with σ `sigma`, (K, n)."""
     H_x, H_xi = robot.linearize(x, level=robot.level)
     every = list(robot.parameters)
     H_xi = H_xi[..., [every.index(name) for name in names]]
     noise = knowledge.stated_sigma(robot, robot.level) ** 2
-    expected = np.ascontiguousarray(robot.extended_positions(x, level=robot.level))
-    off = np.asarray(_core.innovation(robot.core, np.ascontiguousarray(readings), expected))
+    expected = robot.extended_positions(x, level=robot.level)
+    off = np.asarray(_core.innovation(robot.core, readings, expected))
     rows = []
     for k in range(len(x)):
         read, told = np.isfinite(readings[k]), np.isfinite(known[k])
@@ -332,7 +320,7 @@ def rows_of(
 
 def sizes(robot: Robot, known: Array, values: Array, form: str) -> str:
     """Format the known coordinates' values: "x +1.2 mm, theta 0.1°"."""
-    named = (of for of, own in zip(robot.coordinates, known, strict=True) if own)
+    named = itertools.compress(robot.coordinates, known)
     return ", ".join(
         f"{name} {printed(value, unit, form)}"
         for (name, unit), value in zip(named, values.tolist(), strict=True)

@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration import registration
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import review
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
-from truepose.calibration.registration import Registered
+from truepose.calibration.registration import Registered, sigmas
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.robot.units import in_print, summed
+from truepose.robot.units import Axis, coordinate_axes, in_print, summed
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.units import PRINT, named
 
@@ -30,7 +29,6 @@ FOLD = 5
 STEPS = 3
 #: Errors of the marker in the tracker's frame, not of the pose in the base frame.
 SEEN = "in the tracker's frame"
-HOW = ("absolute", "referenced", SEEN)
 #: Poses sampled from the workspace to predict the accuracy.
 POSES = 500
 
@@ -61,41 +59,39 @@ def assess(
     between: Between | None = None,
     **settings: Any,
 ) -> Assessment:
-    """Calibrate by a log, and again without every fifth row; predict the accuracy.
+    """Calibrate by a checked log, and again without every fifth row; predict the accuracy.
 
-    `log` and `notes` come from :func:`truepose.calibration.log_checks.check`. `reference_pose`,
-    (n,), by default home, is known in the predicted accuracy. `progress` is called `STEPS` times
-    with a step's name. `between` has the errors of the log's touches. `settings` are those of
-    :func:`truepose.calibrate`: level, loss, ….
+    `reference_pose`, (n,), is by default home. `progress` is called `STEPS` times with a step's
+    name. `settings` are those of :func:`truepose.calibrate`.
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
         given = log.measured_sigma if given is None else given
-        sigma = registration.sigmas(robot, given, angle, len(log.lines))
-        log = replace(log, measured_sigma=sigma)
-
+        log = replace(log, measured_sigma=sigmas(robot, given, angle, len(log.lines)))
     between = between or Between()
 
     def fitted(part: Log) -> Calibration:
-        beside: dict[str, Any] = {"measured": part.measured, "measured_sigma": part.measured_sigma}
-        beside["differences"] = between.of(robot, part)
-        return fit_to(robot, part.readings, loads=part.loads, **beside, **settings)
+        return fit_to(
+            robot,
+            part.readings,
+            measured=part.measured,
+            measured_sigma=part.measured_sigma,
+            differences=between.of(robot, part),
+            loads=part.loads,
+            **settings,
+        )
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
-        level = settings.get("level")
         sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
-        return expect(by, part.readings, part.measured, sigma, of, level=level, loads=part.loads)
+        return expect(by, part.readings, part.measured, sigma, of, fit.level, part.loads)
 
     fit = fitted(log)
     progress("fit")
-    measured = log.measured
-    model = fit.prior.expected()
-    seen = fit.registration
+    model, seen = fit.prior.expected(), fit.registration
     before = expected(model, log, seen and seen.begun())
     after = expected(fit.robot, log, seen)
     held_out = np.full_like(after.residual, np.nan)
-    lines = np.arange(len(log.lines))
-    out = lines % FOLD == FOLD - 1
+    out = np.arange(len(log.lines)) % FOLD == FOLD - 1
     if out.any():
         try:
             part = fitted(log.only(~out))
@@ -107,19 +103,11 @@ def assess(
     where, poses = _poses(fit)
     ahead = _ahead(fit, model, poses, touch)
     progress("accuracy")
-    outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
+    outside = robot.coordinates if log.measured is not None else ()
+    names = (*robot.sensors, *(f"measured_{name}" for name, _ in outside))
+    notes = [*notes, *review(fit, log), *fit.notes]
     return Assessment(
-        fit=fit,
-        log=log,
-        names=(*robot.sensors, *outside),
-        before=before,
-        after=after,
-        held_out=held_out,
-        reference_pose=touch,
-        where=where,
-        poses=poses,
-        accuracy=ahead,
-        notes=(*notes, *review(fit, log), *fit.notes),
+        fit, log, names, before, after, held_out, touch, where, poses, ahead, tuple(notes)
     )
 
 
@@ -127,9 +115,9 @@ def _ahead(
     fit: Calibration, model: Robot, poses: Array, touch: Array
 ) -> dict[tuple[str, str], Array]:
     result: dict[tuple[str, str], Array] = {}
-    for when, known in (("before", model), ("after", fit.robot)):
-        reached = _reached(fit, known, poses)
-        for how, at in (("absolute", None), ("referenced", touch)):
+    for how, at in (("absolute", None), ("referenced", touch)):
+        for when, known in (("before", model), ("after", fit.robot)):
+            reached = _reached(fit, known, poses)
             result[when, how] = accuracy(known, reached, reference_pose=at, level=fit.level)
     if fit.registration is not None and fit.registration.sigma.any():
         result["after", SEEN] = fit.accuracy_seen(_reached(fit, fit.robot, poses))
@@ -142,11 +130,9 @@ def _reached(fit: Calibration, robot: Robot, x: Array) -> Array:
 
 def _poses(fit: Calibration) -> tuple[str, Array]:
     """Return a description and poses of the workspace, else those of the log."""
-    box = fit.robot.spec.workspace
-    if box is not None:
+    if (box := fit.robot.spec.workspace) is not None:
         x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, fit.robot.n))
-        x = _reached(fit, fit.robot, x)
-        if len(x):
+        if len(x := _reached(fit, fit.robot, x)):
             return "over the workspace", x
     x = fit.x[np.isfinite(fit.x).all(axis=1)]
     if len(x) == 0:
@@ -168,24 +154,14 @@ def _rms(values: Array, rows: Array) -> float | None:
 def residuals(result: Assessment) -> Table:
     """Tabulate readings' rms errors against the motors' prediction; last: poses fitted."""
     rows, good = [], counted(result)
-    n, seen = result.fit.robot.n, result.fit.registration
-    outside = np.zeros((len(result.fit.x), 0))
+    robot, after, seen = result.fit.robot, result.after, result.fit.registration
+    fitted = result.fit.residuals[:, robot.n :]
     if seen is not None:
-        outside = seen.see(result.fit.robot, result.fit.x, result.log.measured).residual
+        fitted = np.hstack([fitted, seen.see(robot, result.fit.x, result.log.measured).residual])
+    every = (result.before.residual, after.residual, result.held_out, after.sigma, fitted)
     for k, name in enumerate(result.names):
-        factor, unit = in_print(result.fit.robot, name)
-        fitted = (
-            result.fit.residuals[:, n + k]
-            if k < result.fit.robot.r
-            else outside[:, k - result.fit.robot.r]
-        )
-        values = [
-            _rms(result.before.residual[:, k], good),
-            _rms(result.after.residual[:, k], good),
-            _rms(result.held_out[:, k], good),
-            _rms(result.after.sigma[:, k], good),
-            _rms(fitted, good),
-        ]
+        factor, unit = in_print(robot, name)
+        values = [_rms(column[:, k], good) for column in every]
         if values[0] is None and values[1] is None:
             continue
         cells = [number(None if v is None else factor * v, data=v) for v in values]
@@ -194,10 +170,10 @@ def residuals(result: Assessment) -> Table:
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
 
 
-def worst(fit: Calibration, count: int = 5) -> Table:
+def worst(fit: Calibration) -> Table:
     """Tabulate the parameter combinations that the readings determine least."""
     rows = []
-    for ratio, terms in fit.worst_known(count):
+    for ratio, terms in fit.worst_known():
         text = " ".join(f"{v:+.2f} {name}" for name, v in terms.items())
         exact = " ".join(f"{float(v)!r} {name}" for name, v in terms.items())
         rows.append([fixed(ratio, 3), Cell(text.removeprefix("+"), exact)])
@@ -209,21 +185,18 @@ def predicted(result: Assessment) -> Table:
     """Tabulate the rms of the predicted pose error, before and after, absolute and referenced."""
     robot = result.fit.robot
     total = summed(robot)
+    axes = [Axis(total.name, *PRINT[total.unit]), *coordinate_axes(robot)]
     rows = []
-    order = sorted(result.accuracy, key=lambda row: (HOW.index(row[1]), row[0] == "after"))
-    for when, how in order:
-        mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
-        cells = [number(PRINT[total.unit][0] * float(np.sqrt(mean[total.columns].sum())))]
-        for k, (_, unit) in enumerate(robot.coordinates):
-            cells.append(number(PRINT[unit][0] * float(np.sqrt(mean[k]))))
+    for (when, how), covariance in result.accuracy.items():
+        mean = np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0)
+        sigma = np.sqrt([mean[total.columns].sum(), *mean])
+        cells = [number(axis.factor * float(of)) for axis, of in zip(axes, sigma, strict=True)]
         rows.append([f"{how}, {when}", *cells])
-    names = {"theta": "θ"}
-    header = ["1σ bound", f"{total.name}, {PRINT[total.unit][1]}"]
-    header += [f"{names.get(c, c)}, {PRINT[unit][1]}" for c, unit in robot.coordinates]
+    header = [f"{axis.name}, {axis.unit}".replace("theta", "θ") for axis in axes]
     count = len(result.accuracy["after", "absolute"])
     title = f"Predicted error of the pose, rms over {count} poses {result.where}"
     title += f"; calibrated on {int(counted(result).sum())} poses"
-    return Table("accuracy", title, header, rows)
+    return Table("accuracy", title, ["1σ bound", *header], rows)
 
 
 def registration_table(fit: Calibration) -> Table | None:

@@ -1,4 +1,4 @@
-"""Homing offsets of motors: from reference postures, and one per homing."""
+"""Homing offsets of motors from reference postures."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import NuisanceParameter
-from truepose.calibration.learnt import calibration_of, chi2_quantile
+from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.log_faults import APART, MISFIT
 from truepose.calibration.registration import KNOWN, UNKNOWNS, Registered, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
@@ -76,19 +75,18 @@ class Zeroing(Shown):
         panels: dict[str, dict[str, dict[str, Array]]] = {}
         for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
             series = panels.setdefault(f"calibrated less nominal reading ({axis.unit})", {})
-            for what, middle, sigma in (
-                ("prior ± σ", 0.0, motor.prior_sigma),
-                ("calibrated ± σ", motor.off, motor.sigma),
-            ):
+            before, after = [0.0, motor.prior_sigma], [motor.off, motor.sigma]
+            for what, (middle, sigma) in (("prior ± σ", before), ("calibrated ± σ", after)):
                 spread = axis.factor * (middle + sigma * np.array([-1, 0, 1]))
                 series.setdefault(what, {})[axis.name] = spread
         ranges(figure, panels, "motor")
 
     def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
         """Return covariances (..., n, n) of the pose from all readings, before and after."""
-        before, after = self.fit.prior, self.robot
-        level = self.fit.level
-        return accuracy(before, poses, level=level), accuracy(after, poses, level=level)
+        fit = self.fit
+        return accuracy(fit.prior, poses, level=fit.level), accuracy(
+            fit.robot, poses, level=fit.level
+        )
 
 
 def zero(
@@ -156,20 +154,24 @@ def zero(
     postures, notes = _postures(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    every = np.array([posture.x for posture in postures])
-    _, first, of = np.unique(
-        np.nan_to_num(every, nan=np.inf), axis=0, return_index=True, return_inverse=True
-    )
-    order = np.argsort(first)  # poses in order of appearance, with mean readings
-    of, x = np.argsort(order)[of.ravel()], every[first[order]]
-    rows = np.array([_mean(np.array([s.read for s in postures])[of == k]) for k in range(len(x))])
+    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
+    at_pose = (tuple(np.nan_to_num(posture.x, nan=np.inf)) for posture in postures)
+    of = np.array([numbers.setdefault(pose, len(numbers)) for pose in at_pose])
+    first = np.unique(of, return_index=True)[1]
+    x = np.array([postures[k].x for k in first])
+    read_at = np.array([posture.read for posture in postures])
+    rows = np.array([_mean(read_at[of == k]) for k in range(len(x))])
     sigmas = known / np.sqrt(np.bincount(of))[:, None]
-    allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first[order]])
-    given: dict[str, Any] = {"measured": x, "measured_sigma": sigmas, "registration": "known"}
-    fit = calibrate(robot, rows, loss="squares", **given)  # few rows, compared below
+    allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first])
+    fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
     _require_agreement(fit, postures, of, known)
     if len(postures) == 1:
-        notes.append(_undetected(robot, allowed[0], x[0]))
+        told = np.isfinite(x[0])
+        notes.append(
+            "one posture: its pose cannot be checked; an error of it below "
+            f"{sizes(robot, told, APART * allowed[0, told], '.2g')} goes into the homing offsets: "
+            "repeat the posture, and read it again"
+        )
     return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
 
 
@@ -214,25 +216,24 @@ def _sigma(robot: Robot, sigma: ArrayLike | float | None) -> Array:
 def _postures(
     robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
 ) -> tuple[list[_Posture], list[str]]:
-    names = labels = log.labels.get(logs.POSTURE)
-    usual = _pose(robot, at)
-    outside = [f"measured_{name}" for name, _ in robot.coordinates]
-    if names is None and log.measured is not None:
-        names, stood = log.lines.astype(str), np.isfinite(log.measured).any(axis=1)
-        usual = np.full(robot.n, np.nan) if at is None else usual
-    elif names is None:
-        names, stood = np.array([""] * len(log.lines), dtype=object), np.ones(len(log.lines), bool)
-    else:
-        stood = logs.stood(names)
+    labels = log.labels.get(logs.POSTURE)
+    usual, names = _pose(robot, at), np.full(len(log.lines), "one")
+    stood = np.ones(len(names), dtype=bool)
+    if labels is not None:
+        names, stood = labels, logs.stood(labels)
         if not stood.any():
             raise InputError("no line names a posture: the column 'posture' is empty, or 0")
         if at is not None:
+            outside = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
             raise InputError(
                 "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
-                f"out, or give the pose in columns {', '.join(outside)}"
+                f"out, or give the pose in columns {outside}"
             )
+    elif log.measured is not None:
+        names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
+        usual = np.full(robot.n, np.nan) if at is None else usual
     postures, notes = [], []
-    for name in dict.fromkeys(str(name) for name in names[stood]):
+    for name in dict.fromkeys(names[stood].tolist()):
         lines = np.flatnonzero(stood & (names == name))
         here, known = log.readings[lines], usual
         if log.measured is not None:
@@ -246,9 +247,7 @@ def _postures(
 
 
 def _mean(rows: Array) -> Array:
-    read = np.isfinite(rows)
-    count = read.sum(axis=0)
-    return np.where(count, np.where(read, rows, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+    return np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan)
 
 
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
@@ -294,15 +293,6 @@ def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, si
     )
 
 
-def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
-    told = np.isfinite(x)
-    return (
-        "one posture: its pose cannot be checked; an error of it below "
-        f"{sizes(robot, told, APART * sigma[told], '.2g')} goes into the homing offsets: "
-        "repeat the posture, and read it again"
-    )
-
-
 def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
     model, n = robot.expected(), robot.n
@@ -327,10 +317,10 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     )
     why = "close no loop"
     if not lost[i]:
-        names = [*robot.sensors, *(name for name, _ in robot.coordinates)]
         k = int(np.nanargmax(distance[i]))
         why = (
-            f"{names[k]} is {np.append(rows[i, n:], x[i])[k]:.4g}, by motors and tolerances "
+            f"{[*robot.sensors, *dict(robot.coordinates)][k]} is "
+            f"{np.append(rows[i, n:], x[i])[k]:.4g}, by motors and tolerances "
             f"{seen.expected[i, k]:.4g}, σ {seen.sigma[i, k]:.2g}"
         )
     every = {*units, *(unit for _, unit in robot.coordinates)}
@@ -349,101 +339,13 @@ def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
     _, H_xi = before.linearize(x, level=fit.level)
     every = list(before.parameters)
     H = H_xi[0, :n][:, [every.index(name) for name in fit.names]]
+    shares = H * (H @ fit.prior_covariance)  # of each motor's variance, (n, p)
+    whole = shares.sum(axis=1)
     noise = knowledge.reading_sigma(before)[:n] ** 2
-    result = []
-    for i, row in enumerate(H):
-        shares = row * (fit.prior_covariance @ row)
-        whole = float(shares.sum())
-        named = sorted(zip(shares, fit.names, strict=True), reverse=True)
-        result.append(
-            Zero(
-                reading=float(rows[0, i]),
-                drawn=float(drawn[i]),
-                off=float(off[i]),
-                prior_sigma=float(np.sqrt(whole + noise[i])),
-                sigma=float(np.sqrt(row @ fit.covariance @ row + noise[i])),
-                causes={name: float(s / whole) for s, name in named if s > _SHARE * whole},
-            )
-        )
-    return tuple(result)
-
-
-def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
-    """Return a robot whose homing offsets have `sigma` added to their uncertainty (in squares).
-
-    All other calibrated parameters keep their covariance, so that a few poses identify the offsets.
-
-    Parameters
-    ----------
-    robot : Robot
-        Nominal or calibrated robot.
-    sigma : float, or array_like, shape (n,)
-        σ of each offset's change, m or rad; not negative.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> robot = tp.calibration.rehomed(tp.load("stewart"), 0.02)
-    >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
-    0.02
-    """
-    moved = _moved(robot, sigma)
-    zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
-    uncertain = set(knowledge.learnable(robot)) | {name for name, by in zeros.items() if by > 0}
-    names = [name for name in robot.parameters if name in uncertain]
-    before = knowledge.root(robot, names)
-    root = knowledge.triangular(
-        np.hstack([before, np.diag([zeros.get(name, 0) for name in names])])
-    )
-    learnt = robot.spec.calibration
-    source = f"{learnt.source}; homed anew" if learnt else "homed anew"
-    values = {name: robot.parameters[name].mean for name in names}
-    error = dict(zip(robot.readings, map(float, knowledge.stated_error(robot)), strict=True))
-    return robot.with_calibration(calibration_of(values, root, source, error))
-
-
-def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
-    """Return the earlier homing offsets of a log with several homings, as nuisance parameters.
-
-    The calibrated robot has the offsets of the last homing. All rows contribute to the other
-    parameters and to the registration of a tracker that has not moved.
-
-    Parameters
-    ----------
-    robot : Robot
-    homing : array_like, shape (N,)
-        Number of the homing before each row, increasing.
-    sigma : float, or array_like, shape (n,)
-        σ of each offset's change between homings, m or rad; not negative.
-
-    Returns
-    -------
-    tuple of NuisanceParameter
-        One for each homing but the last and each offset that may have changed: its excess over the
-        last homing's.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> [of.name for of in tp.calibration.homings(tp.load("3rrr"), [0, 0, 1], 0.01)]
-    ['homing 0, q1', 'homing 0, q2', 'homing 0, q3']
-    """
-    moved, after = _moved(robot, sigma), np.asarray(homing)
-    return tuple(
-        NuisanceParameter(
-            name=f"homing {number}, {robot.readings[k]}",
-            pattern=np.outer(after == number, np.eye(robot.n + robot.r)[k]),
-            amount=(0.0, float(moved[k])),
-        )
-        for number in np.unique(after)[:-1]
-        for k in np.flatnonzero(moved)
-    )
-
-
-def _moved(robot: Robot, sigma: ArrayLike) -> Array:
-    moved = np.asarray(sigma, dtype=float)
-    if moved.shape not in ((), (robot.n,)) or not (np.isfinite(moved) & (moved >= 0)).all():
-        raise InputError(
-            f"sigma = {moved.tolist()}: must be a number or {robot.n} of them, m or rad, at least 0"
-        )
-    return np.broadcast_to(moved, robot.n)
+    sigmas = np.sqrt([whole + noise, ((H @ fit.covariance) * H).sum(axis=1) + noise])
+    causes = []
+    for share, all_of in zip(shares.tolist(), whole.tolist(), strict=True):
+        named = sorted(zip(share, fit.names, strict=True), reverse=True)
+        causes.append({name: of / all_of for of, name in named if of > _SHARE * all_of})
+    columns = np.array([rows[0, :n], drawn, off, *sigmas]).tolist()
+    return tuple(map(Zero, *columns, causes))

@@ -11,12 +11,11 @@ import typer
 from typer import Argument, Option
 
 from truepose import files, logs, robotfile
-from truepose.calibration import log_checks, review
+from truepose.calibration import log_checks, rehomed, review
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fitting import Loss, ModelError
 from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
-from truepose.calibration.zeroing import rehomed
 from truepose.commands import options
 from truepose.commands.options import between_option
 from truepose.exceptions import InputError

@@ -76,28 +76,28 @@ class Fault:
     def __post_init__(self) -> None:
         if self.kind not in FAULT_KINDS:
             raise InputError(choose("kind of fault", self.kind, FAULT_KINDS))
-        row, what = _core.fault_kinds[self.kind], f"{self.reading}: {self.kind}"
-        if not (_finite(self.at) and self.at >= 0):
-            raise InputError(f"{what}: at = {self.at!r}: must be a finite number of at least 0")
+        row = _core.fault_kinds[self.kind]
+        self._require(
+            _finite(self.at) and self.at >= 0, "at", "must be a finite number of at least 0"
+        )
         if row.size:
-            if not _finite(self.size):
-                said = f"must be a finite number, {_UNITS[row.size]}"
-                raise InputError(f"{what}: size = {self.size!r}: {said}")
-            if self.kind == "delay" and not self.size > 0:  # type: ignore[operator]
-                raise InputError(f"{what}: size = {self.size!r}: must be greater than 0 s")
-        elif self.size is not None:
-            raise InputError(f"{what}: size = {self.size!r}: this kind has none")
+            said = f"must be a finite number, {_UNITS[row.size]}"
+            self._require(_finite(self.size), "size", said)
+            late = self.kind == "delay" and self.size <= 0  # type: ignore[operator]
+            self._require(not late, "size", "must be greater than 0 s")
+        else:
+            self._require(self.size is None, "size", "this kind has none")
         if self.until is not None:
-            if not row.lasts:
-                raise InputError(f"{what}: until = {self.until!r}: has no end; a bias may have one")
-            if not (_finite(self.until) and self.until > self.at):
-                raise InputError(
-                    f"{what}: until = {self.until!r}: must be a finite number greater than at, "
-                    f"{self.at}"
-                )
-        if row.pair != (self.other is not None):
-            said = "must name the reading that it is swapped with" if row.pair else "only of a swap"
-            raise InputError(f"{what}: other = {self.other!r}: {said}")
+            self._require(row.lasts, "until", "has no end; a bias may have one")
+            said = f"must be a finite number greater than at, {self.at}"
+            self._require(_finite(self.until) and self.until > self.at, "until", said)
+        said = "must name the reading that it is swapped with" if row.pair else "only of a swap"
+        self._require(row.pair == (self.other is not None), "other", said)
+
+    def _require(self, good: bool, name: str, must: str) -> None:
+        if not good:
+            value = getattr(self, name)
+            raise InputError(f"{self.reading}: {self.kind}: {name} = {value!r}: {must}")
 
     def __str__(self) -> str:
         """Return the fault in the command line's form."""
@@ -112,12 +112,7 @@ def _finite(value: object) -> bool:
 
 
 def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list[_core.Fault]:
-    """Check the faults against a robot and return the core's.
-
-    `period` is that of the readings, s; None for a static plant, which has no time. Raises
-    InputError for a reading that does not exist, is delayed too much, or is swapped with itself or
-    one of another unit; on a static plant for a fault that needs time.
-    """
+    """Check the faults against a robot and return the core's; `period` is None for statics."""
     if isinstance(faults, str) or not isinstance(faults, Sequence):
         raise InputError("faults: must be a list of Fault: [fault]")
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
@@ -131,16 +126,13 @@ def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None)
     for name in (fault.reading, fault.other):
         if name is not None and name not in units:
             raise InputError(f"fault {fault}: {choose('reading', name, units)}")
-    if period is None:
-        if not row.at_rest:
-            resting = [kind for kind, row in _core.fault_kinds.items() if row.at_rest]
-            raise InputError(
-                f"fault {fault}: needs time, which statics do not have "
-                f"(choices: {', '.join(resting)})"
-            )
-        if fault.at or fault.until is not None:
-            raise InputError(f"fault {fault}: statics have no time: leave out at and until")
-    elif fault.kind == "delay" and fault.size / period > _core.most_late:  # type: ignore[operator]
+    if period is None and not row.at_rest:
+        resting = ", ".join(kind for kind, row in _core.fault_kinds.items() if row.at_rest)
+        said = f"needs time, which statics do not have (choices: {resting})"
+        raise InputError(f"fault {fault}: {said}")
+    if period is None and (fault.at or fault.until is not None):
+        raise InputError(f"fault {fault}: statics have no time: leave out at and until")
+    if period and fault.kind == "delay" and fault.size / period > _core.most_late:  # type: ignore[operator]
         raise InputError(
             f"fault {fault}: at most {_core.most_late} control periods of {period:g} s"
         )
@@ -153,8 +145,8 @@ def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None)
         core.end = fault.until
     if fault.other is not None:
         if fault.other == fault.reading or units[fault.other] != units[fault.reading]:
-            fitting = [n for n, u in units.items() if u == units[fault.reading]]
-            fitting.remove(fault.reading)
+            own = units[fault.reading]
+            fitting = [n for n, unit in units.items() if unit == own and n != fault.reading]
             raise InputError(f"fault {fault}: {choose('other reading', fault.other, fitting)}")
         core.other = robot.readings.index(fault.other)
     return core

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array, Level, require
 from truepose.exceptions import InputError
 from truepose.faults.limits import false_alarm_rate, require_inside
-from truepose.faults.parity import parity, whitened
+from truepose.faults.parity import gate, parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -53,8 +53,7 @@ class Isolation(Shown):
     chi2: float  #: of the parities if all readings are healthy
     freedom: int  #: its degrees of freedom
     limit: float  #: threshold of a fault
-    #: Most likely first
-    hypotheses: tuple[Hypothesis, ...]
+    hypotheses: tuple[Hypothesis, ...]  #: most likely first
 
     @property
     def faulty(self) -> bool:
@@ -67,14 +66,12 @@ class Isolation(Shown):
 
         Empty: no fault, or no single fault explains the rows.
         """
-        from scipy.special import chdtri
-
         if not self.faulty:
             return ()
         rest = 1e-9 * self.chi2  # one equation: an explanation leaves only rounding errors
         if self.freedom > 1:
-            rest = float(chdtri(self.freedom - 1, self.false_alarm))
-        near = self.hypotheses[0].chi2 + float(chdtri(1, self.false_alarm))
+            rest = gate(self.false_alarm, self.freedom - 1)
+        near = self.hypotheses[0].chi2 + gate(self.false_alarm, 1)
         return tuple(h for h in self.hypotheses if h.chi2 <= min(rest, near))
 
     @property
@@ -84,11 +81,8 @@ class Isolation(Shown):
 
     def table(self) -> Table:
         """Return one row a hypothesis, the likeliest first."""
-        units, may_be = (
-            dict(zip(self.robot.readings, reading_units(self.robot), strict=True)),
-            self.may_be,
-        )
-        rows = []
+        units = dict(zip(self.robot.readings, reading_units(self.robot), strict=True))
+        rows, may_be = [], self.may_be
         for h in self.hypotheses:
             factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
             size = factor * h.size
@@ -121,11 +115,11 @@ def isolate(
 ) -> Isolation:
     """Find the faulty reading from rows at many poses, by a bank of hypotheses.
 
-    With one redundant sensor a single pose detects a fault but does not isolate it: one equation. A
-    faulty reading contradicts the others by b times its signature, which changes with the pose in
-    its own way. Each hypothesis has its own b; the geometry, constant over the poses, is common to
-    all (Willsky and Jones, A generalized likelihood ratio approach to the detection and estimation
-    of jumps in linear systems, 1976).
+    With one redundant sensor a single pose detects a fault but does not isolate it. A faulty
+    reading contradicts the others by b times its signature, which changes with the pose in its own
+    way. Each hypothesis has its own b; the geometry is common to all (Willsky and Jones, A
+    generalized likelihood ratio approach to the detection and estimation of jumps in linear
+    systems, 1976).
 
     Parameters
     ----------
@@ -164,8 +158,6 @@ def isolate(
     >>> found.readings, round(float(np.degrees(found.may_be[0].size)), 1)
     (('q3',), 0.5)
     """
-    from scipy.special import chdtri
-
     require(robot, Robot, "robot", "truepose.load(name)")
     alpha = false_alarm_rate() if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
@@ -179,7 +171,7 @@ def isolate(
     if not used.any():
         raise InputError(f"readings: none of {len(rows)} rows has a pose")
     rows, total = rows[used], float(y @ y)
-    limit = float(chdtri(robot.r * len(rows), alpha))
+    limit = gate(alpha, robot.r * len(rows))
     bank = [
         _next(Hypothesis(name, kind, 0.0, math.inf, total), y, columns[:, k])
         for k, (kind, name) in enumerate(itertools.product(KINDS, robot.readings))
@@ -194,17 +186,9 @@ def isolate(
                 break
             column = others[:, c + KINDS.index(h.kind) * len(robot.readings)]
             bank[k] = _next(h, left, column)
-    return Isolation(
-        robot,
-        level,
-        alpha,
-        len(rows),
-        int((~used).sum()),
-        total,
-        robot.r * len(rows),
-        limit,
-        tuple(sorted(bank, key=lambda h: h.chi2)),
-    )
+    bank.sort(key=lambda h: h.chi2)
+    freedom, left_out = robot.r * len(rows), int((~used).sum())
+    return Isolation(robot, level, alpha, len(rows), left_out, total, freedom, limit, tuple(bank))
 
 
 #: Number of hypotheses that are linearized again, and how often.
@@ -232,17 +216,14 @@ def _evidence(
     model: Robot, level: Level, model_error: bool, rows: Array
 ) -> tuple[Array, Array, Array]:
     """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
-    used = np.asarray(np.isfinite(rows).all(axis=1))
-    poses = model.fkm(rows[used, : model.n], errors="nan")
-    used[used] = np.isfinite(poses).all(axis=1)
-    poses = poses[np.isfinite(poses).all(axis=1)]
+    poses = model.fkm(rows[:, : model.n], errors="nan")
     # Singular poses have no parity.
     regular = np.isfinite(model.linearize(poses, "nan", level)[0]).all(axis=(1, 2))
-    used[used], poses = regular, poses[regular]
-    if not len(poses):
+    used = np.asarray(regular & np.isfinite(rows).all(axis=1))
+    if not used.any():
         return used, np.zeros(0), np.zeros((0, 0))
-    found = parity(model, poses, level, None, model_error)
-    error = _within_turns(model, rows[used] - model.extended_positions(poses))
+    found = parity(model, poses[used], level, None, model_error)
+    error = _within_turns(model, rows[used] - model.extended_positions(poses[used]))
     value = np.einsum("kri,ki->kr", found.signature, error)
     B = found.geometry.reshape(-1, found.geometry.shape[-1])
     sides = (found.signature, found.signature * rows[used][:, None, :])  # of a bias, of a gain
@@ -253,9 +234,8 @@ def _evidence(
 
 def _within_turns(robot: Robot, error: Array) -> Array:
     """Remove the whole turns of sensors that are angles, in their readings' units."""
-    turn = np.zeros(robot.n + robot.r)
-    for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
-        if k >= robot.n and unit == "rad":
-            turn[k] = 2 * math.pi * abs(robot.parameters[f"{name}.gain"].value)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return error - np.where(turn > 0, turn * np.round(error / turn), 0)
+    for k, unit in enumerate(reading_units(robot)[robot.n :], robot.n):
+        if unit == "rad":
+            turn = 2 * math.pi * abs(robot.parameters[f"{robot.readings[k]}.gain"].value)
+            error[:, k] -= turn * np.round(error[:, k] / turn)
+    return error

@@ -33,13 +33,7 @@ UNUSED = 1e-9
 
 
 def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
-    """Return the false-alarm probability of a test per cycle, for one false alarm in `hours`.
-
-    Examples
-    --------
-    >>> false_alarm_rate()
-    2.7777777777777777e-10
-    """
+    """Return the false-alarm probability of a test per cycle, for one false alarm in `hours`."""
     return period / (3600 * hours)
 
 
@@ -56,19 +50,14 @@ class Detectability(Shown):
     false_alarm: float  #: of each test
     power: float  #: probability of detecting the limit itself, in one cycle
     parity: Parity
-    #: (..., m) detected at this pose: χ² of its r parities is beyond its gate
-    detected: Array
-    #: (..., m, m) also distinguished from a fault of the second reading, by r - 1 parities
-    apart: Array
-    #: (..., m) of a sudden change at this pose: the geometry's part is constant
-    jump: Array
+    detected: Array  #: (..., m) detected at this pose: χ² of its r parities is beyond its gate
+    apart: Array  #: (..., m, m) also distinguished from the second reading, by r - 1 parities
+    jump: Array  #: (..., m) of a sudden change at this pose: the geometry's part is constant
     moving: int  #: number of poses read once each under the fault
-    #: (m,) detected from all of these together, by the reading's own hypothesis
-    moving_detected: Array
-    #: (m,) also distinguished from any other reading's fault
-    moving_isolated: Array
-    #: law -> (..., m, 2): pose error, m and rad, per 1 m or rad of the reading
+    moving_detected: Array  #: (m,) from all of these together, by the reading's own hypothesis
+    moving_isolated: Array  #: (m,) also distinguished from any other reading's fault
     cross_sensitivity: dict[Law, Array]
+    #: law -> (..., m, 2): pose error, m and rad, per 1 m or rad of the reading
     state: str = ""  #: as built or self-calibrated, the level
 
     @cached_property
@@ -90,7 +79,7 @@ class Detectability(Shown):
         ('q1',)
         """
         names, result = self.robot.readings, {}
-        detected = self.detected.reshape(-1, len(names))
+        detected = self._by_pose(self.detected)
         apart = self.apart.reshape(-1, len(names), len(names))
         for c, name in enumerate(names):
             at = np.isfinite(detected[:, c])
@@ -105,23 +94,19 @@ class Detectability(Shown):
 
     @cached_property
     def alike(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of readings whose faults no test distinguishes, over all poses together.
-
-        Their signatures are parallel: proportional, by a factor that no pose changes.
-        """
+        """Groups of readings whose faults no test distinguishes, over all poses together."""
         return self._groups(1)
 
     @cached_property
     def unseen(self) -> tuple[str, ...]:
         """Readings whose faults no test detects, at no pose."""
-        some = self.parity.signature.any(axis=tuple(range(self.parity.signature.ndim - 1)))
-        seen = zip(self.robot.readings, np.atleast_1d(some), strict=True)
-        return tuple(name for name, one in seen if not one)
+        seen = np.asarray(self._by_pose(self.parity.signature).any(axis=0))
+        return tuple(name for name, some in zip(self.robot.readings, seen, strict=True) if not some)
 
     def pose_error(self, law: Law) -> Array:
         """Return the steady-state pose error by a fault just below `detected`, (..., m, 2).
 
-        m and rad; inf where a law uses a reading whose faults no test detects there.
+        m and rad; inf where a law uses a reading with undetectable faults.
         """
         return _harm(self.cross_sensitivity[law], self.detected)
 
@@ -132,35 +117,25 @@ class Detectability(Shown):
 
     def table(self) -> Table:
         """Return one row a reading: median and largest over the poses, mm and degrees."""
-        m = len(self.robot.readings)
-        detected, isolated, jump = (
-            values.reshape(-1, m) for values in (self.detected, self.isolated, self.jump)
-        )
+        detected, isolated, jump = map(self._by_pose, (self.detected, self.isolated, self.jump))
+        columns = {
+            "detected": np.median(detected, axis=0),
+            "at the worst pose": detected.max(axis=0),
+            "isolated": np.median(isolated, axis=0),
+            "jump": np.median(jump, axis=0),
+            f"over {self.moving} poses: detected": self.moving_detected,
+            f"over {self.moving} poses: isolated": self.moving_isolated,
+        }
         confused = self.confused_with(TIMES)
         rows = []
         for c, (name, factor, unit) in enumerate(reading_axes(self.robot)):
             named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
-            values = [
-                np.median(detected[:, c]),
-                detected[:, c].max(),
-                np.median(isolated[:, c]),
-                np.median(jump[:, c]),
-                self.moving_detected[c],
-                self.moving_isolated[c],
-            ]
-            cells = [limit_cell(factor * float(value)) for value in values]
-            rivals = "all others" if len(confused[name]) == m - 1 else " ".join(confused[name])
+            cells = [limit_cell(factor * float(column[c])) for column in columns.values()]
+            every = len(confused[name]) == len(self.robot.readings) - 1
+            rivals = "all others" if every else " ".join(confused[name])
             rows.append([named, *cells[:3], rivals, *cells[3:]])
-        over = f"over {self.moving} poses: "
-        header = [
-            "reading",
-            "detected",
-            "at the worst pose",
-            "isolated",
-            f"confused with (at {TIMES:g} ×)",
-            "jump",
-        ]
-        header += [over + "detected", over + "isolated"]
+        header = ["reading", *columns]
+        header.insert(4, f"confused with (at {TIMES:g} ×)")
         return Table("faults", f"Smallest faults, {self.state}", header, rows)
 
     def _draw(self, figure: Any) -> None:
@@ -173,13 +148,16 @@ class Detectability(Shown):
                 (f"over {self.moving} poses: detected", self.moving_detected),
                 (f"over {self.moving} poses: isolated", self.moving_isolated),
             ):
-                own = values.reshape(-1, len(self.robot.readings))[:, c]
+                own = self._by_pose(values)[:, c]
                 own = own[np.isfinite(own)] if np.isfinite(own).any() else np.array([np.nan])
                 spread = axis.factor * np.quantile(own, (0.05, 0.5, 0.95))
                 series.setdefault(name, {})[axis.name] = spread
         for axes in ranges(figure, panels, "reading"):
             axes.set_xscale("log")
         figure.suptitle(f"{self.robot.name}: {self.state}", fontsize=10, parse_math=False)
+
+    def _by_pose(self, values: Array) -> Array:
+        return values.reshape(-1, len(self.robot.readings))
 
     def _groups(self, batches: int) -> tuple[tuple[str, ...], ...]:
         """Return readings with parallel columns in every batch of poses in which both are seen."""

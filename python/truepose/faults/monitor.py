@@ -19,6 +19,7 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.robotfile.to_core import padded
 from truepose.show.charts import lines
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table
@@ -112,40 +113,33 @@ class FaultMonitor:
     ) -> _core.FaultTolerantSetup:
         """Return the setup of the core's fault-tolerant controller: robot, covariances, thresholds.
 
-        Without `still_sensors` a constant sensor beside moving motors is not called stuck: a law
-        that holds it within a count despite wrong geometry does the same to a healthy one. Its
-        disagreement with the others is tested in any case.
+        Without `still_sensors`, for laws that hold a sensor, it is not stuck beside moving motors.
         """
-        settings = _core.FaultTolerantSettings()
-        watch = _core.FaultMonitorSettings()
-        watch.period = controller.period
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:
             raise InputError(
                 f"false_alarms = {self.false_alarms} an hour: must be fewer than a tenth of the "
                 f"cycles, {360 / controller.period:g} an hour"
             )
-        watch.false_alarm = chance
-        for name in ("coast", "spikes", "within", "decide", "replaceable"):
-            setattr(watch, name, getattr(self, name))
         finest = robot.at_highest_level
-        fill = 16 - robot.n - robot.r
-        watch.fastest = [*_fastest(finest).tolist(), *[0.0] * fill]
         moved, rests = _moved(robot, controller)
         moved[robot.n :] *= still_sensors
-        watch.moved = [*moved.tolist(), *[0.0] * fill]
-        watch.rests = [*rests.tolist(), *[0.0] * (6 - robot.n)]
-        watch.shaken = [*_shaken(robot, controller).tolist(), *[0.0] * (6 - robot.n)]
+        watch = _core.FaultMonitorSettings()
+        for name in ("coast", "spikes", "within", "decide", "replaceable"):
+            setattr(watch, name, getattr(self, name))
+        watch.period, watch.false_alarm = controller.period, chance
         watch.kp = [controller.frequency**2] * 6
         watch.kd = [2 * controller.damping * controller.frequency] * 6
-        low, high = _range(robot)
-        watch.low, watch.high = [*low, *[0.0] * fill], [*high, *[0.0] * fill]
+        watch.rests, watch.shaken = padded(rests), padded(_shaken(robot, controller))
+        watch.fastest, watch.moved, watch.low, watch.high = (
+            np.pad(of, (0, 16 - len(of))).tolist()
+            for of in (_fastest(finest), moved, *_range(robot))
+        )
+        settings = _core.FaultTolerantSettings()
         settings.watch, settings.stop, settings.stop_lost = watch, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
-        slow = delays.settings(robot, controller.period)
-        return _core.FaultTolerantSetup(
-            finest.core, knowledge.knowledge(yields).core, settings, slow
-        )
+        known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
+        return _core.FaultTolerantSetup(finest.core, known, settings, slow)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
@@ -181,10 +175,7 @@ class FaultMonitor:
             raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
         positive("period", period)
         guarding = self.guarding(robot, Controller(law="joint", period=period))
-        result = _core.FaultMonitorRun(guarding).review(
-            np.ascontiguousarray(asked), np.ascontiguousarray(rows)
-        )
-        return Review(robot, *result)
+        return Review(robot, *_core.FaultMonitorRun(guarding).review(asked, rows))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -220,15 +211,14 @@ class Review(Shown):
             reason = "" if k is None else SYMPTOMS[self.symptom[:, c].max()]
             rows.append([name, last, Cell("" if k is None else str(k), k), reason])
         title = f"{self.robot.name}: readings monitored over {len(self.health)} rows"
-        return Table(
-            "review", title, ["reading", "health at the end", "not valid from", "why"], rows
-        )
+        header = ["reading", "health at the end", "not valid from", "why"]
+        return Table("review", title, header, rows)
 
     def _draw(self, figure: Any) -> None:
-        health = dict(zip(self.robot.readings, self.health.T, strict=True))
+        level = self.chi2 / np.maximum(self.freedom, 1)
         panels = {
-            "χ² a degree of freedom (–)": {"all readings": self.chi2 / np.maximum(self.freedom, 1)},
-            "health (–)": health,
+            "χ² a degree of freedom (–)": {"all readings": level},
+            "health (–)": dict(zip(self.robot.readings, self.health.T, strict=True)),
         }
         _, lower = lines(figure, np.arange(len(self.health)), panels, "row (–)")
         lower.set_yticks(range(len(HEALTH)), HEALTH)
@@ -263,12 +253,10 @@ def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Arr
 
 def _fastest(robot: Robot) -> Array:
     """Return each reading's largest second derivative by the motor torque limits; 0: unknown."""
-    box = robot.spec.workspace
-    if box is None:
-        poses = np.array([robot.home])
-    else:
+    poses = robot.home[None]
+    if (box := robot.spec.workspace) is not None:
         poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
-    most, status, _ = _core.fastest(robot.core, np.ascontiguousarray(poses))
+    most, status, _ = _core.fastest(robot.core, poses)
     most = most[status <= 0]
     return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.n + robot.r)
 
@@ -279,15 +267,13 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
         robot = effects.allowed_for(robot)
     if not effects.arm_stiffness:
         return robot
-    chains = []
-    for k, chain in enumerate(robot.spec.chain):
-        sigma = 0.0
+    chains = list(robot.spec.chain)
+    for k, chain in enumerate(chains):
         if chain.actuator == "revolute":
-            gain = abs(robot.parameters[f"chain{k + 1}.gain"].value)
+            gain = robot.parameters[f"chain{k + 1}.gain"].value
             sigma = gain * _TORQUE * (chain.torque_limit or 0) / effects.arm_stiffness
-        chains.append(
-            chain.model_copy(update={"encoder_noise": math.hypot(chain.encoder_noise, sigma)})
-        )
+            noise = math.hypot(chain.encoder_noise, sigma)
+            chains[k] = chain.model_copy(update={"encoder_noise": noise})
     values = {name: p.value for name, p in robot.parameters.items()}
     return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
 
@@ -296,8 +282,7 @@ def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
     """Return the model motion that shows a constant reading is stuck, and motor errors at rest."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
     # The error at which the PD overcomes friction; unknown without a torque limit.
-    limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
-    away = _STICKS * limits / (controller.frequency**2 * _inertia(robot, controller))
+    away = _STICKS * _limits(robot) / (controller.frequency**2 * _inertia(robot, controller))
     moved[: robot.n] += away
     return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
 
@@ -307,8 +292,12 @@ def _shaken(robot: Robot, controller: Controller) -> Array:
     gains = Gains(controller.frequency, controller.velocity_bandwidth, controller.damping)
     turn = np.exp(1j * np.linspace(0, np.pi, 1000))
     answer = np.sqrt(np.mean(np.abs(gains.transfer(turn, controller.period)) ** 2))
-    limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
-    return _SHAKES * limits / (answer * _inertia(robot, controller))
+    return _SHAKES * _limits(robot) / (answer * _inertia(robot, controller))
+
+
+def _limits(robot: Robot) -> Array:
+    """Return the motors' torque limits; 0: unknown."""
+    return np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
 
 
 def _inertia(robot: Robot, controller: Controller) -> Array:
@@ -318,17 +307,14 @@ def _inertia(robot: Robot, controller: Controller) -> Array:
     return kp / controller.frequency**2
 
 
-def _range(robot: Robot) -> tuple[list[float], list[float]]:
-    """Return the range of each reading by motor stops and sensor ranges; equal ends: none."""
-    low, high = np.zeros(robot.n + robot.r), np.zeros(robot.n + robot.r)
-    for k, chain in enumerate(robot.spec.chain):
-        if chain.limits is None:
-            continue
+def _range(robot: Robot) -> Array:
+    """Return lowest and highest values of readings by motor stops and sensor ranges; 0, 0: none."""
+    ends: list[tuple[float, float]] = []
+    for k, chain in enumerate(robot.spec.chain, 1):
         gain, offset = (
-            robot.parameters[f"chain{k + 1}.{name}"].value for name in ("gain", "encoder_offset")
+            robot.parameters[f"chain{k}.{name}"].value for name in ("gain", "encoder_offset")
         )
-        ends = gain * np.array(chain.limits) - offset
-        low[k], high[k] = ends.min() - _BEYOND, ends.max() + _BEYOND
-    for k, sensor in enumerate(robot.spec.used, robot.n):
-        low[k], high[k] = sensor.range or (0.0, 0.0)
-    return low.tolist(), high.tolist()
+        stops = sorted(gain * stop - offset for stop in chain.limits or ())
+        ends.append((stops[0] - _BEYOND, stops[1] + _BEYOND) if stops else (0.0, 0.0))
+    ends += [sensor.range or (0.0, 0.0) for sensor in robot.spec.used]
+    return np.array(ends).T

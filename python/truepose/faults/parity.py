@@ -34,10 +34,7 @@ class Parity(NamedTuple):
         return np.linalg.solve(np.linalg.cholesky(C), self.signature)
 
     def information(self) -> Array:
-        """Return the Fisher information of constant faults from all poses, shape (n + r, n + r).
-
-        Gᵀ(I + B Bᵀ)⁻¹G with the poses' rows stacked: u is common to them.
-        """
+        """Return Gᵀ(I + B Bᵀ)⁻¹G of all poses' rows, u common: Fisher information of faults."""
         rows = math.prod(self.signature.shape[:-1])
         B, G = (part.reshape(rows, part.shape[-1]) for part in (self.geometry, self.signature))
         rest = whitened(G, B)
@@ -45,11 +42,7 @@ class Parity(NamedTuple):
 
 
 def whitened(columns: Array, B: Array) -> Array:
-    """Return columns, (N, k), whitened by I + B Bᵀ: a geometry B u with u ~ N(0, I) removed.
-
-    For B, (N, p), the result is (N + p, k); its scalar products are those of the columns with (I +
-    B Bᵀ)⁻¹ between.
-    """
+    """Return columns, (N, k), whitened by I + B Bᵀ, as (N + p, k): a geometry B u removed."""
     whole = np.vstack([columns, np.zeros((B.shape[1], columns.shape[1]))])
     Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # avoids squares of cancelling terms
     return whole - Q @ (Q.T @ whole)
@@ -67,19 +60,6 @@ def parity(
     About the robot's expected geometry, at poses (..., n) and a model level, by default
     :attr:`Robot.highest_level`. `posterior`, (p, p), is a root of Σ_ξ in place of the robot's own.
     `model_error` adds the ideal level's model error as a constant error of each reading.
-
-    Examples
-    --------
-    A healthy parity has variance 1, an error of the pose none:
-
-    >>> import numpy as np, truepose as tp
-    >>> from truepose.faults.parity import parity
-    >>> h4 = tp.load("h4").expected()
-    >>> x = np.array([0.05, 0, -0.4, 0.2])
-    >>> G = parity(h4, x).at_rest()
-    >>> off = h4.extended_positions(x + [1e-6, 0, 0, 0]) - h4.extended_positions(x)
-    >>> G.shape, bool(abs(G @ off).max() < 1e-7)
-    ((1, 5), True)
     """
     level = robot.highest_level if level is None else level
     H_x, H_xi = robot.linearize(poses, level=level)
@@ -102,9 +82,7 @@ def parity(
 def unexplained(gram: Array) -> Array:
     """Return the part of each fault that another cannot explain: |g_c|² sin²∠(g_c, g_d).
 
-    `gram`, (..., m, m), holds the signatures' scalar products or Fisher information. The result,
-    (..., m, m), is 0 where c is seen and parallel to d; |g_c|² where d is not seen; inf on the
-    diagonal.
+    `gram`, (..., m, m), holds the signatures' scalar products; the diagonal of the result is inf.
     """
     own = np.diagonal(gram, axis1=-2, axis2=-1)
     other = np.where(own > 0, own, np.inf)
@@ -121,20 +99,9 @@ def gate(false_alarm: float, freedoms: int) -> float:
 
 
 def detectable(false_alarm: float, freedoms: int, power: float) -> float:
-    """Return |b g| of the smallest fault that exceeds the gate with probability `power`.
-
-    χ² of a faulty parity is noncentral, by |b g|². Infinite without a degree of freedom.
-
-    Examples
-    --------
-    One reading, one in a million: 4.89 σ to the gate, 1.28 σ beyond it.
-
-    >>> from truepose.faults.parity import detectable
-    >>> round(detectable(1e-6, 1, 0.9), 3)
-    6.173
-    """
+    """Return |b g| of the smallest fault that exceeds the gate with probability `power`, or inf."""
     from scipy.special import chndtrinc
 
     if freedoms < 1:
-        return np.inf
+        return np.inf  # χ² of a faulty parity is noncentral, by |b g|²
     return float(np.sqrt(chndtrinc(gate(false_alarm, freedoms), freedoms, 1 - power)))

@@ -6,7 +6,6 @@ from truepose.logs.reading import POINT as POINT
 from truepose.logs.reading import POSTURE as POSTURE
 from truepose.logs.reading import Log, read
 from truepose.logs.reading import is_table as is_table
-from truepose.logs.reading import numbers as numbers
 from truepose.logs.reading import of as of
 from truepose.logs.reading import repeated as repeated
 from truepose.logs.reading import stood as stood

@@ -40,11 +40,23 @@ def require_text(path: Path, data: bytes) -> None:
     require(path, rows - 1, rows + sum(map(data.count, (b",", b";", b"\t"))))
 
 
-def parquet(path: Path, source: Any) -> Any:
+def pyarrow_for(path: Path) -> Any:
+    """Return pyarrow with its Parquet module; InputError where it is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError(
+            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
+        ) from None
+    return pyarrow
+
+
+def parquet(path: Path, pyarrow: Any, source: Any) -> Any:
     """Read a Parquet file as a table, within the limits by its metadata; texts as dictionaries."""
     from pyarrow import compute
-    from pyarrow import parquet as reader
 
+    reader = pyarrow.parquet
     file = reader.ParquetFile(source)
     said = file.metadata
     parts = [

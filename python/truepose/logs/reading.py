@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -65,10 +65,7 @@ class Log:
 
 
 def repeated(readings: Array, measured: Array | None, n: int) -> Array:
-    """Return rows identical to an earlier one, with a reading beyond the n motors, (N,) bool.
-
-    A copied row adds nothing, nor do repeated counts: their rounding error is the same.
-    """
+    """Return rows identical to an earlier one, with a reading beyond the n motors, (N,) bool."""
     cells = readings if measured is None else np.hstack([readings, measured])
     result = np.zeros(len(cells), dtype=bool)
     rows = np.flatnonzero(np.isfinite(cells[:, n:]).any(axis=1))
@@ -85,26 +82,14 @@ def is_table(value: object) -> bool:
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     """Extract the readings of a robot and its sensors in use from a table in SI units.
 
-    Columns q1 … qn and each sensor's name; measured_x …, measured_x_sigma … of external
-    measurements; plane and point, names of touched features; for files with compliances load_x …
-    and q1_tension …, N, empty if absent or not measured. An InputError names the column that is
+    Columns are those of :func:`truepose.calibrate`'s tables. An InputError names the column that is
     missing, or the cell that is no number.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.extended_positions([[0, 0, -0.4, 0]] * 3).T))
-    >>> of(h4, table).readings.shape
-    (3, 5)
     """
     if isinstance(table, Log):
         return table
     names = columns_of(table) or []
     _no_twins(where, [str(name) for name in names])
-    columns = {str(name): column_of(table, name) for name in names}
-    count = len(columns[str(names[0])]) if names else 0
-    return _pick(robot, list(columns), columns, np.arange(1, count + 1), "row", where)
+    return _numbered({str(name): column_of(table, name) for name in names}, where).log(robot)
 
 
 def read(robot: Robot, path: str | Path) -> Log:
@@ -125,37 +110,25 @@ def read(robot: Robot, path: str | Path) -> Log:
         own = next((each for each in formats if data.startswith(each.MAGIC)), None)
         table = own.read(path, data, robot.readings) if own else None
     if table is not None:
-        numbered = np.arange(1, len(next(iter(table.values()))) + 1)
-        return _pick(robot, list(table), table, numbered, "row", str(path))
-    header, rows, lines = _csv(path, data)
-    table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
-    worth = raw.said(data.decode("utf-8-sig").splitlines())
-    return _pick(robot, header, table, lines, "line", str(path), worth)
+        return _numbered(table, str(path)).log(robot)
+    return _csv(path, data).log(robot, raw.said(data.decode("utf-8-sig").splitlines()))
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
     """Read columns of any CSV file: numbers (N, k), no cell empty, and their lines."""
-    cells, lines = texts(path, names)
-    where = str(path)
-    columns = [_numbers(cells[n], n, lines, "line", where, empty=False) for n in names]
-    return np.column_stack(columns), lines
+    cells = texts(path, names)
+    return np.column_stack([cells.numbers(n, empty=False) for n in names]), cells.lines
 
 
-def texts(path: str | Path, names: Sequence[str]) -> tuple[dict[str, list[str]], Array]:
-    """Read the cells, by column, of a CSV file with the columns `names`, and their lines."""
+def texts(path: str | Path, names: Sequence[str]) -> Cells:
+    """Read the cells of a CSV file with the columns `names`."""
     path = Path(path)
-    header, rows, lines = _csv(path, _bytes(path))
+    cells = _csv(path, _bytes(path))
     for name in names:
-        if name not in header:
-            raise InputError(
-                f"{path}: {choose('column', name, header).replace('unknown', 'no', 1)}"
-            )
-    return {name: [row[k] for row in rows] for k, name in enumerate(header)}, lines
-
-
-def numbers(column: Sequence[str], name: str, lines: Array, path: str | Path) -> Array:
-    """Return a column of :func:`texts` as floats; NaN where a cell is empty."""
-    return _numbers(column, name, lines, "line", str(path))
+        if name not in cells.columns:
+            unknown = choose("column", name, cells.columns)
+            raise InputError(f"{path}: {unknown.replace('unknown', 'no', 1)}")
+    return cells
 
 
 def _bytes(path: Path) -> bytes:
@@ -166,15 +139,9 @@ def _bytes(path: Path) -> bytes:
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
+    pyarrow = limits.pyarrow_for(path)
     try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(
-            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
-        ) from None
-    try:
-        table = limits.parquet(path, pyarrow.BufferReader(data))
+        table = limits.parquet(path, pyarrow, pyarrow.BufferReader(data))
         names = table.column_names
     except InputError:
         raise
@@ -198,109 +165,147 @@ def _no_twins(path: Path | str, names: list[str]) -> None:
         raise InputError(f"{path}: column '{one_line(twice[0], 60)}' is there twice")
 
 
-def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
+def _csv(path: Path, data: bytes) -> Cells:
     limits.require_text(path, data)
-    header: list[str] = []
-    rows, lines = [], []
     try:
         text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
     except UnicodeDecodeError:
         raise InputError(f"{path}: neither Parquet nor text (UTF-8)") from None
-    first = next((line for line in text if line.strip() and not line.startswith("#")), "")
+    numbered = [
+        (number, line)
+        for number, line in enumerate(text, 1)
+        if line.strip() and not line.startswith("#")
+    ]
+    first = numbered[0][1] if numbered else ""
     delimiter = max(",;\t", key=first.count)
-    for number, line in enumerate(text, 1):
-        if not line.strip() or line.startswith("#"):
-            continue
+    rows: list[list[str]] = []
+    for number, line in numbered:
         try:
             row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
         except csv.Error as error:
             raise InputError(f"{path}: line {number}: {error}") from None
-        if not header:
-            header = row
-            continue
-        if len(row) != len(header):
-            raise InputError(f"{path}: line {number}: {len(row)} cells, must be {len(header)}")
+        if rows and len(row) != len(rows[0]):
+            raise InputError(f"{path}: line {number}: {len(row)} cells, must be {len(rows[0])}")
         rows.append(row)
-        lines.append(number)
-    if not rows:
+    if len(rows) < 2:
         raise InputError(f"{path}: no line of readings")
+    header, *rows = rows
     _no_twins(path, header)
-    return header, rows, np.array(lines)
-
-
-def _pick(
-    robot: Robot,
-    columns: list[str],
-    table: Any,
-    lines: Array,
-    word: str,
-    where: str,
-    worth: Mapping[str, str] | None = None,
-) -> Log:
-    if wrong := next((name for name in columns if controls(name)), None):
-        raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
-    names = robot.readings
-    outside = [f"measured_{name}" for name, _ in robot.coordinates]
-    own = {name: name if name in columns else raw.column_of(name, columns) for name in names}
-    missing = [name for name, column in own.items() if column is None]
-    if missing:
-        raise InputError(f"{where}: {_missing(robot, missing, columns)}")
-    for name in columns:
-        if name.startswith("measured_") and name.removesuffix("_sigma") not in outside:
-            raise InputError(f"{where}: {choose('column', name, outside)}")
-    if len(lines) == 0:
-        raise InputError(f"{where}: no line of readings")
-    one = {
-        column: 1.0 if column == name else raw.one(robot, name, column, worth or {}, where)
-        for name, column in own.items()
-        if column is not None
-    }
-    readings = np.column_stack(
-        [factor * _numbers(table[n], n, lines, word, where) for n, factor in one.items()]
+    lines = np.array([number for number, _ in numbered[1:]])
+    return Cells(
+        dict(zip(header, map(list, zip(*rows, strict=True)), strict=True)), lines, "line", str(path)
     )
 
-    def block(wanted: list[str]) -> Array | None:
-        nothing = [np.nan] * len(lines)
-        if not any(name in columns for name in wanted):
-            return None
-        cells = [table[n] if n in columns else nothing for n in wanted]
-        numbers = [_numbers(c, n, lines, word, where) for c, n in zip(cells, wanted, strict=True)]
-        return np.column_stack(numbers) if np.isfinite(numbers).any() else None
 
-    sigmas = [f"{name}_sigma" for name in outside]
-    # Loads have no effect on stiff rods.
-    forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
-    tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
-    free = [name for name in columns if name not in one]
-    standing = [POSTURE] if robot.spec.mobility == "rotational" else []
-    labels = {
-        name: _labels(table[name], name, lines, word, where)
-        for name in (*PLANES, POINT, *standing)
-        if name in free
-    }
-    above = {
-        name: np.nan_to_num(_numbers(table[column], column, lines, word, where))
-        for name in PLANES
-        if (column := f"{name}_above") in free and name in free
-    }
-    used = (*outside, *sigmas, *forces, *tensions, *labels, *(f"{name}_above" for name in above))
-    unused = tuple(name for name in free if name not in used)
-    measured, sigma = block(outside), block(sigmas)
-    if POSTURE in labels:
-        measured, sigma = flat(robot, labels[POSTURE], measured, sigma)
-    pulls = {"force": block(forces), "tension": block(tensions)}
-    loads = Payloads(**pulls) if any(values is not None for values in pulls.values()) else None
-    return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
+def _numbered(columns: dict[str, Any], where: str) -> Cells:
+    count = len(next(iter(columns.values()), ()))
+    return Cells(columns, np.arange(1, count + 1), "row", where)
 
 
-def _labels(column: Any, name: str, lines: Array, word: str, where: str) -> Array:
-    cells = [str(cell).strip() if cell is not None else "" for cell in column]
-    cells = ["" if cell.lower() in _EMPTY else cell for cell in cells]
-    for number, cell in zip(lines, cells, strict=False):
-        if controls(cell):
-            shown = f"{name} = '{one_line(cell, 60)}'"
-            raise InputError(f"{where}: {word} {number}: {shown}: control characters in a name")
-    return np.array(cells, dtype=object)
+class Cells(NamedTuple):
+    """Columns of a table; the rest is for messages."""
+
+    columns: dict[str, Any]
+    lines: Array  #: (N,) numbers of the rows
+    word: str  #: word for a row
+    where: str
+
+    def numbers(self, name: str, empty: bool = True) -> Array:
+        """Return a column as floats; NaN where a cell is empty, if any may be."""
+        must, column = "number or empty" if empty else "number", self.columns[name]
+        check_real(column, f"{self.where}: column {name}")
+        try:
+            values = np.asarray(column, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError, NotImplementedError):
+            rows = zip(column, self.lines, strict=False)
+            values = np.array([self._number(cell, n, name, must) for cell, n in rows])
+        if values.shape != self.lines.shape:
+            shape = f"shape {values.shape}, must be {self.lines.shape}"
+            raise InputError(f"{self.where}: column {name}: {shape}")
+        for k in np.flatnonzero(np.abs(values) > _MOST):
+            self._refuse(k, name, f"{values[k]:g}: must be a finite {must}")
+        for k in np.flatnonzero(np.isnan(values) & (not empty)):
+            self._refuse(k, name, f"'{one_line(column[k], 60)}': must be a {must}")
+        return values
+
+    def _number(self, cell: Any, line: int, name: str, must: str) -> float:
+        if cell is None or str(cell).strip().lower() in _EMPTY:
+            return np.nan
+        try:
+            return float(cell)
+        except (TypeError, ValueError, OverflowError):
+            shown = one_line(cell, 60)
+            hint = "; decimals need a point" if re.fullmatch(r"[-+]?\d*,\d+", shown) else ""
+            at = f"{self.where}: {self.word} {line}: {name}"
+            raise InputError(f"{at} = '{shown}': must be a {must}{hint}") from None
+
+    def _refuse(self, row: Any, name: str, why: str) -> NoReturn:
+        raise InputError(f"{self.where}: {self.word} {self.lines[row]}: {name} = {why}")
+
+    def labels(self, name: str) -> Array:
+        """Return a column of names; "" where a cell is empty."""
+        cells = [str(cell).strip() if cell is not None else "" for cell in self.columns[name]]
+        cells = ["" if cell.lower() in _EMPTY else cell for cell in cells]
+        for k, cell in enumerate(cells):
+            if controls(cell):
+                self._refuse(k, name, f"'{one_line(cell, 60)}': control characters in a name")
+        return np.array(cells, dtype=object)
+
+    def block(self, names: Sequence[str]) -> Array | None:
+        """Return columns as (N, k) floats, NaN where missing or empty; None without any number."""
+        nothing = np.full(len(self.lines), np.nan)
+        found = [self.numbers(name) if name in self.columns else nothing for name in names]
+        return np.column_stack(found) if np.isfinite(found).any() else None
+
+    def log(self, robot: Robot, worth: Mapping[str, str] | None = None) -> Log:
+        """Pick a robot's readings; `worth` has the values of raw units."""
+        columns, where = self.columns, self.where
+        if wrong := next((name for name in columns if controls(name)), None):
+            shown = one_line(wrong, 60)
+            raise InputError(f"{where}: column '{shown}': control characters in its name")
+        outside = [f"measured_{name}" for name, _ in robot.coordinates]
+        own = {n: n if n in columns else raw.column_of(n, columns) for n in robot.readings}
+        if missing := [name for name, column in own.items() if column is None]:
+            raise InputError(f"{where}: {_missing(robot, missing, list(columns))}")
+        for name in columns:
+            if name.startswith("measured_") and name.removesuffix("_sigma") not in outside:
+                raise InputError(f"{where}: {choose('column', name, outside)}")
+        if len(self.lines) == 0:
+            raise InputError(f"{where}: no line of readings")
+        one = {
+            column: 1.0 if column == name else raw.one(robot, name, column, worth or {}, where)
+            for name, column in own.items()
+            if column is not None
+        }
+        readings = np.column_stack([factor * self.numbers(n) for n, factor in one.items()])
+        sigmas = [f"{name}_sigma" for name in outside]
+        # Loads have no effect on stiff rods.
+        forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
+        tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
+        standing = [POSTURE] if robot.spec.mobility == "rotational" else []
+        free = [name for name in columns if name not in one]
+        labels = {name: self.labels(name) for name in (*PLANES, POINT, *standing) if name in free}
+        above = {
+            name: np.nan_to_num(self.numbers(f"{name}_above"))
+            for name in labels
+            if name in PLANES and f"{name}_above" in free
+        }
+        used = (
+            *outside,
+            *sigmas,
+            *forces,
+            *tensions,
+            *labels,
+            *(f"{name}_above" for name in above),
+        )
+        unused = tuple(name for name in free if name not in used)
+        measured, sigma = self.block(outside), self.block(sigmas)
+        if POSTURE in labels:
+            measured, sigma = flat(robot, labels[POSTURE], measured, sigma)
+        pulls = {"force": self.block(forces), "tension": self.block(tensions)}
+        loads = Payloads(**pulls) if any(v is not None for v in pulls.values()) else None
+        lines, word, names = self.lines, self.word, robot.readings
+        return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
@@ -313,45 +318,6 @@ def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
     return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"
 
 
-def _numbers(
-    column: Any, name: str, lines: Array, word: str, where: str, empty: bool = True
-) -> Array:
-    """Return a column as floats; NaN where a cell is empty, if any may be."""
-    must = "number or empty" if empty else "number"
-    check_real(column, f"{where}: column {name}")
-    try:
-        values = np.asarray(column, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError, NotImplementedError):
-        values = np.array(
-            [
-                _number(cell, f"{where}: {word} {n}: {name}", must)
-                for cell, n in zip(column, lines, strict=False)
-            ]
-        )
-    if values.shape != (len(lines),):
-        raise InputError(f"{where}: column {name}: shape {values.shape}, must be ({len(lines)},)")
-    if len(wrong := np.flatnonzero(np.abs(values) > _MOST)):
-        at = f"{word} {lines[wrong[0]]}: {name} = {values[wrong[0]]:g}"
-        raise InputError(f"{where}: {at}: must be a finite {must}")
-    if not empty and np.isnan(values).any():
-        k = np.flatnonzero(np.isnan(values))[0]
-        raise InputError(
-            f"{where}: {word} {lines[k]}: {name} = '{one_line(column[k], 60)}': must be a {must}"
-        )
-    return values
-
-
-def _number(cell: Any, what: str, must: str) -> float:
-    if cell is None or str(cell).strip().lower() in _EMPTY:
-        return np.nan
-    try:
-        return float(cell)
-    except (TypeError, ValueError, OverflowError):
-        shown = one_line(cell, 60)
-        hint = "; decimals need a point" if re.fullmatch(r"[-+]?\d*,\d+", shown) else ""
-        raise InputError(f"{what} = '{shown}': must be a {must}{hint}") from None
-
-
 #: Column with names of postures: a rotational platform (a foot) was flat.
 POSTURE = "posture"
 #: Assumed σ of a posture, rad: a flat sole on a flat floor, 0.05°.
@@ -362,16 +328,11 @@ _NONE = ("", "0", "no", "false")
 def flat(
     robot: Robot, names: Array, measured: Array | None, sigma: Array | None
 ) -> tuple[Array, Array]:
-    """Fill in the measurements of postures: 0 for every axis that tilts, and its σ.
-
-    Only NaN of `measured` and `sigma`, (N, n) or None, are replaced. The rows of one posture are of
-    one pose, which counts once: in the first of them.
-    """
+    """Fill in missing measurements, (N, n), in each posture's first row: 0 for tilts, and σ."""
     first = np.zeros(len(names), dtype=bool)
     first[np.unique(names.astype(str), return_index=True)[1]] = True
     nothing = np.full((len(names), robot.n), np.nan)
-    measured = nothing if measured is None else measured
-    sigma = nothing if sigma is None else sigma
+    measured, sigma = (nothing if of is None else of for of in (measured, sigma))
     here = (first & stood(names))[:, None] & tilts(robot) & np.isnan(measured)
     return np.where(here, 0.0, measured), np.where(here & np.isnan(sigma), FLAT, sigma)
 

@@ -15,6 +15,7 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
 from truepose.files import Output, mark, replace_file
 from truepose.files import check as checked
+from truepose.logs.limits import pyarrow_for
 from truepose.plugins import plugins
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -75,9 +76,8 @@ def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
     result = run.columns(robot)
     names = [column.name for column in result]
     if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(
-            f"sensor {twice}: a run's log has a column of this name: rename the sensor"
-        )
+        said = "a run's log has a column of this name: rename the sensor"
+        raise InputError(f"sensor {twice}: {said}")
     return result
 
 
@@ -132,13 +132,7 @@ def encoded(path: Path, listed: list[Column]) -> bytes:
 
 
 def _parquet(path: Path, listed: list[Column]) -> bytes:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        raise InputError(
-            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
-        ) from None
+    pyarrow = pyarrow_for(path)
     fields = [
         pyarrow.field(c.name, pyarrow.float64(), metadata={"unit": c.unit, "description": c.what})
         for c in listed
@@ -147,15 +141,14 @@ def _parquet(path: Path, listed: list[Column]) -> bytes:
         [c.values for c in listed], schema=pyarrow.schema(fields, {"truepose": mark("log")})
     )
     buffer = io.BytesIO()
-    parquet.write_table(table, buffer)
+    pyarrow.parquet.write_table(table, buffer)
     return buffer.getvalue()
 
 
 def _csv(path: Path, listed: list[Column]) -> bytes:
     buffer = io.StringIO()
-    buffer.write(f"# {mark('log')}\n")
-    for c in listed:
-        buffer.write(f"# {c.name}: {c.what}, {c.unit}\n")
+    about = [mark("log"), *(f"{c.name}: {c.what}, {c.unit}" for c in listed)]
+    buffer.writelines(f"# {line}\n" for line in about)
     rows = csv.writer(buffer, lineterminator="\n")
     rows.writerow([c.name for c in listed])
     cells = np.column_stack([c.values for c in listed]).tolist()
