@@ -181,10 +181,8 @@ class FaultMonitor:
             raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
         positive("period", period)
         guarding = self.guarding(robot, Controller(law="joint", period=period))
-        result = _core.FaultMonitorRun(guarding).review(
-            np.ascontiguousarray(asked), np.ascontiguousarray(rows)
-        )
-        return Review(robot, *result)
+        log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
+        return Review(robot, *_core.review(guarding, *log))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -337,17 +337,15 @@ def simulate(
     if law is None and callable(drive.controller.law):
         law = Torques(drive.controller, robot, drive.origin[: robot.n])
     own = None if law is None else _torque_of(law, robot)
+    loop = _core.Loop(*drive.core)
     if setpoints is None:
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
         require_feasible_move(robot, origin, end, duration, drive.controller.period)
         asked = (drive.origin, target, duration, hold)
-        status, chain, *log = _core.simulate(  # type: ignore[call-arg]
-            *drive.core, *asked, drive.steps, drive.at_rest, drive.seed, own
-        )
+        status, chain, *log = loop.simulate(*asked, drive.steps, drive.at_rest, drive.seed, own)
     else:
         rest = np.zeros((round(hold / controller.period), robot.n))
-        status, chain, *log = _core.follow(  # type: ignore[call-arg]
-            *drive.core,
+        status, chain, *log = loop.follow(
             np.concatenate([setpoints.x, rest + setpoints.x[-1]]),
             np.concatenate([setpoints.rate, rest]),
             np.concatenate([setpoints.acceleration, rest]),

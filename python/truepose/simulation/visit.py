@@ -79,8 +79,8 @@ def visit(
         faults=faults,
         watch=watch,
     )
-    x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
-        *drive.core, rows, duration, hold, drive.steps, drive.at_rest, drive.seed
+    x, q_e, swing, held, status, cycles, reason = _core.Loop(*drive.core).visit(
+        rows, duration, hold, drive.steps, drive.at_rest, drive.seed
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)
