@@ -3,6 +3,7 @@
 
 #include "truepose/math/eliminate.hpp"
 #include "truepose/offline/kernel_table.hpp"
+#include "truepose/offline/loss.hpp"
 #include "truepose/offline/registration.hpp"
 
 namespace truepose {
@@ -42,6 +43,10 @@ struct Line {
   /// Within σ of the best pose chi2() is exact enough; misfit() would add the pose's lag behind ξ,
   /// which hides the gain of a step where σ is small and steps are not.
   double d2() const { return away() < 1 ? chi2() : misfit(); }
+  double cost(const LineLoss& loss) const { return certain ? d2() : loss.cost(d2(), redundancy()); }
+  double weight(const LineLoss& loss) const {
+    return certain ? 1 : loss.factor(d2(), redundancy());
+  }
 };
 
 /// Registration of a tracker that measures x in the base frame.

@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "truepose/offline/line.hpp"
-#include "truepose/offline/loss.hpp"
 
 namespace truepose {
 
@@ -121,17 +120,15 @@ struct LinkBlock {
   }
   /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
   /// because a loss is a concave function of ε².
-  void weigh(const LineLoss& loss, double scale) {
-    const double s2 = scale * scale, counts = loss.scale(1);
-    weigh(Eigen::VectorXd::Constant(size(), counts * loss.weight(0, 1)));
+  void weigh(const LineLoss& loss) {
+    weigh(Eigen::VectorXd::Constant(size(), loss.factor(0, 1)));
     for (int round = 0; round < 100; ++round) {
       const Eigen::VectorXd z = C.solve(y), own = z.cwiseQuotient(weight);  // ε
       cost = z.dot(y - own);
       Eigen::VectorXd next(size());
       for (int k = 0; k < size(); ++k) {
-        const double d2 = own[k] * own[k] / s2;
-        cost += s2 * counts * loss.rho(d2, 1);
-        next[k] = std::max(counts * loss.weight(d2, 1), kNothing);
+        cost += loss.cost(own[k] * own[k], 1);
+        next[k] = std::max(loss.factor(own[k] * own[k], 1), kNothing);
       }
       if ((next - weight).cwiseAbs().maxCoeff() < 1e-9) break;
       weigh(next);
@@ -226,6 +223,35 @@ inline void pull(const Links& links, const LinkBlock& block, const Eigen::Vector
     const Link& link = links.link[block.link[k]];
     for (int a = 0; a < link.ends(); ++a)
       for (int i = 0; i < n; ++i) nu[link.line[a]][i] += z[k] * block.G(a * m + k, i);
+  }
+}
+
+/// Result for one measured difference, in its own unit. NaN: of an excluded row.
+struct LinkResult {
+  double residual = NAN;  ///< measured minus expected, with all data
+  double left_out = NAN;  ///< the same without this one's own data, to first order
+  double sigma = NAN;     ///< of left_out
+  double weight = 0;      ///< 1, or less where it is an outlier
+};
+
+/// Cross-validates each link against all other data. With V the covariance of all their y,
+/// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury), û and Σ of all data.
+/// Entry k over P_kk is the residual of link k without itself, σ² = 1/P_kk.
+/// @param root  of the information on u, Σ⁻¹
+inline void cross_validate(const Links& links, const LinkBlock& block, const Eigen::MatrixXd& root,
+                           std::vector<LinkResult>& result) {
+  const int m = block.size();
+  const Eigen::MatrixXd inverse = block.C.solve(Eigen::MatrixXd::Identity(m, m));
+  const Eigen::MatrixXd half =
+      root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(block.B.transpose() * inverse));
+  const Eigen::VectorXd z = inverse * block.y;
+  for (int k = 0; k < m; ++k) {
+    LinkResult& of = result[block.link[k]];
+    const double sigma = links.link[block.link[k]].sigma;
+    const double P = inverse(k, k) - half.col(k).squaredNorm();
+    of.residual = sigma * block.e[k];
+    of.left_out = sigma * z[k] / P;
+    of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
   }
 }
 
