@@ -51,7 +51,6 @@ class LoopExtras {
  public:
   explicit LoopExtras(const Setup& of)
       : weights_(of.nominal, of.known),
-        online_(of.online),
         lying_(of.faults, of.settings.period),
         watching_(of.guarding ? of.guarding->robot : of.nominal,
                   of.guarding ? &of.guarding->known : nullptr) {
@@ -66,29 +65,23 @@ class LoopExtras {
       guarding_.finest = &of.guarding->robot;
       extras.guarding = &guarding_;
     }
-    if (online_ == nullptr) return;
-    learner_ = online_->learner(of.nominal);
-    knowledge_ = learner_.knowledge();
+    if (of.online == nullptr) return;
+    OnlineCalibrator& learner = lesson_.emplace(*of.online, of.nominal).learner;
+    knowledge_ = learner.knowledge();
     work_.resize(estimate_work(of.nominal, knowledge_.count));
     extras.weighing = extras.watching = {&knowledge_, work_.data()};
-    extras.learner = &learner_;
-    guarding_.finest = &learner_.robot;
+    extras.learner = &learner;
+    guarding_.finest = &learner.robot;
   }
-  ~LoopExtras() {
-    if (online_) online_->take(learner_);
-  }
-  LoopExtras(const LoopExtras&) = delete;
-  LoopExtras& operator=(const LoopExtras&) = delete;
 
   Extras extras;
 
  private:
-  Weights weights_;
-  Online* online_;
+  Weights weights_;  // not to be copied: pointed to
   FaultyReadings lying_;
   Weights watching_;
   FaultTolerantSettings guarding_;
-  OnlineCalibrator learner_;
+  std::optional<Lesson> lesson_;
   Knowledge knowledge_;
   std::vector<double> work_;
 };

@@ -21,18 +21,14 @@ struct Line {
 
   int redundancy() const { return std::max(rows - n, 0); }
   double chi2() const {
-    double sum = 0;
-    for (int i = n; i < rows; ++i) sum += e[i] * e[i];
-    return sum;
+    return sum_of(redundancy(), [&](int i) { return e[n + i] * e[n + i]; });
   }
   /// Squared residual at its pose; chi2() is that of the best pose, to first order.
   double misfit() const {
-    double sum = 0;
-    for (int i = 0; i < rows; ++i) {
+    return sum_of(rows, [&](int i) {
       const double off = i < n ? e[i] + pull[i] : e[i];
-      sum += off * off;
-    }
-    return sum;
+      return off * off;
+    });
   }
   /// Distance of its pose from the best pose, in units of its σ.
   double away() const {
