@@ -261,7 +261,7 @@ class Calibrator {
       const Eigen::VectorXd step = information.selfadjointView<Eigen::Lower>().llt().solve(right);
       if (!step.allFinite()) return {Status::not_finite, -1};
       Iterate trial{now.u + step, now.pose, no_pull()};
-      for (const LinkBlock& block : now.block) pull(log_.links, block, step, trial.pull);
+      for (const LinkBlock& block : now.block) pull(block, step, trial.pull);
       double moved_by = 0;
       for (int k = 0; k < log_.count; ++k)
         moved_by =
