@@ -139,6 +139,13 @@ inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose
   }
 }
 
+/// The middle one of values, the upper one of two.
+inline double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// The nearest rotation to a matrix: R of the largest tr(RᵀA), det R = 1.
 inline Mat3 nearest_rotation(const Mat3& A) {
   const Eigen::JacobiSVD<Mat3> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -208,11 +215,9 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
     apart.clear();
     for (const Pair& p : pairs)
       apart.push_back((p.to - result.base.t - result.base.R * p.from).squaredNorm());
-    std::vector<double> sorted = apart;
-    const auto middle = sorted.begin() + static_cast<long>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
+    const double middle = median(apart);
     for (std::size_t k = 0; k < pairs.size(); ++k)
-      pairs[k].weight = *middle > 0 ? 1 / (1 + apart[k] / *middle) : 1;
+      pairs[k].weight = middle > 0 ? 1 / (1 + apart[k] / middle) : 1;
     if (!movable) continue;
     // R_k - mean R determines c. The prior 1e-3, a turn of 2°, is for an arm that hardly turns.
     Mat3 N = 1e-3 * total * Mat3::Identity();

@@ -99,7 +99,9 @@ class Loop {
       const bool watched = extras_.guarding && !extras_.law;
       if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
       Extended present = q_e;
-      const Weighing weighing = slow && !watched ? brought_up(present) : extras_.weighing;
+      const Weighing weighing =
+          slow && !watched ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
+                           : extras_.weighing;
       bool gave_up =  // a row that fits no pose is skipped
           learner && !watched && calibrate_online<K>(*learner, present).status == Status::stopped;
       const Robot& believed = learner ? learner->robot : nominal_;
@@ -145,17 +147,6 @@ class Loop {
   }
 
  private:
-  /// Latency-compensated readings without a fault monitor. @return their weighting
-  Weighing brought_up(Extended& present) {
-    const Weighing& weighing = extras_.weighing;
-    if (!compensate_latency<K>(nominal_, late_, present)) return weighing;
-    low_pass(nominal_, late_, present);
-    if (!weighing) return weighing;
-    known_ = *weighing.known;
-    weigh(nominal_, late_, known_);
-    return {&known_, weighing.work, weighing.kept};
-  }
-
   /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled
   /// back, which changes the calibrated robot.
   bool learn_watched(OnlineCalibrator& learner, const Extended& q_e) {

@@ -324,20 +324,18 @@ def simulate(
     if law is None and callable(controller.law):
         law = Torques(controller, robot, drive.origin[: robot.n])
     own = None if law is None else _torque_of(law, robot)
+    loop = _core.Loop(*drive.first)
     if setpoints is None:
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
         move = Line(start=origin, end=end, duration=duration)
         require_feasible_move(robot, move, controller.period)
-        status, chain, *log = _core.simulate(  # type: ignore[call-arg]
-            *drive.first, drive.origin, target, duration, hold, *drive.last, own
-        )
+        asked = (drive.origin, target, duration, hold)
+        status, chain, *log = loop.simulate(*asked, *drive.last, own)
     else:
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         rows = (np.concatenate(pair) for pair in zip(setpoints, held, strict=True))
-        status, chain, *log = _core.follow(  # type: ignore[call-arg]
-            *drive.first, *rows, *drive.last, own
-        )
+        status, chain, *log = loop.follow(*rows, *drive.last, own)
     ended = ""
     if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""

@@ -65,8 +65,8 @@ def visit(
         Settings(**settings),
     )
     drive = begin(robot, truth, controller, ("home", robot.home), run)
-    x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
-        *drive.first, rows, run.duration, run.hold, *drive.last
+    x, q_e, swing, held, status, cycles, reason = _core.Loop(*drive.first).visit(
+        rows, run.duration, run.hold, *drive.last
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)
