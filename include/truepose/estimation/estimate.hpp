@@ -217,14 +217,17 @@ struct Search {
   static constexpr int n = kDof<K>;
   const Robot& robot;
   const Knowledge& known;
-  Pose at, base{};  ///< present pose; the last one that lowered the cost
-  int rows = n + robot.r;
-  Extended expected{}, residual{};
-  Matrix<kMaxReadings, n> H_x{};
+  const int rows;
+  Pose at, base;  ///< present pose; the last one that lowered the cost
+  Extended expected, residual{};
+  Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
   Coordinates step{};  ///< from the base
   Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
+
+  Search(const Robot& of, const Knowledge& about, const Pose& start)
+      : robot(of), known(about), rows(n + of.r), at(start) {}
 
   /// χ² of a difference of readings.
   Real chi2(Extended difference) const {
@@ -299,7 +302,7 @@ struct Search {
 template <Mobility K, class Level>
 Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
                           Pose& pose, Real* work, Parasitic& rest, int cap) {
-  estimate_detail::Search<K> search{robot, known, pose};
+  estimate_detail::Search<K> search(robot, known, pose);
   Real *H_xi = work, *B = work ? work + search.rows * parameter_count(robot) : nullptr;
   const auto linearised = [&](Real* by_geometry) {
     return Level::template linearise<K>(robot, search.at, search.expected, search.H_x, by_geometry,

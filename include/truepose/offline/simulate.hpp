@@ -120,21 +120,7 @@ class Loop {
       }
       control_.started = control_.started || outcome;
       if (!outcome && !extras_.faults) return outcome;
-      Sample sample{time,
-                    setpoint.x,
-                    to_coordinates<K>(plant_.pose()),
-                    q_e,
-                    control_.error,
-                    control_.torque,
-                    outcome.status,
-                    gave_up};
-      for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
-        sample.health[c] = guard_.watch.reading[c].health;
-        sample.symptom[c] = guard_.watch.reading[c].symptom;
-      }
-      sample.stops = guard_.stops;
-      sample.brakes = guard_.brakes;
-      write(sample);
+      write(sampled(time, setpoint, q_e, outcome.status, gave_up));
       if (k == periods) break;
       if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
       clock_.advance(settings_.period, guard_.stop);
@@ -147,6 +133,19 @@ class Loop {
   }
 
  private:
+  Sample sampled(double time, const Setpoint& setpoint, const Extended& q_e, Status status,
+                 bool gave_up) const {
+    Sample sample{time,   setpoint.x,     to_coordinates<K>(plant_.pose()),
+                  q_e,    control_.error, control_.torque,
+                  status, gave_up,        {},
+                  {},     guard_.stops,   guard_.brakes};
+    for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
+      sample.health[c] = guard_.watch.reading[c].health;
+      sample.symptom[c] = guard_.watch.reading[c].symptom;
+    }
+    return sample;
+  }
+
   /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled
   /// back, which changes the calibrated robot.
   bool learn_watched(OnlineCalibrator& learner, const Extended& q_e) {
