@@ -134,22 +134,20 @@ def warm_up(results: list[WarmUp]) -> Figure:
     return _with_legend(figure, 4)
 
 
-#: Control of the cases of :mod:`truepose.paper.following` in the figure.
-_FOLLOWED = {(law, c == "self-calibrated"): c for c, law in experiment.CONTROLS.items()}
 MAGNIFIED = 3  #: scale of the deviations in a plan view
 
 
 def following(lines: list[paths.Line]) -> Figure:
     """Plot each path at half speed with magnified deviations, and their size along it."""
     shown = [
-        line for line in lines if line.speed == 0.5 and (line.law, line.calibrated) in _FOLLOWED
+        line for line in lines if line.speed == 0.5 and (line.law, line.calibrated) in paths.SOME
     ]
     names = list(dict.fromkeys(line.path for line in shown))
     figure = Figure(figsize=(8.4, 3.6 * len(names)), layout="constrained")
     grid = figure.subplots(len(names), 2, squeeze=False, width_ratios=(1, 1.35))
     for (plan, along), name in zip(grid, names, strict=True):
         for line in (line for line in shown if line.path == name):
-            control, first = _FOLLOWED[line.law, line.calibrated], line.each[0]
+            control, first = paths.SOME[line.law, line.calibrated], line.each[0]
             label, colour = LABELS[control], COLOURS[control]
             asked, off = 1e3 * first.asked[:, :3], 1e3 * first.deviation[..., :3]
             mean = asked + MAGNIFIED * off.mean(axis=0)

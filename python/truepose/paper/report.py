@@ -17,7 +17,7 @@ from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
-from truepose.paper.experiment import CONTROLS, Control
+from truepose.paper.experiment import CONTROLS
 from truepose.paper.reproduce import Reproduction
 from truepose.show import page
 from truepose.show.plotted import plotted
@@ -26,7 +26,6 @@ from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 11  #: figures of every report; one more with the warm-up
 PAGE = "report.html"
-LEARNT: Control = "self-calibrated"
 #: File endings in the folder.
 _ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
 
@@ -86,25 +85,27 @@ def write(
     _raw_numbers(result, out)
     if result.section:
         _logs(result.section, out)
+    found, section = result.experiment, result.section
+    norms = np.sqrt(found.ratio("norm_xyz", "sum_sq"))
     text = page.render(
         "report.html.j2",
         images=images,
         tables={table.name: table for table in numbers},
         robot=result.robot,
-        robots=len(result.experiment.truths),
+        robots=len(found.truths),
         seed=result.seed,
         reasons=tables.REASONS,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
-        ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
-        displaced=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
+        ratio=float(np.median(found.ratio("theta", "sum_sq"))),
+        displaced=float(np.median(experiment.moved_by_tej(found, MOVE_TO))),
         squares={
             "printed": article.table3()["usual"]["theta", "sum_sq"],
-            "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
+            "drawn": float(np.median(found.tables["joint"][:, 3, 2])),
         },
-        norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
-        norms=np.percentile(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")), [5, 95]),
+        norm=float(np.median(norms)),
+        norms=np.percentile(norms, [5, 95]),
         promised=sensor_sets.promised(result.robot, result.sensing[0], result.seed),
-        left=experiment.theta_law(result.robot, result.experiment.poses),
+        left=experiment.theta_law(result.robot, found.poses),
         errors=article.simulation_errors(),
         machined=sensor_sets.MACHINED,
         real=len(result.sensing[0].each["joint"]),
@@ -114,10 +115,10 @@ def write(
         several=len(result.following[0].each),
         moved=len(result.faults[0].alone["joint"]),
         thermal=Effects(),
-        judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
-        learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
-        section=result.section,
-        setup=describe(result.section.twin) if result.section else None,
+        judged=len(found.poses[:: sensor_sets.EVERY]),
+        learnt=float(np.median(np.sqrt(found.ratio("norm_xyz", "sum_sq", "self-calibrated")))),
+        section=section,
+        setup=describe(section.twin) if section else None,
         csv=sorted(file.name for file in out.glob("*.csv")),
         versions=page.versions(),
     )

@@ -21,14 +21,9 @@ from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.units import PRINT
 from truepose.simulation.moves import MOVE_TO
 
-QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
-STATISTIC_NAMES = {
-    "average": "average",
-    "peak_to_peak": "peak-peak",
-    "sum_sq": "Σ squares",
-    "average_abs": "average abs",
-}
-
+#: Names for people of :data:`article.QUANTITIES` and :data:`article.STATISTICS`.
+QUANTITY_NAMES = ("x", "y", "z", "θ", "norm")
+STATISTIC_NAMES = ("average", "peak-peak", "Σ squares", "average abs")
 
 UNITS = "error (mm, °)"
 
@@ -51,7 +46,7 @@ def cells() -> Iterator[tuple[tuple[int, int], tuple[str, str], Cell]]:
         for s, statistic in enumerate(article.STATISTICS):
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
                 continue  # a norm is never negative; the paper leaves this entry blank
-            label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
+            label = f"{QUANTITY_NAMES[q]} {STATISTIC_NAMES[s]}"
             data = {"error": label, "unit": unit(quantity, statistic)}
             yield (q, s), (quantity, statistic), Cell(label, data)
 

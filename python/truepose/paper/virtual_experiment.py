@@ -98,24 +98,9 @@ def run(
     that the vision system measures; only that has access to the plant's true pose.
 
     `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
-    `poses` (P, 4) are desired, default Table 2's 625. `controls` are some of
-    :data:`truepose.paper.experiment.CONTROLS`; "self-calibrated" first visits the poses under joint
-    control and calibrates on these readings. `seed` is that of the vision system's noise and of the
-    calibration poses' offsets. `progress` is called after each pose, see :func:`total_steps`.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
-    >>> from truepose.paper import virtual_experiment
-    >>> from truepose.simulation.plants.exact import ExactPlant
-    >>> from truepose.paper.vision import Setup, Vision
-    >>> h4 = tp.load("h4")
-    >>> plant = ExactPlant(with_paper_errors(h4, seed=1))
-    >>> runs = virtual_experiment.run(plant, h4, Vision(Setup.facing(h4)))
-    >>> usual, redundant = (runs[control].table() for control in ("joint", "tej"))
-    >>> bool(redundant[3, 2] < usual[3, 2] / 20)  # θ's sum of squares
-    True
+    `poses` (P, 4) are desired, default Table 2's 625. "self-calibrated" first visits them under
+    joint control, with offsets, and calibrates on these readings. `seed` is that of the vision
+    system's noise and of the offsets. `progress` is called after each pose.
     """
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: mobility must be schoenflies (x, y, z and θ)")

@@ -19,6 +19,9 @@ _ITERATIONS = 30
 #: Of each camera: rotation vector, shifts along line and axis (a shift along the third direction is
 #: unobservable), logarithm of the focal length, centre of the line.
 _PARAMETERS = 7
+#: Dimensions and tolerances of a :class:`Setup` that are greater than 0.
+_POSITIVE = {"distance", "focal_length", "pixel", "pixels", "across", "artefact", "noise"}
+_POSITIVE |= {"placing", "aiming", "lens", "centring", "artefact_tolerance"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,12 +30,6 @@ class Setup:
 
     The paper names three linear CCD cameras and four LEDs only. These values give a pose noise of
     about 0.05 mm and 0.035° (1σ).
-
-    Examples
-    --------
-    >>> from truepose.paper.vision import Setup
-    >>> Setup(noise=0.1).pixels
-    2048
     """
 
     centre: tuple[float, float, float] = (0.0, 0.0, -0.4)  #: point that the cameras face, m
@@ -67,21 +64,17 @@ class Setup:
         for name, value in vars(self).items():
             if not np.isfinite(np.asarray(value, dtype=float)).all():
                 raise InputError(f"{name} = {value}: must be finite")
-        optics = ("distance", "focal_length", "pixel", "pixels", "across", "artefact")
-        errors = ("noise", "placing", "aiming", "lens", "centring", "artefact_tolerance")
-        for name in optics + errors:
-            if getattr(self, name) <= 0:
-                raise InputError(f"{name} = {getattr(self, name)}: must be greater than 0")
-        if self.led_tolerance < 0:
-            raise InputError(f"led_tolerance = {self.led_tolerance}: must be at least 0")
+            if name in _POSITIVE and value <= 0:
+                raise InputError(f"{name} = {value}: must be greater than 0")
+        for name, least in (("led_tolerance", 0), ("artefact_points", 2)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} = {getattr(self, name)}: must be at least {least}")
         if np.shape(self.leds)[1:] != (3,) or len(self.leds) < 3:
             raise InputError(f"leds: shape {np.shape(self.leds)}, must be (3 or more, 3)")
         if np.linalg.matrix_rank(np.array(self.leds) - np.mean(self.leds, axis=0), 1e-6) < 2:
             raise InputError("leds: all on one line; the pose cannot be measured")
         if len(self.registration) != 6:
             raise InputError(f"registration: {len(self.registration)} values, must be 6")
-        if self.artefact_points < 2:
-            raise InputError(f"artefact_points = {self.artefact_points}: must be at least 2")
 
     @classmethod
     def facing(cls, robot: Robot) -> Setup:
