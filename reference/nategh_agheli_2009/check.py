@@ -90,7 +90,7 @@ def rows() -> list[Row]:
             cost_of_viso(printed, changes), 5e5, "mm⁴"),
         Row("worst parameter error, 18 poses", 226.3089, eighteen[0], 1e-3, "mm", bound=227.0,
             explained="Viso's cost uses one orientation for all poses, that of the first desired "
-            "one; the real robot reaches Euler angles of 22°. The row above reproduces her cost so."),
+            "one; the real robot's Euler angles reach 22°. The row above reproduces that cost."),
         Row("parameters identified, 7 tilted poses", 42, fits[7][1], 0),
         Row("their worst error", 0, fits[7][0], 1e-3, "mm"),
         Row("parameters identified, 6 tilted poses", 36, fits[6][1], 0),
