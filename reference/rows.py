@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 class Row:
     """A printed figure and truepose's, with the verdict on their difference.
 
-    A difference beyond `tolerance` needs a reason in `explained`, and may not exceed `bound`.
+    A difference beyond `tolerance` needs evidence in `explained`, and may not exceed `bound`. It is
+    "open" if the evidence leaves the cause unknown.
     """
 
     quantity: str
@@ -24,14 +25,17 @@ class Row:
     unit: str = ""
     explained: str = ""
     bound: float = 0.0
+    cause_known: bool = True
 
     @property
     def verdict(self) -> str:
-        """``"reproduced"``, ``"explained"`` or ``"FAILED"``."""
+        """``"reproduced"``, ``"explained"``, ``"open"`` or ``"FAILED"``."""
         off = abs(self.computed - self.printed)
         if off <= self.tolerance:
             return "reproduced"
-        return "explained" if self.explained and off <= self.bound else "FAILED"
+        if not self.explained or not off <= self.bound:
+            return "FAILED"
+        return "explained" if self.cause_known else "open"
 
 
 def worst(quantity: str, printed: ArrayLike, computed: ArrayLike, *rest, **more) -> Row:

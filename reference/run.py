@@ -17,7 +17,7 @@ from rows import Row
 
 HERE = Path(__file__).parent
 #: Colours of the verdicts.
-STYLE = {"reproduced": "green", "explained": "yellow", "FAILED": "bold red"}
+STYLE = {"reproduced": "green", "explained": "cyan", "open": "yellow", "FAILED": "bold red"}
 
 
 def folders() -> list[str]:
@@ -44,7 +44,7 @@ def main(names: Sequence[str] = ()) -> int:
         for k, row in enumerate(check(name)):
             figures = (f"{v:.8g}" for v in (row.printed, row.computed, row.tolerance))
             verdict, mark = row.verdict, ""
-            if verdict == "explained":
+            if verdict in ("explained", "open"):
                 reasons.append(row.explained)
                 mark = f" [{len(reasons)}]"
             failed += verdict == "FAILED"
