@@ -42,7 +42,7 @@ def main(names: Sequence[str] = ()) -> int:
     failed, reasons = 0, []
     for name in names or folders():
         for k, row in enumerate(check(name)):
-            figures = (f"{v:.8g}" for v in (row.printed, row.computed, row.tolerance))
+            figures = (f"{v:.9g}" for v in (row.printed, row.computed, row.tolerance))
             verdict, mark = row.verdict, ""
             if verdict in ("explained", "open"):
                 reasons.append(row.explained)
