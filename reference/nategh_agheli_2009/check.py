@@ -84,8 +84,8 @@ def rows() -> list[Row]:
         worst("leg length variations", changes, nominal.ikm(want) / MM, 0.005, "mm"),
         worst("poses of the real robot", printed[:, :3], x[:, :3] / MM, 0.005, "mm"),
         worst("their Euler angles", printed[:, 3:], angles, 0.005, "°", bound=0.01,
-              explained="Viso's forward kinematics stops early: her own back-check of the 108 "
-              "legs is off by up to 0.02 mm, 0.01° at the platform's radius."),
+              explained="Viso's forward kinematics closes the legs to 0.02 mm only, as the printed "
+              "back-check of the 108 legs shows: 0.01° at the platform's radius."),
         Row("cost of Viso's fit, rotations left out", np.sqrt(59802249880772056),
             cost_of_viso(printed, changes), 5e5, "mm⁴"),
         Row("worst parameter error, 18 poses", 226.3089, eighteen[0], 1e-3, "mm", bound=227.0,
