@@ -56,16 +56,15 @@ format: $(VENV)/tools
 	ruff format .
 	clang-format -i $(CPP)
 
-# Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/fuzz/corpus. An input that
-# breaks a promise is left in build/fuzz: hand it to the target again to see it break.
+# Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/asan/corpus. An input that
+# breaks a promise is left in build/asan: hand it to the target again to see it break.
 SECONDS ?= 60
-FUZZ := kinematics full estimate control guarded
-fuzz: $(VENV)/tools
-	@if command -v clang++-22 >/dev/null; then \
-	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \
-	  cd build/fuzz && for target in $(FUZZ); do \
-	    mkdir -p corpus/$$target && tests/fuzz/fuzz_$$target -max_total_time=$(SECONDS) -max_len=2000 \
-	      -timeout=5 -print_final_stats=1 corpus/$$target || exit 1; \
+fuzz: build/asan/build.ninja
+	@if [ -n "$(COMPILER_asan)" ]; then \
+	  cmake --build --preset asan --target libfuzzers && \
+	  cd build/asan && for target in tests/fuzz/libfuzzer_*; do \
+	    mkdir -p corpus/$${target##*_} && $$target -max_total_time=$(SECONDS) -max_len=2000 \
+	      -timeout=5 -print_final_stats=1 corpus/$${target##*_} || exit 1; \
 	  done; \
 	else echo "fuzz: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
@@ -166,7 +165,7 @@ endif
 
 pictures: $(VENV)/tools
 	python tools/rooms.py
-	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.list_robots()]"
+	python -c "import truepose as tp; [tp.load(name).plot().savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.list_robots()]"
 	python docs/site/figures.py
 
 # The documentation as a site, in build/docs; the C++ reference where doxygen is installed.

@@ -41,7 +41,7 @@ def bears(robot: tp.Robot, controller: tp.Controller) -> str:
         gain = 20 * np.log10(min(least.more, least.less))
         cells.append(f"{gain:.1f} dB, {np.degrees(least.phase):.0f}°, {least.delay:.1f}")
     lengths, angles = _lengths(robot), ~_lengths(robot)
-    swing = [found.hunting[:, part].max(initial=0.0) for part in (lengths, angles)]
+    swing = [found.limit_cycle[:, part].max(initial=0.0) for part in (lengths, angles)]
     return " | ".join([*cells, f"{1e6 * swing[0]:.1f} µm, {np.degrees(swing[1]):.3f}°"])
 
 

@@ -5,22 +5,20 @@ string(REGEX MATCH "[0-9]+" abi "${abi}")
 
 add_library(truepose_c_objects OBJECT ${TRUEPOSE_C_SOURCES})
 if(NOT TRUEPOSE_MOBILITY)  # a small machine's library compiles what it calls, and nothing else
-  set(kernels src/kernels/paired.cpp src/kernels/plane_and_space.cpp src/kernels/rotational.cpp)
-  target_sources(truepose_c_objects PRIVATE ${kernels})
-  set_source_files_properties(${kernels} PROPERTIES COMPILE_OPTIONS "${TRUEPOSE_HOT}")
+  set(kernels $<TARGET_OBJECTS:truepose_kernels>)
   target_compile_options(truepose_c_objects PRIVATE
     "SHELL:-include ${PROJECT_SOURCE_DIR}/include/truepose/kernels.hpp")
 endif()
 target_link_libraries(truepose_c_objects PRIVATE truepose_core)
 target_compile_definitions(truepose_c_objects PRIVATE TRUEPOSE_BUILDS_SHARED NDEBUG)
 target_compile_options(truepose_c_objects PRIVATE ${TRUEPOSE_WARNINGS} ${TRUEPOSE_THIN}
-  -fno-exceptions -fno-rtti -fno-threadsafe-statics -ffunction-sections -fdata-sections)
+  ${TRUEPOSE_BARE})
 set_target_properties(truepose_c_objects PROPERTIES
   POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
 
 foreach(kind static shared)
   string(TOUPPER ${kind} KIND)
-  add_library(truepose_c_${kind} ${KIND} $<TARGET_OBJECTS:truepose_c_objects>)
+  add_library(truepose_c_${kind} ${KIND} $<TARGET_OBJECTS:truepose_c_objects> ${kernels})
   add_library(truepose::${kind} ALIAS truepose_c_${kind})
   target_include_directories(truepose_c_${kind} INTERFACE
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)

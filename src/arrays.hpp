@@ -5,9 +5,11 @@
 #include <nanobind/ndarray.h>
 
 #include <cstring>
-#include <initializer_list>
+#include <functional>
+#include <numeric>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "truepose/model/robot.hpp"
 #include "truepose/model/status.hpp"
@@ -22,19 +24,19 @@ using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cp
 /// (width,), the same.
 using Row = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
+/// Extents of an array; the first is the number of rows.
+using Shape = std::vector<std::size_t>;
+
 /// A new numpy array, uninitialised: its creator fills it. numpy requests huge pages, without which
 /// the first access to a large result takes longer than its computation.
 template <class T>
 class Owned {
  public:
-  explicit Owned(std::initializer_list<std::size_t> shape) {
+  explicit Owned(const Shape& shape)
+      : width(
+            std::accumulate(shape.begin() + 1, shape.end(), std::size_t{1}, std::multiplies<>())) {
     nb::list extents;
-    std::size_t size = 1;
-    for (const std::size_t extent : shape) {
-      size *= extent;
-      extents.append(extent);
-    }
-    row_ = *shape.begin() > 0 ? size / *shape.begin() : 0;
+    for (const std::size_t extent : shape) extents.append(extent);
     constexpr const char* dtype = std::is_same_v<T, bool>  ? "bool"
                                   : std::is_same_v<T, int> ? "intc"
                                                            : "double";
@@ -43,15 +45,30 @@ class Owned {
   }
 
   /// Start of row i, whatever the shape of a row.
-  T* operator[](std::size_t i) { return data_ + i * row_; }
+  T* operator[](std::size_t i) { return data_ + i * width; }
 
   nb::object release() { return std::move(array_); }
+
+  const std::size_t width;  ///< numbers in a row
 
  private:
   nb::object array_;
   T* data_ = nullptr;
-  std::size_t row_ = 0;
 };
+
+/// The same, filled with a vector's values.
+template <class T>
+nb::object owned(const std::vector<T>& values) {
+  Owned<T> array({values.size()});
+  std::copy(values.begin(), values.end(), array[0]);
+  return array.release();
+}
+
+/// A tuple of finished arrays.
+template <class... T>
+nb::tuple together(Owned<T>&... arrays) {
+  return nb::make_tuple(arrays.release()...);
+}
 
 /// Status and faulty chain of every row.
 struct Outcomes {
@@ -62,6 +79,12 @@ struct Outcomes {
   }
   Owned<int> status, chain;
 };
+
+/// The same of one answer, behind its values.
+template <class... T>
+nb::tuple answered(Outcome outcome, const T&... values) {
+  return nb::make_tuple(values..., static_cast<int>(outcome.status), outcome.chain);
+}
 
 /// Row i of an array as one of the core's fixed-capacity vectors.
 template <class Vector>

@@ -80,27 +80,49 @@ inline std::vector<double>& scratch(std::size_t size) {
   return work;
 }
 
-/// Writes the used part of a matrix of fixed capacity, or NaN without an answer.
+/// Writes the used part of a matrix of fixed capacity.
 template <class M>
-void write(const M& matrix, std::size_t rows, std::size_t columns, Outcome outcome, double* out) {
-  for (std::size_t i = 0; i < rows; ++i)
-    for (std::size_t j = 0; j < columns; ++j) *out++ = outcome ? matrix[i][j] : NAN;
+void write(const M& matrix, std::size_t rows, std::size_t columns, double* out) {
+  for (std::size_t i = 0; i < rows; ++i) out = std::copy_n(matrix[i].begin(), columns, out);
 }
 
-/// Calls `f(x, out)` for each row of `in` and collects n_out values and the outcome.
-template <class In, class Out, class F>
-auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
-  const std::size_t count = in.shape(0);
-  Owned<double> values({count, n_out});
+/// Calls f(i, out) for each row i < count, out[m] the row of the m-th array, and collects the
+/// arrays, each of a row's `shapes`, and the outcomes. Without an answer a row is NaN.
+template <std::size_t M, class F>
+nb::tuple batch(std::size_t count, const Shape (&shapes)[M], F&& f,
+                std::size_t rows_per_thread = kRowsPerThread) {
+  std::vector<Owned<double>> arrays;
+  for (Shape shape : shapes) {
+    shape.insert(shape.begin(), count);
+    arrays.emplace_back(shape);
+  }
   Outcomes outcomes(count);
-  for_rows(count, [&](std::size_t i) {
-    Out out{};
-    const Outcome outcome = f(row<In>(in, i), out, i);
-    outcomes.set(i, outcome);
-    if (!outcome) out.fill(NAN);
-    std::copy_n(out.data(), n_out, values[i]);
+  for_rows(
+      count,
+      [&](std::size_t i) {
+        std::array<double*, M> out;
+        for (std::size_t m = 0; m < M; ++m) out[m] = arrays[m][i];
+        const Outcome outcome = f(i, out);
+        outcomes.set(i, outcome);
+        for (std::size_t m = 0; m < M && !outcome; ++m) std::fill_n(out[m], arrays[m].width, NAN);
+      },
+      rows_per_thread);
+  nb::list result;
+  for (Owned<double>& array : arrays) result.append(array.release());
+  result.append(outcomes.status.release());
+  result.append(outcomes.chain.release());
+  return nb::tuple(result);
+}
+
+/// The same for one array of one vector per row of `in`, by f(x, out, i).
+template <class In, class Out, class F>
+nb::tuple map_rows(const Rows& in, std::size_t n_out, F&& f) {
+  return batch(in.shape(0), {{n_out}}, [&](std::size_t i, auto& out) {
+    Out values{};
+    const Outcome outcome = f(row<In>(in, i), values, i);
+    std::copy_n(values.data(), n_out, out[0]);
+    return outcome;
   });
-  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 }  // namespace truepose::python

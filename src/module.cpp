@@ -2,9 +2,9 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/array.h>
-#include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
+#include "fields.hpp"
 #include "truepose/control/law.hpp"
 #include "truepose/model/geometry.hpp"
 
@@ -39,6 +39,11 @@ void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double
 void asked(Outcome outcome) {
   if (!outcome) throw nb::value_error(describe(outcome.status));
 }
+/// The robot as one to finish again.
+Robot& edited(Robot& robot) {
+  robot.finished = false;
+  return robot;
+}
 /// Refuses an unfinished robot, whose columns of ξ may be out of bounds.
 const Robot& sound(const Robot& robot) {
   if (!robot.finished) throw nb::value_error(describe(Status::unfinished));
@@ -62,173 +67,91 @@ nb::tuple named(const Table& table) {
   return nb::tuple(rows);
 }
 
+/// A table's rows by name.
+template <class Table>
+nb::dict by_name(const Table& table) {
+  nb::dict rows;
+  for (const auto& row : table) rows[row.name] = nb::cast(row);
+  return rows;
+}
+
 /// The core's tables of sensor kinds, laws and ξ for Python.
 void bind_tables(nb::module_& m) {
-  nb::class_<SensorProperties>(m, "SensorProperties")
-      .def_ro("name", &SensorProperties::name)
-      .def_prop_ro("unit", [](const SensorProperties& row) { return text(row.unit); })
-      .def_ro("of_chain", &SensorProperties::of_chain)
-      .def_ro("shaft", &SensorProperties::shaft)
-      .def_ro("wraps", &SensorProperties::wraps)
-      .def_ro("is_theta", &SensorProperties::is_theta)
-      .def_prop_ro("mounting", [](const SensorProperties& row) {
-        nb::list vectors;
-        for (unsigned k = 0; k < kMountingVectors.size(); ++k)
-          if (row.mounting & (1u << k)) vectors.append(kMountingVectors[k]);
-        return nb::tuple(vectors);
-      });
-  nb::dict kinds, laws;
-  for (const SensorProperties& row : kSensorTable) kinds[row.name] = nb::cast(row);
-  m.attr("sensor_kinds") = kinds;
-  nb::enum_<Law> law(m, "Law");
-  for (const LawProperties& row : kLawTable) law.value(row.name, row.law);
-  nb::class_<LawProperties>(m, "LawProperties")
-      .def_ro("name", &LawProperties::name)
-      .def_ro("law", &LawProperties::law)
-      .def_ro("weighs", &LawProperties::weighs)
-      .def_ro("sensed", &LawProperties::sensed);
-  for (const LawProperties& row : kLawTable) laws[row.name] = nb::cast(row);
-  m.attr("laws") = laws;
+  nb::class_<SensorProperties> kind(m, "SensorProperties");
+  TRUEPOSE_FIELDS(kind, def_ro, name, of_chain, shaft, wraps, is_theta);
+  kind.def_prop_ro("unit", [](const SensorProperties& row) { return text(row.unit); });
+  kind.def_prop_ro("mounting", [](const SensorProperties& row) {
+    nb::list vectors;
+    for (unsigned k = 0; k < kMountingVectors.size(); ++k)
+      if (row.mounting & (1u << k)) vectors.append(kMountingVectors[k]);
+    return nb::tuple(vectors);
+  });
+  nb::enum_<SensorKind> kinds(m, "SensorKind");
+  for (const SensorProperties& row : kSensorTable) kinds.value(row.name, row.kind);
+  nb::enum_<Law> laws(m, "Law");
+  for (const LawProperties& row : kLawTable) laws.value(row.name, row.law);
+  nb::class_<LawProperties> law(m, "LawProperties");
+  TRUEPOSE_FIELDS(law, def_ro, name, law, weighs, sensed);
+  m.attr("sensor_kinds") = by_name(kSensorTable);
+  m.attr("laws") = by_name(kLawTable);
   m.attr("chain_parameters") = named(kChainTable);
   m.attr("sensor_parameters") = named(kSensorParameterTable);
   m.attr("axis_parameters") = named(kAxisTable);
 }
 
+void bind_parts(nb::module_& m) {
+  enumeration<Mobility>(m, "Mobility",
+                        {"planar_translation", "planar", "translation", "schoenflies", "spatial",
+                         "pivot_1", "pivot_2", "pivot_3"});
+  enumeration<Actuator>(m, "Actuator", {"revolute", "prismatic", "telescopic"});
+  enumeration<BarJoint>(m, "BarJoint", {"pivots", "four_bar"});
+  enumeration<Level>(m, "Level", {"ideal", "full"});
+  enumeration<FullKind>(m, "FullKind",
+                        {"undescribed", "same", "exists", "overconstrained", "loose", "elastic"});
+  nb::class_<FullLevel> full(m, "FullLevel");
+  TRUEPOSE_FIELDS(full, def_ro, kind, rods, unknowns, excess);
+  nb::class_<Chain> chain(m, "Chain");
+  chain.def(nb::init<>()).def("set_eccentricity", &set_eccentricity<Chain>);
+  TRUEPOSE_FIELDS(chain, def_rw, actuator, working_mode, base, axis, zero, arm, rod, encoder_offset,
+                  encoder_gain, encoder_buildup, pivot, anchor, encoder_step, encoder_noise, low,
+                  high, torque_limit, drive_inertia, arm_mass, rod_mass, viscous, coulomb, bar,
+                  rod_spacing, rod_difference, pair_axis, pair_drawn);
+  nb::class_<Sensor> sensor(m, "Sensor");
+  sensor.def(nb::init<>()).def("set_eccentricity", &set_eccentricity<Sensor>);
+  TRUEPOSE_FIELDS(sensor, def_rw, kind, chain, at_nacelle, rod, gain, offset, step, noise, weight,
+                  origin, direction, target, normal, bar, axis);
+  nb::class_<PassiveAxis> axis(m, "PassiveAxis");
+  axis.def(nb::init<>());
+  TRUEPOSE_FIELDS(axis, def_rw, origin, direction, low, high);
+  nb::class_<Body> body(m, "Body");
+  body.def(nb::init<>());
+  TRUEPOSE_FIELDS(body, def_rw, mass, bar, pivot, anchor, inertia);
+}
+
 void bind_robot(nb::module_& m) {
-  nb::enum_<Mobility>(m, "Mobility")
-      .value("planar_translation", Mobility::planar_translation)
-      .value("planar", Mobility::planar)
-      .value("translation", Mobility::translation)
-      .value("schoenflies", Mobility::schoenflies)
-      .value("spatial", Mobility::spatial)
-      .value("pivot_1", Mobility::pivot_1)
-      .value("pivot_2", Mobility::pivot_2)
-      .value("pivot_3", Mobility::pivot_3);
-  nb::enum_<Actuator>(m, "Actuator")
-      .value("revolute", Actuator::revolute)
-      .value("prismatic", Actuator::prismatic)
-      .value("telescopic", Actuator::telescopic);
-  nb::enum_<SensorKind> kinds(m, "SensorKind");
-  for (const SensorProperties& row : kSensorTable) kinds.value(row.name, row.kind);
-  nb::enum_<BarJoint>(m, "BarJoint")
-      .value("pivots", BarJoint::pivots)
-      .value("four_bar", BarJoint::four_bar);
-  nb::enum_<Level>(m, "Level").value("ideal", Level::ideal).value("full", Level::full);
-  nb::enum_<FullKind>(m, "FullKind")
-      .value("undescribed", FullKind::undescribed)
-      .value("same", FullKind::same)
-      .value("exists", FullKind::exists)
-      .value("overconstrained", FullKind::overconstrained)
-      .value("loose", FullKind::loose)
-      .value("elastic", FullKind::elastic);
-  nb::class_<FullLevel>(m, "FullLevel")
-      .def_ro("kind", &FullLevel::kind)
-      .def_ro("rods", &FullLevel::rods)
-      .def_ro("unknowns", &FullLevel::unknowns)
-      .def_ro("excess", &FullLevel::excess);
-
-  nb::class_<Chain>(m, "Chain")
-      .def(nb::init<>())
-      .def_rw("actuator", &Chain::actuator)
-      .def_rw("working_mode", &Chain::working_mode)
-      .def_rw("base", &Chain::base)
-      .def_rw("axis", &Chain::axis)
-      .def_rw("zero", &Chain::zero)
-      .def_rw("arm", &Chain::arm)
-      .def_rw("rod", &Chain::rod)
-      .def_rw("encoder_offset", &Chain::encoder_offset)
-      .def_rw("encoder_gain", &Chain::encoder_gain)
-      .def_rw("encoder_buildup", &Chain::encoder_buildup)
-      .def_rw("pivot", &Chain::pivot)
-      .def_rw("anchor", &Chain::anchor)
-      .def_rw("encoder_step", &Chain::encoder_step)
-      .def_rw("encoder_noise", &Chain::encoder_noise)
-      .def_rw("low", &Chain::low)
-      .def_rw("high", &Chain::high)
-      .def("set_eccentricity", &set_eccentricity<Chain>)
-      .def_rw("torque_limit", &Chain::torque_limit)
-      .def_rw("drive_inertia", &Chain::drive_inertia)
-      .def_rw("arm_mass", &Chain::arm_mass)
-      .def_rw("rod_mass", &Chain::rod_mass)
-      .def_rw("viscous", &Chain::viscous)
-      .def_rw("coulomb", &Chain::coulomb)
-      .def_rw("bar", &Chain::bar)
-      .def_rw("rod_spacing", &Chain::rod_spacing)
-      .def_rw("rod_difference", &Chain::rod_difference)
-      .def_rw("pair_axis", &Chain::pair_axis)
-      .def_rw("pair_drawn", &Chain::pair_drawn);
-  nb::class_<Sensor>(m, "Sensor")
-      .def(nb::init<>())
-      .def_rw("kind", &Sensor::kind)
-      .def_rw("chain", &Sensor::chain)
-      .def_rw("at_nacelle", &Sensor::at_nacelle)
-      .def_rw("rod", &Sensor::rod)
-      .def_rw("gain", &Sensor::gain)
-      .def_rw("offset", &Sensor::offset)
-      .def_rw("step", &Sensor::step)
-      .def_rw("noise", &Sensor::noise)
-      .def("set_eccentricity", &set_eccentricity<Sensor>)
-      .def_rw("weight", &Sensor::weight)
-      .def_rw("origin", &Sensor::origin)
-      .def_rw("direction", &Sensor::direction)
-      .def_rw("target", &Sensor::target)
-      .def_rw("normal", &Sensor::normal)
-      .def_rw("bar", &Sensor::bar)
-      .def_rw("axis", &Sensor::axis);
-  nb::class_<PassiveAxis>(m, "PassiveAxis")
-      .def(nb::init<>())
-      .def_rw("origin", &PassiveAxis::origin)
-      .def_rw("direction", &PassiveAxis::direction)
-      .def_rw("low", &PassiveAxis::low)
-      .def_rw("high", &PassiveAxis::high);
-  nb::class_<Body>(m, "Body")
-      .def(nb::init<>())
-      .def_rw("mass", &Body::mass)
-      .def_rw("bar", &Body::bar)
-      .def_rw("pivot", &Body::pivot)
-      .def_rw("anchor", &Body::anchor)
-      .def_rw("inertia", &Body::inertia);
-
   // Element access copies: the facade builds a robot once, from the outside in.
-  nb::class_<Robot>(m, "Robot")
-      .def(nb::init<>())
-      .def_rw("mobility", &Robot::mobility)
-      .def_rw("gravity", &Robot::gravity)
-      .def_rw("home", &Robot::home)
+  nb::class_<Robot> robot_class(m, "Robot");
+  TRUEPOSE_FIELDS(robot_class, def_rw, mobility, gravity, home, chains, motors, bar_joint, level);
+  TRUEPOSE_FIELDS(robot_class, def_ro, r, full, bodies);
+  robot_class.def(nb::init<>())
       .def_prop_ro("n", [](const Robot& robot) { return dof(robot.mobility); })
-      .def_rw("chains", &Robot::chains)
-      .def_rw("motors", &Robot::motors)
-      .def_ro("r", &Robot::r)
-      .def_ro("assembly_sign", &Robot::assembly_sign)
-      .def_rw("bar_joint", &Robot::bar_joint)
-      .def_ro("full", &Robot::full)
-      .def_rw("level", &Robot::level)
-      .def("chain", [](const Robot& robot, int i) { return robot.chain.at(i); })
-      .def("set_chain",
-           [](Robot& robot, int i, const Chain& chain) {
-             robot.chain.at(i) = chain;
-             robot.finished = false;
-           })
       .def_prop_ro("axes", [](const Robot& robot) { return passive_axes(robot.mobility); })
+      .def("chain", [](const Robot& robot, int i) { return robot.chain.at(i); })
       .def("axis", [](const Robot& robot, int j) { return robot.axis.at(j); })
-      .def("set_axis",
-           [](Robot& robot, int j, const PassiveAxis& axis) {
-             robot.axis.at(j) = axis;
-             robot.finished = false;
-           })
-      .def_ro("bodies", &Robot::bodies)
       .def("body", [](const Robot& robot, int i) { return robot.body.at(i); })
+      .def("set_chain",
+           [](Robot& robot, int i, const Chain& chain) { edited(robot).chain.at(i) = chain; })
+      .def("set_axis",
+           [](Robot& robot, int j, const PassiveAxis& axis) { edited(robot).axis.at(j) = axis; })
       .def("add_sensor",
            [](Robot& robot, const Sensor& sensor) {
-             robot.sensor.at(robot.r) = sensor;
+             edited(robot).sensor.at(robot.r) = sensor;
              ++robot.r;
-             robot.finished = false;
            })
       .def("add_body",
            [](Robot& robot, const Body& body) {
-             robot.body.at(robot.bodies) = body;
+             edited(robot).body.at(robot.bodies) = body;
              ++robot.bodies;
-             robot.finished = false;
            })
       .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
       .def("without_limits",
@@ -259,7 +182,7 @@ void bind_robot(nb::module_& m) {
       .def("finish", [](Robot& robot) {
         Outcome outcome = finish(robot);
         if (outcome) outcome = finish_full(robot);
-        return std::pair(static_cast<int>(outcome.status), outcome.chain);
+        return answered(outcome);
       });
 }
 
@@ -282,6 +205,7 @@ NB_MODULE(_core, m) {
   m.attr("unreachable") = static_cast<int>(Status::unreachable);
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   python::bind_tables(m);
+  python::bind_parts(m);
   python::bind_robot(m);
   python::bind_control(m);
   python::bind_simulation(m);

@@ -41,96 +41,70 @@ auto batch_parasitic(const Robot& robot, const Rows& x) {
 }
 
 auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) {
-  const std::size_t count = q.shape(0), n = q.shape(1);
-  Owned<double> x({count, n}), residual({count});
-  Owned<int> iterations({count});
-  Outcomes outcomes(count);
-  for_rows(count, [&](std::size_t i) {
-    Coordinates pose = row<Coordinates>(guess, i);
-    const Joint motors = row<Joint>(q, i);
-    const FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
-    if (!result) pose.fill(NAN);
-    std::memcpy(x[i], pose.data(), n * sizeof(double));
-    outcomes.set(i, {result.status, result.chain});
-    *iterations[i] = result.iterations;
-    *residual[i] = result.residual;
-  });
-  return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release(),
-                        iterations.release(), residual.release());
+  return map_rows<Joint, Coordinates>(
+      q, q.shape(1), [&](const Joint& motors, Coordinates& x, std::size_t i) -> Outcome {
+        x = row<Coordinates>(guess, i);
+        const FkmResult result = full ? fkm_full(robot, motors, x) : fkm(robot, motors, x);
+        return {result.status, result.chain};
+      });
 }
 
 /// Poses that close the loops at q, (m, n), and the number of searches that ended at each, (m,).
 auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_t seed) {
-  const std::size_t n = dof(robot.mobility);
   std::vector<Pose> pose = random_starts(robot, q, starts, seed);
   std::vector<char> closed(pose.size());
   for_rows(pose.size(), [&](std::size_t i) {
     closed[i] = with_mobility(robot.mobility,
                               [&](auto K) { return closes(search<K()>(robot, q, pose[i])); });
   });
-  std::size_t count = 0;
+  std::vector<Pose> found;
   for (std::size_t i = 0; i < pose.size(); ++i)
-    if (closed[i]) pose[count++] = pose[i];
-  pose.resize(count);
-  const AssemblyModes modes = distinct_modes(robot, std::move(pose));
-  Owned<double> x({modes.pose.size(), n});
-  Owned<int> seen({modes.pose.size()});
-  for (std::size_t k = 0; k < modes.pose.size(); ++k) {
-    std::memcpy(x[k], to_coordinates(robot.mobility, modes.pose[k]).data(), n * sizeof(double));
-    *seen[k] = modes.seen[k];
-  }
-  return nb::make_tuple(x.release(), seen.release());
+    if (closed[i]) found.push_back(pose[i]);
+  const AssemblyModes modes = distinct_modes(robot, std::move(found));
+  const std::size_t n = dof(robot.mobility), count = modes.pose.size();
+  Owned<double> x({count, n});
+  for (std::size_t k = 0; k < count; ++k)
+    std::copy_n(to_coordinates(robot.mobility, modes.pose[k]).begin(), n, x[k]);
+  return nb::make_tuple(x.release(), owned(modes.seen));
 }
 
 auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
-  const std::size_t count = x.shape(0), n = x.shape(1);
-  Owned<double> values({count, n, n});
-  Outcomes outcomes(count);
-  for_rows(count, [&](std::size_t i) {
+  const std::size_t n = x.shape(1);
+  return batch(x.shape(0), {{n, n}}, [&](std::size_t i, auto& out) {
     JointMatrix J;
     const Coordinates at = row<Coordinates>(x, i);
     const Outcome outcome = full ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
-    outcomes.set(i, outcome);
-    write(J, n, n, outcome, values[i]);
+    write(J, n, n, out[0]);
+    return outcome;
   });
-  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 /// W, (N, 3, n).
 auto batch_gyro(const Robot& robot, const Rows& x) {
-  const std::size_t count = x.shape(0), n = x.shape(1);
-  Owned<double> values({count, 3, n});
-  Outcomes outcomes(count);
-  for_rows(count, [&](std::size_t i) {
+  const std::size_t n = x.shape(1);
+  return batch(x.shape(0), {{3, n}}, [&](std::size_t i, auto& out) {
     GyroRows W;
     const Outcome outcome = gyro(robot, row<Coordinates>(x, i), W);
-    outcomes.set(i, outcome);
-    write(W, 3, n, outcome, values[i]);
+    write(W, 3, n, out[0]);
+    return outcome;
   });
-  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 /// H_x = [J⁻¹; J_r], (N, n + r, n), and H_ξ in the core's own order, (N, n + r, p).
 auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
-  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
-  const std::size_t p = parameter_count(robot);
-  Owned<double> h_x({count, e, n}), h_xi({count, e, p});
-  Outcomes outcomes(count);
+  const std::size_t n = x.shape(1), e = n + robot.r, p = parameter_count(robot);
   const Kernels model = kernels(robot.mobility, full);
   const bool exists = !full || robot.full.own() || robot.full.kind == FullKind::same;
-  for_rows(count, [&](std::size_t i) {
+  return batch(x.shape(0), {{e, n}, {e, p}}, [&](std::size_t i, auto& out) -> Outcome {
+    if (!exists) return {Status::no_full_level, -1};
     Extended q_e;
     PoseRows H_x;
     Parasitic rest;
     const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
-    const Outcome outcome = exists ? model.linearise(robot, pose, q_e, H_x, h_xi[i], rest)
-                                   : Outcome{Status::no_full_level, -1};
-    outcomes.set(i, outcome);
-    write(H_x, e, n, outcome, h_x[i]);
-    if (!outcome) std::fill_n(h_xi[i], e * p, NAN);
+    const Outcome outcome = model.linearise(robot, pose, q_e, H_x, out[1], rest);
+    write(H_x, e, n, out[0]);
+    return outcome;
   });
-  return nb::make_tuple(h_x.release(), h_xi.release(), outcomes.status.release(),
-                        outcomes.chain.release());
 }
 
 /// Under load: readings, (N, n + r), their derivatives by every chain's compliance, (N, n + r, n),
@@ -139,26 +113,19 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
 /// @param tension  measured, (N, n), NaN where missing
 auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance, const Rows& force,
                       const Rows& tension, bool full) {
-  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
-  Owned<double> q_e({count, e}), by({count, e, n}), pulled({count, n});
-  Outcomes outcomes(count);
+  const std::size_t n = x.shape(1), e = n + robot.r;
   const Kernels model = kernels(robot.mobility, full);
-  for_rows(count, [&](std::size_t i) {
-    Load load;
-    load.force = Vec3(force(i, 0), force(i, 1), force(i, 2));
-    std::copy_n(tension.data() + i * n, n, load.tension.begin());
+  return batch(x.shape(0), {{e}, {e, n}, {n}}, [&](std::size_t i, auto& out) {
+    Load load{Vec3(force(i, 0), force(i, 1), force(i, 2)), row<Joint>(tension, i)};
     UnderLoad at;
-    at.q_e.fill(NAN), at.tension.fill(NAN);
     const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
     const Outcome outcome = under_load(robot, model, full, pose, compliance, load,
                                        scratch(e * parameter_count(robot)).data(), at);
-    outcomes.set(i, outcome);
-    std::copy_n(at.q_e.begin(), e, q_e[i]);
-    std::copy_n(at.tension.begin(), n, pulled[i]);
-    write(at.by_compliance, e, n, outcome, by[i]);
+    std::copy_n(at.q_e.begin(), e, out[0]);
+    write(at.by_compliance, e, n, out[1]);
+    std::copy_n(at.tension.begin(), n, out[2]);
+    return outcome;
   });
-  return nb::make_tuple(q_e.release(), by.release(), pulled.release(), outcomes.status.release(),
-                        outcomes.chain.release());
 }
 
 /// Points P, B, A and c of every chain at one pose, (n, 4, 3), for drawings.
@@ -177,7 +144,7 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
     }
     return result;
   });
-  return nb::make_tuple(points.release(), static_cast<int>(outcome.status), outcome.chain);
+  return answered(outcome, points.release());
 }
 
 /// J_x at a pose, (n, n).

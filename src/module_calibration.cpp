@@ -2,10 +2,10 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
+#include "fields.hpp"
 #include "for_rows.hpp"
 #include "known.hpp"
 #include "online_calibration.hpp"
@@ -18,28 +18,22 @@ namespace {
 
 auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, const Rows& guess,
                     bool full) {
-  const std::size_t count = q_e.shape(0), n = dof(robot.mobility);
-  Owned<double> x({count, n}), covariance({count, n, n}), chi2({count});
-  Outcomes outcomes(count);
+  const std::size_t n = dof(robot.mobility);
   const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
-  for_rows(
-      count,
-      [&](std::size_t i) {
+  return batch(
+      q_e.shape(0), {{n}, {n, n}, {}},
+      [&](std::size_t i, auto& out) {
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
         Pose pose = to_pose(robot.mobility, row<Coordinates>(guess, i));
         const Found found =
             model.estimate(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
-        outcomes.set(i, found.outcome);
-        Coordinates at = to_coordinates(robot.mobility, pose);
-        if (!found.outcome) at.fill(NAN);
-        std::copy_n(at.begin(), n, x[i]);
-        write(found.covariance, n, n, found.outcome, covariance[i]);
-        *chi2[i] = found.outcome ? found.chi2 : NAN;
+        std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, out[0]);
+        write(found.covariance, n, n, out[1]);
+        *out[2] = found.chi2;
+        return found.outcome;
       },
       kFewRowsPerThread);
-  return nb::make_tuple(x.release(), covariance.release(), chi2.release(),
-                        outcomes.status.release(), outcomes.chain.release());
 }
 
 /// Influences at pose i: none, or a row of (N, (n + r) × count).
@@ -53,27 +47,23 @@ Influences influences_at(const Robot& robot, const std::optional<Rows>& influenc
 /// @param influence  its amounts are the last entries of the knowledge
 auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full,
                 const std::optional<Rows>& influence) {
-  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
-  Owned<double> gain({count, n, e}), tej({count, n, e});
-  Outcomes outcomes(count);
+  const std::size_t n = x.shape(1), e = n + robot.r;
   const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
-  for_rows(
-      count,
-      [&](std::size_t i) {
+  return batch(
+      x.shape(0), {{n, e}, {n, e}},
+      [&](std::size_t i, auto& out) {
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
         Fused fusion;
         const Outcome outcome =
             fused(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(x, i)),
                   influences_at(robot, influence, i), work.data(),
                   work.data() + e * parameter_count(robot), fusion);
-        outcomes.set(i, outcome);
-        write(fusion.gain, n, e, outcome, gain[i]);
-        write(fusion.tej, n, e, outcome, tej[i]);
+        write(fusion.gain, n, e, out[0]);
+        write(fusion.tej, n, e, out[1]);
+        return outcome;
       },
       kFewRowsPerThread);
-  return nb::make_tuple(gain.release(), tej.release(), outcomes.status.release(),
-                        outcomes.chain.release());
 }
 
 /// Measured minus expected readings, (N, n + r), without whole turns of a joint.
@@ -116,11 +106,10 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
     const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
     const Coordinates there = to_coordinates(robot.mobility, {at.p, at.Q, theta});
     std::copy_n(there.begin(), n, coordinates[i]);
-    write(at.H_x, n, n, {}, H_x[i]);
-    write(at.H, n, kRegistration, {}, H[i]);
+    write(at.H_x, n, n, H_x[i]);
+    write(at.H, n, kRegistration, H[i]);
   }
-  return nb::make_tuple(coordinates.release(), apart.release(), H_x.release(), H.release(),
-                        blunt.release());
+  return together(coordinates, apart, H_x, H, blunt);
 }
 
 /// @param nuisances  number of the prior's last parameters that are the ideal level's model error
@@ -155,36 +144,28 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
   }
-  Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
-  Owned<int> status({count}), redundancy({count});
-  std::copy(result.xi.begin(), result.xi.end(), xi[0]);
+  Owned<double> x({count, n}), difference({result.link.size(), 4});
+  std::vector<int> status(count);
   for (std::size_t i = 0; i < count; ++i) {
-    *status[i] = static_cast<int>(result.status[i]);
-    const bool good = !result.xi.empty() && result.status[i] == Status::ok;
+    status[i] = static_cast<int>(result.status[i]);
     Coordinates at;
     at.fill(NAN);
-    if (good) at = to_coordinates(drawn.mobility, result.pose[i]);
+    if (!result.xi.empty() && result.status[i] == Status::ok)
+      at = to_coordinates(drawn.mobility, result.pose[i]);
     std::copy_n(at.begin(), n, x[i]);
-    *chi2[i] = good ? result.chi2[i] : NAN;
-    *weight[i] = good ? result.weight[i] : 0;
-    *redundancy[i] = good ? result.redundancy[i] : 0;
   }
-  const std::size_t differences = result.link.size();
-  Owned<double> amount({result.amount.size()});
-  std::copy(result.amount.begin(), result.amount.end(), amount[0]);
-  Owned<double> w({result.w.size()}), difference({differences, std::size_t{4}});
-  std::copy(result.w.begin(), result.w.end(), w[0]);
-  for (std::size_t k = 0; k < differences; ++k) {
+  for (std::size_t k = 0; k < result.link.size(); ++k) {
     const LinkResult& of = result.link[k];
     std::copy_n(std::array{of.residual, of.left_out, of.sigma, of.weight}.begin(), 4,
                 difference[k]);
   }
-  return nb::make_tuple(
-      static_cast<int>(result.outcome.status), result.iterations, xi.release(),
-      RowMatrix(result.covariance), x.release(), chi2.release(), redundancy.release(),
-      weight.release(), status.release(), result.cost, homogeneous(result.start.base),
-      homogeneous(result.start.marker), homogeneous(result.registration.base),
-      homogeneous(result.registration.marker), w.release(), difference.release(), amount.release());
+  return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations,
+                        owned(result.xi), RowMatrix(result.covariance), x.release(),
+                        owned(result.chi2), owned(result.redundancy), owned(result.weight),
+                        owned(status), result.cost, homogeneous(result.start.base),
+                        homogeneous(result.start.marker), homogeneous(result.registration.base),
+                        homogeneous(result.registration.marker), owned(result.w),
+                        difference.release(), owned(result.amount));
 }
 
 /// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
@@ -214,7 +195,7 @@ auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, c
     outcome = rows_of_visits(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
                              links, all, [&] { signals(); });
   }
-  return nb::make_tuple(all.B, all.visit, static_cast<int>(outcome.status), outcome.chain);
+  return answered(outcome, all.B, all.visit);
 }
 
 /// Root of the posterior covariance after readings at poses, (p, p) lower triangular.
@@ -240,7 +221,7 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
     outcome = after_visiting(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
                              links, root, [&] { signals(); });
   }
-  return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
+  return answered(outcome, root);
 }
 
 /// Covariance of x̂ at every pose, (N, n, n); relative to the pose `reference` if given.
@@ -248,41 +229,32 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
 auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& reference,
                     bool full, const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1);
-  Owned<double> covariance({count, n, n});
-  Outcomes outcomes(count);
   const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
-  const auto error_at = [&](const Rows& poses, std::size_t i, std::size_t before,
-                            PoseError& error) {
-    return pose_error(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(poses, i)),
-                      influences_at(robot, influence, before + i), scratch(0), error);
+  const auto error_at = [&](const Coordinates& at, std::size_t i, PoseError& error) {
+    return pose_error(robot, model, knowledge, to_pose(robot.mobility, at),
+                      influences_at(robot, influence, i), scratch(0), error);
   };
   PoseError there;
   Outcome first;
   const bool relative = reference.shape(0) > 0;
-  if (relative) first = error_at(reference, 0, count, there);
-  for_rows(
-      count,
-      [&](std::size_t i) {
-        Outcome outcome = first;
+  if (relative) first = error_at(row<Coordinates>(reference, 0), count, there);
+  return batch(
+      count, {{n, n}},
+      [&](std::size_t i, auto& out) {
+        if (!first) return first;
         PoseError here;
-        if (outcome) outcome = error_at(x, i, 0, here);
-        outcomes.set(i, outcome);
-        RowMatrix P;
-        if (!outcome) {
-          P.setConstant(n, n, NAN);
-        } else {
-          P = here.by_noise;
-          if (relative) {
-            here.by_geometry -= there.by_geometry;
-            P += there.by_noise;
-          }
-          P.noalias() += here.by_geometry * here.by_geometry.transpose();
+        const Outcome outcome = error_at(row<Coordinates>(x, i), i, here);
+        if (!outcome) return outcome;
+        if (relative) {
+          here.by_geometry -= there.by_geometry;
+          here.by_noise += there.by_noise;
         }
-        std::copy_n(P.data(), n * n, covariance[i]);
+        here.by_noise.noalias() += here.by_geometry * here.by_geometry.transpose();
+        std::copy_n(here.by_noise.data(), n * n, out[0]);
+        return outcome;
       },
       kFewRowsPerThread);
-  return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 /// Processes rows of a log in sequence; they need not be neighbours.
@@ -307,21 +279,15 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
     if (!outcome) at.fill(NAN);
     std::copy_n(at.begin(), n, x[i]);
   });
-  return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
+  return together(x, outcomes.status, outcomes.chain);
 }
 
 }  // namespace
 
 void bind_calibration(nb::module_& m) {
   using namespace nb::literals;
-  nb::enum_<Loss>(m, "Loss")
-      .value("squares", Loss::squares)
-      .value("huber", Loss::huber)
-      .value("student", Loss::student);
-  nb::enum_<LinkKind>(m, "LinkKind")
-      .value("plane", LinkKind::plane)
-      .value("distance", LinkKind::distance)
-      .value("point", LinkKind::point);
+  enumeration<Loss>(m, "Loss", {"squares", "huber", "student"});
+  enumeration<LinkKind>(m, "LinkKind", {"plane", "distance", "point"});
   nb::class_<Links>(m, "Links")
       .def(
           "__init__",

@@ -2,14 +2,13 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/pair.h>
-#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <optional>
 #include <vector>
 
 #include "arrays.hpp"
+#include "fields.hpp"
 #include "for_rows.hpp"
 #include "known.hpp"
 #include "multirate.hpp"
@@ -26,19 +25,15 @@ auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
 }
 
 auto batch_tej(const Robot& robot, const Rows& x, double band) {
-  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
-  Owned<double> m({count, e, n}), plus({count, n, e});
-  Outcomes outcomes(count);
-  for_rows(count, [&](std::size_t i) {
+  const std::size_t n = x.shape(1), e = n + robot.r;
+  return batch(x.shape(0), {{e, n}, {n, e}}, [&](std::size_t i, auto& out) {
     ExtendedColumns M;
     ExtendedRows M_plus;
     const Outcome outcome = tej(robot, row<Coordinates>(x, i), M, M_plus, band);
-    outcomes.set(i, outcome);
-    write(M, e, n, outcome, m[i]);
-    write(M_plus, n, e, outcome, plus[i]);
+    write(M, e, n, out[0]);
+    write(M_plus, n, e, out[1]);
+    return outcome;
   });
-  return nb::make_tuple(m.release(), plus.release(), outcomes.status.release(),
-                        outcomes.chain.release());
 }
 
 /// Conditioning at every pose, (N, 1 + n): type 2, then type 1 of each chain.
@@ -58,90 +53,66 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
                   const Known* known, bool gravity, const Rows& x_d, const std::optional<Rows>& off,
                   const std::vector<Fault>& faults) {
   const StaticsSettings settings{control, gravity};
-  const std::size_t count = x_d.shape(0), n = x_d.shape(1);
-  Owned<double> rest({count, n});
-  Owned<bool> by_truth({count});
-  Outcomes outcomes(count);
-  with_mobility(nominal.mobility, [&](auto mobility) {
-    for_rows(count, [&](std::size_t i) {
-      Coordinates x;
-      x.fill(NAN);
-      *by_truth[i] = false;
-      FaultyReadings lying(faults, control.period);
-      outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Coordinates>(x_d, i), x,
-                                         Weights(nominal, known).view(),
-                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
-                                         faults.empty() ? nullptr : &lying));
-      std::copy_n(x.begin(), n, rest[i]);
-    });
+  Owned<bool> by_truth({x_d.shape(0)});
+  return with_mobility(nominal.mobility, [&](auto mobility) {
+    return map_rows<Coordinates, Coordinates>(
+               x_d, x_d.shape(1),
+               [&](const Coordinates& at, Coordinates& x, std::size_t i) {
+                 *by_truth[i] = false;
+                 FaultyReadings lying(faults, control.period);
+                 return settle<mobility()>(nominal, truth, settings, at, x,
+                                           Weights(nominal, known).view(),
+                                           off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
+                                           faults.empty() ? nullptr : &lying);
+               }) +
+           together(by_truth);
   });
-  return nb::make_tuple(rest.release(), outcomes.status.release(), outcomes.chain.release(),
-                        by_truth.release());
 }
 
 /// ∂x/∂q_e of the steady-state pose under a law, (N, n, n + r).
 auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& x) {
   const std::size_t n = x.shape(1), e = n + robot.r;
-  Owned<double> leak({x.shape(0), n, e});
-  Outcomes outcomes(x.shape(0));
-  with_mobility(robot.mobility, [&](auto mobility) {
-    for_rows(x.shape(0), [&](std::size_t i) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    return batch(x.shape(0), {{n, e}}, [&](std::size_t i, auto& out) {
       const Weights weights(robot, known);
-      PoseColumns rows{};
+      PoseColumns leak{};
       const Outcome outcome =
-          leakage<mobility()>(robot, law, row<Coordinates>(x, i), rows, weights.view());
-      outcomes.set(i, outcome);
-      for (std::size_t k = 0; k < n * e; ++k) leak[i][k] = outcome ? rows[k / e][k % e] : NAN;
+          leakage<mobility()>(robot, law, row<Coordinates>(x, i), leak, weights.view());
+      write(leak, n, e, out[0]);
+      return outcome;
     });
   });
-  return nb::make_tuple(leak.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 }  // namespace
 
 void bind_control(nb::module_& m) {
   using namespace nb::literals;
-  nb::enum_<FeedForward>(m, "FeedForward")
-      .value("none", FeedForward::none)
-      .value("gravity", FeedForward::gravity)
-      .value("full", FeedForward::full);
-  nb::enum_<Gains>(m, "Gains").value("diagonal", Gains::diagonal).value("inertia", Gains::inertia);
-  nb::class_<ControlSettings>(m, "ControlSettings")
-      .def(nb::init<>())
-      .def_rw("law", &ControlSettings::law)
-      .def_rw("sigma_scale", &ControlSettings::sigma_scale)
-      .def_rw("gains", &ControlSettings::gains)
-      .def_rw("feed_forward", &ControlSettings::feed_forward)
-      .def_rw("period", &ControlSettings::period)
-      .def_rw("velocity_bandwidth", &ControlSettings::velocity_bandwidth)
-      .def_rw("damped_below", &ControlSettings::damped_below)
-      .def_rw("kp", &ControlSettings::kp)
-      .def_rw("kd", &ControlSettings::kd)
-      .def_rw("ki", &ControlSettings::ki)
-      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Coordinates& x,
-                             double frequency, double damping) {
-        const Outcome outcome = place_poles(robot, x, frequency, damping, settings);
-        return std::pair(static_cast<int>(outcome.status), outcome.chain);
-      });
-  nb::class_<ControlState>(m, "ControlState")
-      .def(nb::init<>())
-      .def_ro("torque", &ControlState::torque)
-      .def_ro("error", &ControlState::error)
-      .def_ro("rate", &ControlState::rate)
-      .def(
-          "step",
-          [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-             const Coordinates& x, const Coordinates& rate, const Coordinates& acceleration,
-             Extended q_e, const Known* known, Slow* slow) {
-            const Weights weights(robot, known);
-            const Weighing weighing =
-                slow ? slow->compensate_latency(robot, weights.view(), q_e) : weights.view();
-            const Outcome outcome =
-                control(robot, settings, {x, rate, acceleration}, q_e, state, weighing);
-            return std::pair(static_cast<int>(outcome.status), outcome.chain);
-          },
-          "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
-          "known"_a.none() = nb::none(), "slow"_a.none() = nb::none());
+  enumeration<FeedForward>(m, "FeedForward", {"none", "gravity", "full"});
+  enumeration<Gains>(m, "Gains", {"diagonal", "inertia"});
+  nb::class_<ControlSettings> settings(m, "ControlSettings");
+  settings.def(nb::init<>());
+  TRUEPOSE_FIELDS(settings, def_rw, law, sigma_scale, gains, feed_forward, period,
+                  velocity_bandwidth, damped_below, kp, kd, ki);
+  settings.def("place_poles", [](ControlSettings& own, const Robot& robot, const Coordinates& x,
+                                 double frequency, double damping) {
+    return answered(place_poles(robot, x, frequency, damping, own));
+  });
+  nb::class_<ControlState> state(m, "ControlState");
+  state.def(nb::init<>());
+  TRUEPOSE_FIELDS(state, def_ro, torque, error, rate);
+  state.def(
+      "step",
+      [](ControlState& own, const Robot& robot, const ControlSettings& with, const Coordinates& x,
+         const Coordinates& rate, const Coordinates& acceleration, Extended q_e, const Known* known,
+         Slow* slow) {
+        const Weights weights(robot, known);
+        const Weighing weighing =
+            slow ? slow->compensate_latency(robot, weights.view(), q_e) : weights.view();
+        return answered(control(robot, with, {x, rate, acceleration}, q_e, own, weighing));
+      },
+      "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
+      "known"_a.none() = nb::none(), "slow"_a.none() = nb::none());
   m.def("redundant_fkm", &batch_redundant_fkm);
   m.def("tej", &batch_tej);
   m.def("conditioning", &batch_conditioning);

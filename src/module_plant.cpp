@@ -99,19 +99,16 @@ auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to
 
 /// M(x), (N, n, n), of the reduced model.
 auto batch_mass_matrix(const Robot& robot, const Rows& x) {
-  const std::size_t count = x.shape(0), n = x.shape(1);
-  Owned<double> all({count, n, n});
-  Outcomes outcomes(count);
-  with_mobility(robot.mobility, [&](auto mobility) {
+  const std::size_t n = x.shape(1);
+  return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
-    for_rows(count, [&](std::size_t i) {
+    return batch(x.shape(0), {{n, n}}, [&](std::size_t i, auto& out) {
       PoseMatrix mass;
       const Outcome outcome = mass_matrix<K>(robot, to_pose<K>(row<Coordinates>(x, i)), mass);
-      outcomes.set(i, outcome);
-      write(mass, n, n, outcome, all[i]);
+      write(mass, n, n, out[0]);
+      return outcome;
     });
   });
-  return nb::make_tuple(all.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 /// Torques of a motion, and motion under torques, for poses, twists and their derivatives, (N, n).

@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "truepose/control/law.hpp"
 #include "truepose/offline/bus.hpp"
 
 namespace truepose::python {
@@ -38,15 +37,9 @@ struct Slow {
   /// @param q_e  in and out @return its weighting
   Weighing compensate_latency(const Robot& robot, const Weighing& weighing, Extended& q_e) {
     if (!known_late) return weighing;
-    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return truepose::compensate_latency<mobility()>(robot, late, q_e);
+    return with_mobility(robot.mobility, [&](auto mobility) {
+      return compensated<mobility()>(robot, weighing, late, known, q_e);
     });
-    if (!outcome) return weighing;
-    low_pass(robot, late, q_e);
-    if (!weighing) return weighing;
-    known = *weighing.known;
-    weigh(robot, late, known);
-    return {&known, weighing.work};
   }
 };
 

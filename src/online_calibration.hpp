@@ -1,6 +1,8 @@
 // Python's online calibration: the filter's arrays, kept between runs.
 #pragma once
 
+#include <algorithm>
+#include <type_traits>
 #include <vector>
 
 #include "known.hpp"
@@ -45,23 +47,17 @@ class Online {
   }
   /// State other than ξ̂ and its root: counts, the residual test and the rollback state.
   std::vector<double> memory() const {
-    std::vector<double> all{double(due_),         double(lines_),         double(left_out_),
-                            doubt_.evidence,      double(doubt_.stopped), double(doubt_.suspect),
-                            double(doubt_.lines), double(doubt_.since)};
-    all.insert(all.end(), doubt_.blame.begin(), doubt_.blame.end());
-    all.insert(all.end(), kept_.begin(), kept_.end());
+    std::vector<double> all;
+    each_number(*this, [&](const auto& number) { all.push_back(static_cast<double>(number)); });
     return all;
   }
   /// Resumes from another object's arrays and memory.
   void resume(const std::vector<double>& all) {
-    const std::size_t counts = 8, blames = doubt_.blame.size();
-    if (all.size() != counts + blames + kept_.size())
-      throw std::invalid_argument("the memory of another filter");
-    due_ = int(all[0]), lines_ = long(all[1]), left_out_ = long(all[2]);
-    doubt_.evidence = all[3], doubt_.stopped = all[4] != 0, doubt_.suspect = int(all[5]);
-    doubt_.lines = long(all[6]), doubt_.since = int(all[7]);
-    std::copy_n(all.begin() + counts, blames, doubt_.blame.begin());
-    std::copy_n(all.begin() + counts + blames, kept_.size(), kept_.begin());
+    if (all.size() != memory().size()) throw std::invalid_argument("the memory of another filter");
+    auto next = all.begin();
+    each_number(*this, [&](auto& number) {
+      number = static_cast<std::remove_reference_t<decltype(number)>>(*next++);
+    });
   }
 
   /// Stores the state that is not in the arrays.
@@ -81,6 +77,15 @@ class Online {
   RowMatrix root() const { return known_.root; }
 
  private:
+  template <class Self, class F>
+  static void each_number(Self& self, F&& f) {
+    auto& doubt = self.doubt_;
+    f(self.due_), f(self.lines_), f(self.left_out_);
+    f(doubt.evidence), f(doubt.stopped), f(doubt.suspect), f(doubt.lines), f(doubt.since);
+    std::for_each(doubt.blame.begin(), doubt.blame.end(), f);
+    std::for_each(self.kept_.begin(), self.kept_.end(), f);
+  }
+
   Robot drawn_;
   Known known_;
   std::vector<double> xi_;

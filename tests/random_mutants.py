@@ -3,10 +3,11 @@
     python tests/random_mutants.py [--count 300] [--seed 0] [--jobs N] [part of a file's name …]
 
 An operator, a constant or an extremum of the package or of the core's headers is changed, in a
-copy. A mutant of the package is tried on the tests that run its line, the most specific ones, as
-coverage.py recorded them (`make coverage-python`); one of a header on the C++ tests that are
-labelled with it (tests/cpp/CMakeLists.txt), unoptimised and for one mobility. The table counts
-noticed mutants by room. The run fails below 85 % overall, or 75 % in a room of 8 or more.
+copy. A mutant of the package is tried on the tests that run its line, as coverage.py recorded them
+(`make coverage-python`): the most specific ones, and two that compare answers with kept ones. One
+of a header is tried on the C++ tests that are labelled with it (tests/cpp/CMakeLists.txt),
+unoptimised and for one mobility. The table counts noticed mutants by room. The run fails below
+85 % overall, or 75 % in a room of 8 or more.
 """
 
 from __future__ import annotations
@@ -30,8 +31,10 @@ import coverage
 from mutants import CPP, ROOT, Tools, VerdictError
 
 RECORD = ROOT / "build/coverage-python"
-#: How many test functions a mutant is tried on, and the mobility whose tests see most of a header.
-TRIED = 8
+#: How many test functions a mutant is tried on; how many more of the answers that are kept, by
+#: these files; and the mobility whose tests see most of a header.
+TRIED, KEPT = 8, 2
+ANSWERS = ("test_same_answers", "test_same_results")
 PIVOTS = {"angles_of", "gyro", "so3"}
 SWAPS = {
     "+": "-", "-": "+", "*": "/", "/": "*", "**": "*", "//": "/", "%": "*", "+=": "-=", "-=": "+=",
@@ -113,8 +116,10 @@ class Tests:
         for context in sorted(run, key=lambda context: (self.reach[context], context)):
             *module, function = context.split(".")
             if module and module[-1] in self.files and function.startswith("test_"):
-                found.append(f"{self.files[module[-1]].relative_to(ROOT)}::{function}")
-        return found[:TRIED]
+                kept = module[-1] in ANSWERS
+                found.append((kept, f"{self.files[module[-1]].relative_to(ROOT)}::{function}"))
+        own, answers = ([test for kept, test in found if kept == of] for of in (False, True))
+        return own[:TRIED] + answers[:KEPT]
 
 
 def drawn(words: list[str], seed: int) -> list[Site]:

@@ -89,7 +89,7 @@ def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Cont
     """Return the text on the twin: results, and differences between all twins."""
     own = runs[found.index(chosen)]
     shown = [tables.twin_table3(own, "exact", reading) for reading in READINGS]
-    setup = report.describe(twin.Section(chosen.twin, {}, []))
+    setup = report.describe(chosen.twin)
     reached = [int((f.misses > 1).sum()) for f in found]
     entries = len(chosen.misses)
     return _TEXT.format(
@@ -179,7 +179,7 @@ def nuisances(found: list[Found]) -> Table:
     """Return the parameters of each twin that are not geometry."""
     rows = []
     for f in found:
-        told = report.describe(twin.Section(f.twin, {}, []))
+        told = report.describe(f.twin)
         keys = ("noise", "at_led", "radius", "backlash", "shift", "turn")
         worst = f"{f.misses.max():.2f}"
         rows.append([str(f.twin.seed), *(f"{told[k]:.2f}" for k in keys), worst])

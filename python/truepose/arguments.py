@@ -19,13 +19,7 @@ Level = Literal["ideal", "full"]
 
 
 def check_real(values: Any, name: str) -> None:
-    """Refuse values with units, masks or imaginary parts, which the core would drop.
-
-    Raises
-    ------
-    InputError
-        A masked array, or a list of them; complex numbers.
-    """
+    """Raise InputError for values with units, masks or imaginary parts, which the core drops."""
     if hasattr(values, "to_base_units"):  # pint and similar packages
         raise InputError(f"{name}: has units ({values.units}): pass x.to_base_units().magnitude")
     if isinstance(values, str | Path):
@@ -68,15 +62,7 @@ def column_of(table: Any, name: Any) -> Any:
 
 
 def numbers_of(values: ArrayLike, name: str) -> Array:
-    """Return real numbers as an array.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> numbers_of(np.ma.masked_invalid([0.1, np.nan]), "x")
-    Traceback (most recent call last):
-    truepose.exceptions.InputError: x: a masked array: fill the masked values (NaN) or drop them
-    """
+    """Return real numbers as an array."""
     check_real(values, name)
     try:
         return np.asarray(values, dtype=np.float64)
@@ -85,14 +71,7 @@ def numbers_of(values: ArrayLike, name: str) -> Array:
 
 
 def require(value: object, kind: type, name: str, instead: str) -> None:
-    """Raise InputError unless an argument has a type; `instead` tells how to get one.
-
-    Examples
-    --------
-    >>> require("h4", dict, "robot", "truepose.load('h4')")
-    Traceback (most recent call last):
-    truepose.exceptions.InputError: robot = 'h4': must be a dict: truepose.load('h4')
-    """
+    """Raise InputError unless an argument has a type; `instead` tells how to get one."""
     if not isinstance(value, kind):
         raise InputError(f"{name} = {shortened(repr(value))}: must be a {kind.__name__}: {instead}")
 
@@ -111,13 +90,7 @@ def fraction(name: str, value: float) -> None:
 
 
 def selected(what: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names selected by names and globs, in their order; "all" or "none" alone.
-
-    Examples
-    --------
-    >>> selected("sensor", ["theta", "wire*"], ["wire1", "wire2", "theta"])
-    ('theta', 'wire1', 'wire2')
-    """
+    """Return the names selected by names and globs, in their order; "all" or "none" alone."""
     if list(patterns) in (["all"], ["none"]) and patterns[0] not in names:
         return tuple(names) if patterns[0] == "all" else ()
     chosen: list[str] = []

@@ -1,8 +1,7 @@
 """Reading of regular files, atomic writing of results.
 
-Every file that truepose writes goes through :func:`write`: a draft beside it is renamed. An
-existing file is replaced only by force; never if it is read-only, not a regular file, or an input
-of the same command.
+An existing file is replaced only by force; never if it is read-only, not a regular file, or an
+input of the same command.
 """
 
 from __future__ import annotations
@@ -67,23 +66,9 @@ def check(
 ) -> list[Path]:
     """Check that files may be written; call it before the work for them.
 
-    Parameters
-    ----------
-    outputs : iterable of Output
-    inputs : iterable of path
-        Files that the same command reads: never replaced.
-    force : bool
-        Replace existing files.
-
-    Returns
-    -------
-    list of Path
-        Path of each file, symbolic links followed.
-
-    Raises
-    ------
-    InputError
-        An output has a wrong ending or cannot be written, or two outputs are the same file.
+    `inputs` are files that the same command reads, which are never replaced; `force` replaces
+    other existing files. Returns the path of each file, symbolic links followed. Raises InputError
+    if an output has a wrong ending or cannot be written, or two outputs are the same file.
     """
     outputs, read = list(outputs), list[os.stat_result]()
     for path in inputs:
@@ -105,10 +90,8 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
             there = None
             os.stat(place.parent)  # raises if there is no such folder
         why = _why_not(place, there, read)
-    except OSError as error:
-        why = error.strerror or str(error)
-    except ValueError as error:  # a NUL in the name
-        why = str(error)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        why = getattr(error, "strerror", None) or str(error)
     if why:
         raise InputError(f"{output}: cannot be written: {why}")
     known = ENDINGS.get(output.kind)

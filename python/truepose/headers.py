@@ -4,8 +4,6 @@ from pathlib import Path
 
 from truepose.exceptions import TrueposeError
 
-_DATA = Path(__file__).parent / "_data"
-
 
 def get_include() -> str:
     """Return the folder for a compiler's include path: ``#include "truepose/..."``.
@@ -15,7 +13,7 @@ def get_include() -> str:
     TrueposeError
         The package runs from its source tree; the headers exist only after installation.
     """
-    return _installed(_DATA / "include")
+    return _installed("include")
 
 
 def get_cmake_dir() -> str:
@@ -28,11 +26,11 @@ def get_cmake_dir() -> str:
     TrueposeError
         As for :func:`get_include`.
     """
-    return _installed(_DATA / "share" / "cmake" / "truepose")
+    return _installed("share/cmake/truepose")
 
 
-def _installed(folder: Path) -> str:
-    """Return the folder's path; it exists once the package is installed."""
+def _installed(place: str) -> str:
+    folder = Path(__file__).parent / "_data" / place
     if not folder.is_dir():
         raise TrueposeError(f"no C++ headers in {folder}: install truepose (pip install .)")
     return str(folder)

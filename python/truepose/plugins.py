@@ -9,12 +9,5 @@ from importlib.metadata import EntryPoint, entry_points
 
 
 def plugins(group: str) -> dict[str, EntryPoint]:
-    """Return the installed entry points of a group, by name.
-
-    Examples
-    --------
-    >>> from truepose.plugins import plugins
-    >>> sorted(plugins("log_formats"))
-    ['.mcap']
-    """
+    """Return the installed entry points of a group, by name."""
     return {found.name: found for found in entry_points(group=f"truepose.{group}")}

@@ -20,11 +20,6 @@ def each(work: Callable, items: Iterable) -> Iterator:
 
     Threads suffice because the core releases the interpreter's lock. The waiting thread receives
     signals; on Ctrl-C it stops the core's loops in the others and drops items not yet started.
-
-    Examples
-    --------
-    >>> list(each(lambda item: item**2, range(4)))
-    [0, 1, 4, 9]
     """
     pool = ThreadPoolExecutor(cores())
     stopping = 0

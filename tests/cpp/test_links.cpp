@@ -89,7 +89,7 @@ TEST("a block of links is the marginal of all its equations over poses and noise
   CHECK_NEAR(block.y.dot(block.C.solve(block.y)), (rest * e).squaredNorm(), 1e-10);
   // The poses that follow from them are those of all equations at once.
   std::vector<Coordinates> nu(3);
-  pull(links, block, Eigen::VectorXd::Zero(p), nu);
+  pull(block, Eigen::VectorXd::Zero(p), nu);
   const Eigen::VectorXd dx = A.householderQr().solve(e);
   for (int k = 0; k < 3; ++k) {
     Coordinates change{};

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from answers import masked, same
 
 import truepose as tp
 from truepose import files
@@ -126,6 +127,12 @@ def run(monkeypatch, capsys, tmp_path):
         return (left.value.code or 0, *capsys.readouterr())
 
     return command
+
+
+@pytest.fixture
+def kept(file_regression):
+    """Return a function that compares an answer with the kept one; --force-regen renews that."""
+    return lambda text: file_regression.check(masked(text), check_fn=same)
 
 
 @pytest.fixture(scope="session")

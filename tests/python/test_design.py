@@ -291,7 +291,7 @@ def test_what_helps_together_only_is_found(rng):
     prices = np.ones(24)
     search = Search(cost, prices, [], False, relaxation=Relaxation(relaxed, prices))
     assert search.greedy(2) != (0, 1)
-    assert search.rounded(2, search._relaxation.most_accurate(2)[1]) == (0, 1)
+    assert search.rounded(2, search.relaxation.most_accurate(2)[1]) == (0, 1)
     assert search.most_accurate(2) == ((0, 1), cost([0, 1]))
 
 

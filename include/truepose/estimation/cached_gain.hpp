@@ -42,9 +42,7 @@ struct CachedGain {
 
   /// Travel of the motors since the refresh, added up.
   Real way(int n, const Extended& q_e) const {
-    Real sum = 0;
-    for (int i = 0; i < n; ++i) sum += std::fabs(q_e[i] - q[i]);
-    return sum;
+    return sum_of(n, [&](int i) { return std::fabs(q_e[i] - q[i]); });
   }
 };
 static_assert(std::is_trivially_copyable_v<CachedGain> && std::is_standard_layout_v<CachedGain>);
@@ -119,10 +117,8 @@ struct CachedFusion {
     }
     if (!invert<n>(columns, size, Lanes<n>::Ones(), 0, J)) return false;
     for (int k = 0; k < robot.r; ++k)
-      for (int j = 0; j < n; ++j) {
-        g[k][j] = 0;
-        for (int i = 0; i < n; ++i) g[k][j] += H_x[n + k][i] * J[i][j];
-      }
+      for (int j = 0; j < n; ++j)
+        g[k][j] = sum_of(n, [&](int i) { return H_x[n + k][i] * J[i][j]; });
     return true;
   }
 
@@ -164,14 +160,11 @@ struct CachedFusion {
       for (int j = 0; j < n; ++j) p[k] -= g[k][j] * e[j];
     }
     for (int i = 0; i < n; ++i) {
-      step[i] = 0;
-      for (int j = 0; j < n; ++j) step[i] += J[i][j] * e[j];
+      step[i] = sum_of(n, [&](int j) { return J[i][j] * e[j]; });
       for (int k = 0; k < robot.r; ++k) step[i] -= gain[i][k] * p[k];
     }
     V.whiten(robot.r, p.data(), 1);
-    Real chi2 = 0;
-    for (int k = 0; k < robot.r; ++k) chi2 += p[k] * p[k];
-    return chi2;
+    return sum_of(robot.r, [&](int k) { return p[k] * p[k]; });
   }
 
   /// TEJ: H_q times the gain, [I + K' g, -K'] with K' = H_q K.
@@ -179,8 +172,7 @@ struct CachedFusion {
     for (int i = 0; i < n; ++i) {
       for (int c = 0; c < n; ++c) M_plus[i][c] = i == c;
       for (int k = 0; k < robot.r; ++k) {
-        Real sum = 0;
-        for (int j = 0; j < n; ++j) sum += H_x[i][j] * gain[j][k];
+        const Real sum = sum_of(n, [&](int j) { return H_x[i][j] * gain[j][k]; });
         for (int c = 0; c < n; ++c) M_plus[i][c] += sum * g[k][c];
         M_plus[i][n + k] = -sum;
       }
@@ -212,10 +204,8 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
   times_root(geometry, rows, B);
   for (int m = 0; m < p; ++m) {
     std::array<Real, n> e_x;
-    for (int i = 0; i < n; ++i) {
-      e_x[i] = 0;
-      for (int j = 0; j < n; ++j) e_x[i] += at.J[i][j] * B[j * p + m];
-    }
+    for (int i = 0; i < n; ++i)
+      e_x[i] = sum_of(n, [&](int j) { return at.J[i][j] * B[j * p + m]; });
     for (int i = 0; i < n; ++i) B[i * p + m] = e_x[i];
     for (int k = n; k < rows; ++k)
       for (int i = 0; i < n; ++i) B[k * p + m] -= H_x[k][i] * e_x[i];

@@ -111,12 +111,11 @@ inline Real dot(int size, const Real* a, const Real* b) {
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/// C at a pose, from its H_ξ. @param B  work space, (n + r)×count
+/// C of gathered rows of H_ξ. @param B  those rows, (n + r)×count; overwritten
 /// @return not_finite where C is no covariance: some σ is not a positive number
-inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi,
-                                  Real* B, ReadingCovariance& C) {
+inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
+                                  ReadingCovariance& C) {
   const int rows = dof(robot.mobility) + robot.r;
-  gather(robot, known, H_xi, rows, B);
   times_root(known, rows, B);
   bool positive = true;
   for (int i = 0; i < rows; ++i) {
@@ -125,6 +124,13 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, co
       C.L[i][j] = (i == j) + dot(known.count, B + i * known.count, B + j * known.count);
   }
   return {positive && C.factor(rows) ? Status::ok : Status::not_finite, -1};
+}
+
+/// The same at a pose, from its H_ξ. @param B  work space
+inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi,
+                                  Real* B, ReadingCovariance& C) {
+  gather(robot, known, H_xi, dof(robot.mobility) + robot.r, B);
+  return reading_covariance(robot, known, B, C);
 }
 
 /// Removes whole turns of a joint from a difference of readings: the turn from which an encoder
@@ -203,6 +209,89 @@ struct Estimate {
   explicit operator bool() const { return bool(outcome); }
 };
 
+namespace estimate_detail {
+
+/// Gauss-Newton steps to the pose of all readings, with the weights at the start.
+template <Mobility K>
+struct Search {
+  static constexpr int n = kDof<K>;
+  const Robot& robot;
+  const Knowledge& known;
+  const int rows;
+  Pose at, base;  ///< present pose; the last one that lowered the cost
+  Extended expected, residual{};
+  Matrix<kMaxReadings, n> H_x;
+  ReadingCovariance C;
+  Fusion<K> fusion;
+  Coordinates step{};  ///< from the base
+  Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
+
+  Search(const Robot& of, const Knowledge& about, const Pose& start)
+      : robot(of), known(about), rows(n + of.r), at(start) {}
+
+  /// χ² of a difference of readings.
+  Real chi2(Extended difference) const {
+    for (int c = 0; c < rows; ++c) difference[c] /= known.sigma[c];
+    C.whiten(rows, difference.data(), 1);
+    return sum_of(rows, [&](int c) { return difference[c] * difference[c]; });
+  }
+
+  /// Shortens a step with less than a quarter of the predicted decrease to the minimum of the
+  /// parabola of both costs and the first slope, below 4/7 of it: where readings disagree by many
+  /// σ, curvature makes steps overshoot. Inexact slopes may raise the cost along it by 2 |whitened|
+  /// times their share of the promised change of the readings. @return whether it was shortened
+  bool shorten(Real next) {
+    const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
+    const Real inexact =
+        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
+    const Real most =
+        cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact;
+    if (!(next > most && std::isfinite(cost) && length > 1e-3)) return false;
+    length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
+    return true;
+  }
+
+  /// Sets a new step from here, its size, each coordinate against its own σ, and the decrease of
+  /// the cost that it promises. Curvature may also make successive steps shrink by a constant
+  /// ratio: the secant then goes to where they vanish, or ahead where they grow.
+  Outcome turn(Real next) {
+    const Outcome outcome = fuse<K>(robot, known, C, H_x, fusion);
+    if (!outcome) return outcome;
+    base = at;
+    cost = next;
+    const Coordinates before = step;
+    Real along = 0, whole2 = 0;  // of the last one
+    size = 0;
+    for (int i = 0; i < n; ++i) {
+      step[i] = sum_of(rows, [&](int c) { return fusion.gain[i][c] * residual[c]; });
+      size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
+      along += step[i] * before[i] / fusion.covariance[i][i];
+      whole2 += before[i] * before[i] / fusion.covariance[i][i];
+    }
+    if (!(std::fabs(along) > 0.25 * whole2))
+      length = 1;
+    else if (along < 0.9 * whole2)
+      length = std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)));
+    else
+      length = 10;
+    Extended left{};
+    for (int c = 0; c < rows; ++c)
+      left[c] = residual[c] - sum_of(n, [&](int i) { return H_x[c][i] * step[i]; });
+    promised = cost - chi2(left);
+    return {};
+  }
+
+  /// The result at the base after `part` of the step.
+  Estimate<K> found(int iterations, Real part, Pose& pose) const {
+    Coordinates whole = step;
+    for (Real& entry : whole) entry *= part;
+    pose = moved<K>(base, whole);
+    return {{}, iterations, fusion.covariance, cost};
+  }
+};
+
+}  // namespace estimate_detail
+
 /// Estimates the pose by weighted Gauss-Newton on all readings, with the weights at the start.
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the start; out: x̂
@@ -213,105 +302,35 @@ struct Estimate {
 template <Mobility K, class Level>
 Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
                           Pose& pose, Real* work, Parasitic& rest, int cap) {
-  constexpr int n = kDof<K>;
-  const int rows = n + robot.r;
-  Estimate<K> result;
-  Pose at = pose;
-  Real *H_xi = work, *B = work ? work + rows * parameter_count(robot) : nullptr;
-  Extended expected;
-  Matrix<kMaxReadings, n> H_x;
-  ReadingCovariance C;
-  Fusion<K> fusion;
-  Real last = INFINITY;
-  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
-  if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
-  Pose base;           // the last one that lowered the cost,
-  Coordinates step{};  // the step from there
-  Real cost = INFINITY, promised = 0, length = 1;
-  const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
-  while (result.outcome) {
-    Extended residual{}, whitened{};
-    innovation(robot, q_e, expected, residual);
-    for (int c = 0; c < rows; ++c) whitened[c] = residual[c] / known.sigma[c];
-    C.whiten(rows, whitened.data(), 1);
-    Real next = 0;
-    for (int c = 0; c < rows; ++c) next += whitened[c] * whitened[c];
-    if (!std::isfinite(next)) {
-      result.outcome = {Status::not_converged, -1};
-      break;
+  estimate_detail::Search<K> search(robot, known, pose);
+  Real *H_xi = work, *B = work ? work + search.rows * parameter_count(robot) : nullptr;
+  const auto linearised = [&](Real* by_geometry) {
+    return Level::template linearise<K>(robot, search.at, search.expected, search.H_x, by_geometry,
+                                        rest);
+  };
+  Outcome outcome = linearised(H_xi);
+  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, search.C);
+  int iterations = 0;
+  for (; outcome; ++iterations) {
+    innovation(robot, q_e, search.expected, search.residual);
+    const Real next = search.chi2(search.residual), last = search.size;
+    outcome.status = std::isfinite(next) ? Status::ok : Status::not_converged;
+    if (outcome && !search.shorten(next)) {
+      outcome = search.turn(next);
+      const bool late = iterations >= kEstimateIterations - 2 && search.size < kLateStep;
+      if (outcome && (late || is_last(search.size, last, search.cost, search.rows)))
+        return search.found(iterations + 1, 1, pose);
     }
-    // Where readings disagree by many σ, curvature makes steps overshoot: a step with less than a
-    // quarter of the predicted decrease is shortened to the minimum of the parabola of both costs
-    // and the first slope, below 4/7 of it. Inexact slopes may raise the cost along it by
-    // 2 |whitened| times their share of the promised change of the readings.
-    const Real inexact =
-        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
-    const bool shorter = next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost +
-                                    1e-9 + inexact &&
-                         std::isfinite(cost) && length > 1e-3;
-    if (shorter) {
-      length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
-    } else {
-      result.outcome = fuse<K>(robot, known, C, H_x, fusion);
-      if (!result.outcome) break;
-      base = at;
-      cost = next;
-      const Coordinates before = step;
-      Real size = 0;               // of the step, each coordinate against its own σ
-      Real along = 0, whole2 = 0;  // of the last one
-      for (int i = 0; i < n; ++i) {
-        step[i] = 0;
-        for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
-        size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
-        along += step[i] * before[i] / fusion.covariance[i][i];
-        whole2 += before[i] * before[i] / fusion.covariance[i][i];
-      }
-      // Curvature may also make successive steps shrink by a constant ratio: the secant then goes
-      // to where they vanish, or ahead where they grow.
-      if (std::fabs(along) > 0.25 * whole2)
-        length = along < 0.9 * whole2
-                     ? std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)))
-                     : 10;
-      else
-        length = 1;
-      const bool late = result.iterations >= kEstimateIterations - 2;
-      if (is_last(size, last, cost, rows) || (late && size < kLateStep)) {
-        ++result.iterations;
-        result.chi2 = cost;
-        result.covariance = fusion.covariance;
-        pose = moved<K>(at, step);
-        return result;
-      }
-      last = size;
-      Extended left{};
-      for (int c = 0; c < rows; ++c) {
-        left[c] = residual[c];
-        for (int i = 0; i < n; ++i) left[c] -= H_x[c][i] * step[i];
-        left[c] /= known.sigma[c];
-      }
-      C.whiten(rows, left.data(), 1);
-      promised = cost;
-      for (int c = 0; c < rows; ++c) promised -= left[c] * left[c];
-    }
-    Coordinates whole = step;
-    for (Real& entry : whole) entry *= length;
-    at = moved<K>(base, whole);
-    if (result.iterations == kEstimateIterations && std::max(promised, last) < kFlat) {
-      result.chi2 = cost;
-      result.covariance = fusion.covariance;
-      pose = base;
-      return result;
-    }
-    if (!all_finite(whole, n) || result.iterations == cap) {
-      result.outcome = {Status::not_converged, -1};
-      break;
-    }
-    ++result.iterations;
-    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
-    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings
-      result.outcome = {Status::not_converged, -1};
+    if (!outcome) break;
+    if (iterations == kEstimateIterations && std::max(search.promised, search.size) < kFlat)
+      return search.found(iterations, 0, pose);
+    search.found(iterations, search.length, search.at);
+    const bool goes_on = all_finite(search.step, kDof<K>) && iterations < cap;
+    outcome = goes_on ? linearised(nullptr) : Outcome{Status::not_converged, -1};
+    if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings
+      outcome = {Status::not_converged, -1};
   }
-  return result;
+  return {outcome, iterations};
 }
 
 /// Estimates the pose, starting at the motors' pose.
@@ -320,9 +339,8 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
 template <Mobility K, class Level = IdealModel>
 Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
                      Real* work, Parasitic* rest = nullptr) {
-  constexpr int n = kDof<K>;
   if (!robot.finished) return {{Status::unfinished, -1}};
-  if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};
+  if (!all_finite(q_e, kDof<K> + robot.r)) return {{Status::not_finite, -1}};
   Pose at = pose;
   Parasitic own;
   if (!rest) rest = &own;
@@ -339,10 +357,8 @@ template <Mobility K>
 inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
                          const Fusion<K>& fusion, ExtendedRows& M_plus) {
   for (int i = 0; i < kDof<K>; ++i)
-    for (int c = 0; c < kDof<K> + robot.r; ++c) {
-      M_plus[i][c] = 0;
-      for (int j = 0; j < kDof<K>; ++j) M_plus[i][c] += H_x[i][j] * fusion.gain[j][c];
-    }
+    for (int c = 0; c < kDof<K> + robot.r; ++c)
+      M_plus[i][c] = sum_of(kDof<K>, [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
 }
 
 }  // namespace truepose

@@ -79,10 +79,6 @@ inline void add_drift(int p, Real* S, Real* v) {
   }
 }
 
-}  // namespace online_detail
-
-namespace online_detail {
-
 /// Information of one row of readings, the pose being unknown.
 struct Line {
   Pose pose;                  ///< x̂
@@ -99,6 +95,36 @@ struct Work {
         F(B + dof(robot.mobility) * count),
         b(F + robot.r * count) {}
 };
+
+/// Makes the rows F of r equations independent, with their right sides e.
+/// @param curvature  second-order remainder over the square of the loop residual
+/// @return not_finite where an update by them would corrupt every later state
+inline Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r,
+                        const Real* e, Real curvature, const Work& work, Innovations& made) {
+  const int p = state.count;
+  // A NaN shows in the sum.
+  Real sum =
+      sum_of(r, [&](int i) { return e[i]; }) + sum_of(r * p, [&](int k) { return work.F[k]; });
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
+  made.r = r;
+  for (int i = 0; i < r; ++i) {
+    made.y[i] = e[i];
+    if (settings.linearised)
+      for (int k = 0; k < p; ++k)
+        made.y[i] -=
+            work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
+  }
+  times_root({p, state.column, state.root, state.sigma}, r, work.F);
+  // Linearising about a poor ξ̂ leaves a remainder of second order, the square of the loop
+  // residual. It counts as noise, so that the first rows do not overstate their information.
+  decorrelate(p, work.F, settings.linearised ? 0 : curvature, made);
+  // The update must not overflow, nor an equation be as good as certain.
+  for (int i = 0; i < r; ++i) {
+    sum += 0 * made.y[i] + 0 * made.total[i] + 0 / made.noise[i];
+    for (int k = 0; k < p; ++k) sum += 0 * (work.F[i * p + k] / made.noise[i]);
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+}
 
 /// r independent equations about ξ, by linearising about a pose of all readings.
 /// @param robot    at the ξ of linearisation
@@ -145,31 +171,9 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     line.pose = moved<K>(line.pose, step);
   }
-  Real sum = 0;  // a NaN shows in it, which would corrupt every later state
-  for (int row = n; row < rows; ++row) sum += e[row];
-  for (const Real* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
-  if (!std::isfinite(sum)) return {Status::not_finite, -1};
-
-  line.innovations.r = robot.r;
-  Real coarsest = 0;  // σ
-  for (int c = 0; c < rows; ++c) coarsest = std::max(coarsest, state.sigma[c]);
-  for (int i = 0; i < robot.r; ++i) {
-    Real& y = line.innovations.y[i] = e[n + i];
-    if (settings.linearised)
-      for (int k = 0; k < p; ++k)
-        y -= work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
-  }
-  times_root(known, robot.r, work.F);
-  // Linearising about a poor ξ̂ leaves a remainder of second order, the square of the loop
-  // residual. It counts as noise, so that the first rows do not overstate their information.
-  decorrelate(p, work.F, settings.linearised ? 0 : kCurvature * coarsest, line.innovations);
-  // The update must not overflow, nor an equation be as good as certain.
-  for (int i = 0; i < robot.r; ++i) {
-    const Innovations& made = line.innovations;
-    sum += 0 * made.y[i] + 0 * made.total[i] + 0 / made.noise[i];
-    for (int k = 0; k < p; ++k) sum += 0 * (work.F[i * p + k] / made.noise[i]);
-  }
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + rows);
+  return innovate(settings, state, robot.r, e.data() + n, kCurvature * coarsest, work,
+                  line.innovations);
 }
 
 /// Saves ξ̂ and S, or restores them.
@@ -203,6 +207,23 @@ inline void weigh_line(OnlineState& state, int readings, Real log_ratio) {
   doubt.stopped = true;
   doubt.suspect = outstanding(readings, doubt.blame, kNamed);
   if (state.kept) copy_state(state, true);
+}
+
+/// Updates ξ̂ and S by a row's equations, and by a random walk.
+inline void update(const OnlineSettings& settings, const Innovations& made, const Work& work,
+                   OnlineState& state) {
+  const int p = state.count;
+  for (int i = 0; i < made.r; ++i) {
+    update_root(p, state.root, work.F + i * p, made.noise[i], work.b);
+    const Real step = made.y[i] / made.total[i];
+    for (int k = 0; k < p; ++k) state.xi[state.column[k]] += work.b[k] * step;
+  }
+  if (settings.drifts > 0) {  // one per cycle, for all cycles since its last turn
+    state.due = (state.due + 1) % settings.drifts;
+    const Real cycles = std::sqrt(Real(settings.drifts));
+    for (int k = 0; k < p; ++k) work.b[k] = cycles * settings.drift[state.due * p + k];
+    add_drift(p, state.root, work.b);
+  }
 }
 
 }  // namespace online_detail
@@ -267,17 +288,7 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
   if (doubt.stopped) return {Status::stopped, -1};
   if (!learns) return outcome;
 
-  for (int i = 0; i < r; ++i) {
-    online_detail::update_root(p, state.root, work.F + i * p, line.innovations.noise[i], work.b);
-    const Real step = line.innovations.y[i] / line.innovations.total[i];
-    for (int k = 0; k < p; ++k) state.xi[state.column[k]] += work.b[k] * step;
-  }
-  if (settings.drifts > 0) {  // one per cycle, for all cycles since its last turn
-    state.due = (state.due + 1) % settings.drifts;
-    const Real cycles = std::sqrt(Real(settings.drifts));
-    for (int k = 0; k < p; ++k) work.b[k] = cycles * settings.drift[state.due * p + k];
-    online_detail::add_drift(p, state.root, work.b);
-  }
+  online_detail::update(settings, line.innovations, work, state);
   return outcome;
 }
 

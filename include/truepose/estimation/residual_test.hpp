@@ -45,9 +45,7 @@ struct Innovations {
   std::array<Real, kMaxSensors> noise, total;  ///< their variances: own; with the parameters'
 
   Real chi2() const {
-    Real sum = 0;
-    for (int i = 0; i < r; ++i) sum += y[i] * y[i] / total[i];
-    return sum;
+    return sum_of(r, [&](int i) { return y[i] * y[i] / total[i]; });
   }
 };
 
@@ -57,8 +55,7 @@ struct Innovations {
 inline void decorrelate(int p, Real* F, Real curvature, Innovations& line) {
   for (int i = 0; i < line.r; ++i) {
     const Real* f = F + i * p;
-    Real open = 0;
-    for (int j = 0; j < p; ++j) open += f[j] * f[j];
+    const Real open = sum_of(p, [&](int j) { return f[j] * f[j]; });
     const Real curved = curvature * open;
     line.noise[i] = 1 + curved * curved;
     line.total[i] = line.noise[i] + open;

@@ -20,4 +20,12 @@ constexpr Real by_precision(long double in_double, long double in_single) {
   return static_cast<Real>(std::is_same_v<Real, float> ? in_single : in_double);
 }
 
+/// term(0) + term(1) + … + term(count - 1).
+template <class F>
+constexpr Real sum_of(int count, F&& term) {
+  Real sum = 0;
+  for (int k = 0; k < count; ++k) sum += term(k);
+  return sum;
+}
+
 }  // namespace truepose

@@ -109,22 +109,6 @@ inline Outcome after_visiting(
   return {};
 }
 
-/// C at a pose where influences act, which the control path does not have.
-/// @param B  work space, as for reading_covariance
-inline Outcome reading_covariance(const Robot& robot, const Knowledge& known,
-                                  const Influences& acting, const double* H_xi, double* B,
-                                  ReadingCovariance& C) {
-  const int rows = dof(robot.mobility) + robot.r, m = acting.count, p = known.count;
-  if (m == 0) return reading_covariance(robot, known, H_xi, B, C);
-  gather(robot, known, H_xi, rows, B, m);
-  for (int c = 0; c < rows; ++c)
-    for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
-  times_root(known, rows, B);
-  for (int i = 0; i < rows; ++i)
-    for (int j = 0; j <= i; ++j) C.L[i][j] = (i == j) + dot(p, B + i * p, B + j * p);
-  return {C.factor(rows) ? Status::ok : Status::not_finite, -1};
-}
-
 /// Computes the fusion of all readings at a pose, with the weights of that pose.
 /// @param acting   influences, whose amounts are the last known quantities
 /// @param H_xi, B  work space, as for reading_covariance
@@ -136,7 +120,12 @@ inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& 
   ReadingCovariance C;
   Parasitic rest;
   Outcome outcome = model.linearise(robot, pose, q_e, H_x, H_xi, rest);
-  if (outcome) outcome = reading_covariance(robot, known, acting, H_xi, B, C);
+  if (!outcome) return outcome;
+  const int rows = model.n + robot.r, m = acting.count, p = known.count;
+  gather(robot, known, H_xi, rows, B, m);
+  for (int c = 0; c < rows; ++c)
+    for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
+  outcome = reading_covariance(robot, known, B, C);
   if (outcome) outcome = model.fuse(robot, known, C, H_x, fusion);
   return outcome;
 }

@@ -1,4 +1,4 @@
-// Input and output of a batch calibration.
+// Input, iterates and output of a batch calibration.
 #pragma once
 
 #include <functional>
@@ -31,12 +31,76 @@ struct ReadingLog {
   int referenced = 0;  ///< number of last rows, measured in the base frame; never outliers
 };
 
-/// Result for one measured difference, in its own unit. NaN: of an excluded row.
-struct LinkResult {
-  double residual = NAN;  ///< measured minus expected, with all data
-  double left_out = NAN;  ///< the same without this one's own data, to first order
-  double sigma = NAN;     ///< of left_out
-  double weight = 0;      ///< 1, or less where it is an outlier
+/// Information on u, I + Σ c RᵀR, and the right side, Σ c Rᵀy - u.
+struct StepEquations {
+  Eigen::MatrixXd information;
+  Eigen::VectorXd right;
+};
+
+/// A geometry, its poses and the linearised readings there.
+struct CalibrationIterate {
+  Eigen::VectorXd u;
+  std::vector<Pose> pose;
+  std::vector<Coordinates> pull;  ///< of every pose, due to the links: ν̂
+  std::vector<Line> line{};
+  std::vector<LinkBlock> block{};
+
+  int equations() const {
+    int sum = 0;
+    for (const Line& each : line) sum += each.redundancy();
+    for (const LinkBlock& each : block) sum += each.size();
+    return sum;
+  }
+
+  void weigh(const LineLoss& loss) {
+    for (LinkBlock& each : block) each.weigh(loss);
+  }
+
+  double cost(const LineLoss& loss) const {
+    double sum = u.squaredNorm();
+    for (const Line& each : line)
+      if (each.redundancy() > 0) sum += each.cost(loss);
+    for (const LinkBlock& each : block) sum += each.cost;
+    return sum;
+  }
+
+  /// √(median of d²/r): robust scale of the rows' residuals.
+  double spread() const {
+    std::vector<double> ratios;
+    for (const Line& each : line)
+      if (each.redundancy() > 0 && !each.certain)
+        ratios.push_back(each.misfit() / each.redundancy());
+    for (const LinkBlock& each : block)
+      for (int k = 0; k < each.size(); ++k)
+        ratios.push_back(each.y[k] * each.y[k] / (1 + each.shared(k, k)));
+    if (ratios.empty()) return 1;
+    return std::sqrt(median(ratios) / 0.455);  // the median of χ² with one degree of freedom
+  }
+
+  /// @param p  number of unknowns @param counts  c of a row
+  template <class F>
+  StepEquations equations_of_step(int p, F&& counts) const {
+    RowMatrix stacked(equations(), p);
+    Eigen::VectorXd y(equations());
+    int row = 0;
+    for (const Line& each : line) {
+      if (each.redundancy() == 0) continue;
+      const double root = std::sqrt(counts(each));
+      for (int i = each.n; i < each.rows; ++i, ++row) {
+        stacked.row(row) = root * each.B.row(i);
+        y[row] = root * each.e[i];
+      }
+    }
+    for (const LinkBlock& each : block) {
+      stacked.middleRows(row, each.size()) = each.C.matrixL().solve(each.B);
+      y.segment(row, each.size()) = each.C.matrixL().solve(each.y);
+      row += each.size();
+    }
+    StepEquations result{Eigen::MatrixXd::Identity(p, p), stacked.transpose() * y - u};
+    if (row > 0)  // Eigen divides by it
+      result.information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+    return result;
+  }
 };
 
 /// Result of a batch calibration, by row of the log and overall.

@@ -3,6 +3,7 @@
 
 #include "truepose/math/eliminate.hpp"
 #include "truepose/offline/kernel_table.hpp"
+#include "truepose/offline/loss.hpp"
 #include "truepose/offline/registration.hpp"
 
 namespace truepose {
@@ -20,18 +21,14 @@ struct Line {
 
   int redundancy() const { return std::max(rows - n, 0); }
   double chi2() const {
-    double sum = 0;
-    for (int i = n; i < rows; ++i) sum += e[i] * e[i];
-    return sum;
+    return sum_of(redundancy(), [&](int i) { return e[n + i] * e[n + i]; });
   }
   /// Squared residual at its pose; chi2() is that of the best pose, to first order.
   double misfit() const {
-    double sum = 0;
-    for (int i = 0; i < rows; ++i) {
+    return sum_of(rows, [&](int i) {
       const double off = i < n ? e[i] + pull[i] : e[i];
-      sum += off * off;
-    }
-    return sum;
+      return off * off;
+    });
   }
   /// Distance of its pose from the best pose, in units of its σ.
   double away() const {
@@ -42,6 +39,10 @@ struct Line {
   /// Within σ of the best pose chi2() is exact enough; misfit() would add the pose's lag behind ξ,
   /// which hides the gain of a step where σ is small and steps are not.
   double d2() const { return away() < 1 ? chi2() : misfit(); }
+  double cost(const LineLoss& loss) const { return certain ? d2() : loss.cost(d2(), redundancy()); }
+  double weight(const LineLoss& loss) const {
+    return certain ? 1 : loss.factor(d2(), redundancy());
+  }
 };
 
 /// Registration of a tracker that measures x in the base frame.

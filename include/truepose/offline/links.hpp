@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "truepose/offline/line.hpp"
-#include "truepose/offline/loss.hpp"
 
 namespace truepose {
 
@@ -104,11 +103,16 @@ inline LinkExpected expected(Mobility mobility, const Link& link, const Pose* po
 
 /// Links that share rows and therefore the noise of their poses.
 struct LinkBlock {
+  /// An end of a link: the entry of `link`, and the row whose pose it has.
+  struct End {
+    int link, line;
+  };
   std::vector<int> link;  ///< indices of the links
-  Eigen::VectorXd e;      ///< (measured - f)/σ at these poses
+  std::vector<End> end{};
+  Eigen::VectorXd e;  ///< (measured - f)/σ at these poses
   RowMatrix B;
   Eigen::VectorXd y;
-  RowMatrix G;             ///< of each link's first row, then of the second
+  RowMatrix G;             ///< of each end
   Eigen::MatrixXd shared;  ///< GGᵀ
   Eigen::VectorXd weight;  ///< c of every link: C = diag(1/c) + GGᵀ
   Eigen::LLT<Eigen::MatrixXd> C;
@@ -121,17 +125,15 @@ struct LinkBlock {
   }
   /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
   /// because a loss is a concave function of ε².
-  void weigh(const LineLoss& loss, double scale) {
-    const double s2 = scale * scale, counts = loss.scale(1);
-    weigh(Eigen::VectorXd::Constant(size(), counts * loss.weight(0, 1)));
+  void weigh(const LineLoss& loss) {
+    weigh(Eigen::VectorXd::Constant(size(), loss.factor(0, 1)));
     for (int round = 0; round < 100; ++round) {
       const Eigen::VectorXd z = C.solve(y), own = z.cwiseQuotient(weight);  // ε
       cost = z.dot(y - own);
       Eigen::VectorXd next(size());
       for (int k = 0; k < size(); ++k) {
-        const double d2 = own[k] * own[k] / s2;
-        cost += s2 * counts * loss.rho(d2, 1);
-        next[k] = std::max(counts * loss.weight(d2, 1), kNothing);
+        cost += loss.cost(own[k] * own[k], 1);
+        next[k] = std::max(loss.factor(own[k] * own[k], 1), kNothing);
       }
       if ((next - weight).cwiseAbs().maxCoeff() < 1e-9) break;
       weigh(next);
@@ -139,41 +141,51 @@ struct LinkBlock {
   }
 };
 
-/// Groups the links of known rows by shared rows.
+/// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
+inline std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n) {
+  std::vector<int> root(lines.size()), block(lines.size(), -1);
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](int k) {
+    while (root[k] != k) k = root[k] = root[root[k]];
+    return k;
+  };
+  const auto last = [](const Link& link) { return link.line[link.ends() - 1]; };
+  const auto usable = [&](const Link& link) {
+    return lines[link.line[0]].rows >= n && lines[last(link)].rows >= n;
+  };
+  for (const Link& link : links.link)
+    if (usable(link)) root[find(last(link))] = find(link.line[0]);
+  std::vector<LinkBlock> blocks;
+  for (int k = 0; k < static_cast<int>(links.link.size()); ++k) {
+    const Link& link = links.link[k];
+    if (!usable(link)) continue;
+    int& at = block[find(link.line[0])];
+    if (at < 0) {
+      at = static_cast<int>(blocks.size());
+      blocks.emplace_back();
+    }
+    for (int a = 0; a < link.ends(); ++a)
+      blocks[at].end.push_back({blocks[at].size(), link.line[a]});
+    blocks[at].link.push_back(k);
+  }
+  return blocks;
+}
+
+/// The links as equations in ξ, in blocks that share rows.
 /// @param poses, lines  of the log; a line without rows is unknown
 /// @param known  parameters including w; without a root in units of each (m, rad, one)
 inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
                                      const Knowledge& known, const std::vector<Pose>& poses,
                                      const std::vector<Line>& lines) {
   const int n = dof(mobility), p = known.count;
-  std::vector<int> root(lines.size());
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&](int k) {
-    while (root[k] != k) k = root[k] = root[root[k]];
-    return k;
-  };
-  const auto usable = [&](const Link& link) {
-    return lines[link.line[0]].rows >= n && lines[link.line[link.ends() - 1]].rows >= n;
-  };
-  for (const Link& link : links.link)
-    if (usable(link)) root[find(link.line[link.ends() - 1])] = find(link.line[0]);
-  std::vector<LinkBlock> blocks;
-  std::vector<int> block(lines.size(), -1);
-  for (int k = 0; k < static_cast<int>(links.link.size()); ++k) {
-    if (!usable(links.link[k])) continue;
-    int& at = block[find(links.link[k].line[0])];
-    if (at < 0) {
-      at = static_cast<int>(blocks.size());
-      blocks.emplace_back();
-    }
-    blocks[at].link.push_back(k);
-  }
+  std::vector<LinkBlock> blocks = grouped(links, lines, n);
   for (LinkBlock& all : blocks) {
-    const int m = all.size();
+    const int m = all.size(), ends = static_cast<int>(all.end.size());
     all.e.resize(m);
     all.B.setZero(m, p);
-    all.G.setZero(2 * m, n);
-    for (int k = 0; k < m; ++k) {
+    all.G.resize(ends, n);
+    all.shared.setZero(m, m);
+    for (int k = 0, end = 0; k < m; ++k) {
       const Link& link = links.link[all.link[k]];
       const LinkExpected at = expected(mobility, link, poses.data(), w);
       all.e[k] = (link.measured - at.value) / link.sigma;
@@ -187,9 +199,9 @@ inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, cons
       enter(link.tool, at.tool, 3);
       if (link.kind != LinkKind::point)
         enter(link.shape, at.shape, link.kind == LinkKind::plane ? 3 : 2);
-      for (int a = 0; a < link.ends(); ++a) {
+      for (int a = 0; a < link.ends(); ++a, ++end) {
         const Line& line = lines[link.line[a]];
-        auto g = all.G.row(a * m + k);  // g R = ∂f/∂x
+        auto g = all.G.row(end);  // g R = ∂f/∂x
         for (int j = 0; j < n; ++j) {
           g[j] = at.H_x[a][j] / link.sigma;
           for (int i = 0; i < j; ++i) g[j] -= g[i] * line.R[i][j];
@@ -198,19 +210,14 @@ inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, cons
       }
     }
     all.y = all.e;
-    all.shared.setZero(m, m);
-    for (int k = 0; k < 2 * m; ++k) {
-      const Link& one = links.link[all.link[k % m]];
-      if (k / m >= one.ends()) continue;
-      const int at = one.line[k / m];
+    for (int k = 0; k < ends; ++k) {
+      const auto [own, at] = all.end[k];
       const Line& line = lines[at];
-      all.B.row(k % m) -= all.G.row(k) * line.B.topRows(n);
-      for (int i = 0; i < n; ++i) all.y[k % m] -= all.G(k, i) * line.e[i];
-      for (int l = 0; l < 2 * m; ++l) {
-        const Link& other = links.link[all.link[l % m]];
-        if (l / m < other.ends() && other.line[l / m] == at)
-          all.shared(k % m, l % m) += all.G.row(k).dot(all.G.row(l));
-      }
+      all.B.row(own) -= all.G.row(k) * line.B.topRows(n);
+      for (int i = 0; i < n; ++i) all.y[own] -= all.G(k, i) * line.e[i];
+      for (int l = 0; l < ends; ++l)
+        if (all.end[l].line == at)
+          all.shared(own, all.end[l].link) += all.G.row(k).dot(all.G.row(l));
     }
     all.weigh(Eigen::VectorXd::Ones(m));
   }
@@ -218,14 +225,40 @@ inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, cons
 }
 
 /// Adds the links' effect on every row's ν after the change `step` of u.
-inline void pull(const Links& links, const LinkBlock& block, const Eigen::VectorXd& step,
+inline void pull(const LinkBlock& block, const Eigen::VectorXd& step,
                  std::vector<Coordinates>& nu) {
-  const int m = block.size(), n = static_cast<int>(block.G.cols());
   const Eigen::VectorXd z = block.C.solve(block.y - block.B * step);
+  for (std::size_t k = 0; k < block.end.size(); ++k)
+    for (int i = 0; i < block.G.cols(); ++i)
+      nu[block.end[k].line][i] += z[block.end[k].link] * block.G(k, i);
+}
+
+/// Result for one measured difference, in its own unit. NaN: of an excluded row.
+struct LinkResult {
+  double residual = NAN;  ///< measured minus expected, with all data
+  double left_out = NAN;  ///< the same without this one's own data, to first order
+  double sigma = NAN;     ///< of left_out
+  double weight = 0;      ///< 1, or less where it is an outlier
+};
+
+/// Cross-validates each link against all other data. With V the covariance of all their y,
+/// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury), û and Σ of all data.
+/// Entry k over P_kk is the residual of link k without itself, σ² = 1/P_kk.
+/// @param root  of the information on u, Σ⁻¹
+inline void cross_validate(const Links& links, const LinkBlock& block, const Eigen::MatrixXd& root,
+                           std::vector<LinkResult>& result) {
+  const int m = block.size();
+  const Eigen::MatrixXd inverse = block.C.solve(Eigen::MatrixXd::Identity(m, m));
+  const Eigen::MatrixXd half =
+      root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(block.B.transpose() * inverse));
+  const Eigen::VectorXd z = inverse * block.y;
   for (int k = 0; k < m; ++k) {
-    const Link& link = links.link[block.link[k]];
-    for (int a = 0; a < link.ends(); ++a)
-      for (int i = 0; i < n; ++i) nu[link.line[a]][i] += z[k] * block.G(a * m + k, i);
+    LinkResult& of = result[block.link[k]];
+    const double sigma = links.link[block.link[k]].sigma;
+    const double P = inverse(k, k) - half.col(k).squaredNorm();
+    of.residual = sigma * block.e[k];
+    of.left_out = sigma * z[k] / P;
+    of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
   }
 }
 

@@ -58,6 +58,14 @@ class LineLoss {
       default: return 1;
     }
   }
+  double unit = 1;  ///< σ of a residual d for cost and factor, > 1 at first
+
+  /// Cost of a row, and its weight times a/b.
+  double cost(double d2, int m) const {
+    return unit * unit * scale(m) * rho(d2 / (unit * unit), m);
+  }
+  double factor(double d2, int m) const { return scale(m) * weight(d2 / (unit * unit), m); }
+
   /// Scale of a row's loss: a/b.
   double scale(int m) const { return a_[m] / b_[m]; }
   /// Expected information of a row, as a fraction of RᵀR: a²/b.

@@ -139,6 +139,13 @@ inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose
   }
 }
 
+/// The middle one of values, the upper one of two.
+inline double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// The nearest rotation to a matrix: R of the largest tr(RᵀA), det R = 1.
 inline Mat3 nearest_rotation(const Mat3& A) {
   const Eigen::JacobiSVD<Mat3> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -146,6 +153,36 @@ inline Mat3 nearest_rotation(const Mat3& A) {
   return U * Vec3(1, 1, (U * V.transpose()).determinant() < 0 ? -1 : 1).asDiagonal() *
          V.transpose();
 }
+
+namespace registration_detail {
+
+/// A marker's place by the robot and as measured at a row.
+struct Pair {
+  Vec3 from, to;
+  int line;
+  double weight = 1;
+};
+
+/// The marker's orientation from measured ones; `known` where there are none.
+inline Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
+                        const std::vector<Pair>& pairs, const Pose* pose, const double* measured) {
+  const int n = dof(mobility);
+  Mat3 sum = Mat3::Zero();  // of the estimates of M, by row
+  for (const Pair& p : pairs) {
+    const double* x = measured + p.line * n;
+    const Mat3 back = (base * pose[p.line].R).transpose();
+    if (mobility == Mobility::spatial) {
+      if (std::isfinite(x[3] + x[4] + x[5]))
+        sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
+    } else if (turns_about_z(mobility)) {
+      const Vec3 axis = back * Vec3(std::cos(x[n - 1]), std::sin(x[n - 1]), 0);
+      if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
+    }
+  }
+  return sum.norm() > 0 ? nearest_rotation(sum) : known;
+}
+
+}  // namespace registration_detail
 
 /// Computes an initial registration from roughly known poses; measurements may contain gross errors
 /// (each is weighted by its distance). Alternates two linear steps: the base given the marker's
@@ -160,37 +197,25 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
                                bool turning, int count, const Pose* pose, const Status* status,
                                const double* measured) {
   if (pivots(mobility)) return known;
-  const int n = dof(mobility), positions = positions_of(mobility);
-  struct Pair {
-    Vec3 from, to;
-    int line;
-    double weight = 1;
-  };
-  std::vector<Pair> pairs;
-  Vec3 shift = Vec3::Zero();
-  std::array<int, 3> counted{};
+  std::vector<registration_detail::Pair> pairs;
+  Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
   for (int k = 0; k < count; ++k) {
     if (status[k] != Status::ok) continue;
-    Pair pair{pose[k].D + pose[k].R * known.marker.t, Vec3::Zero(), k};
-    bool whole = true;
-    for (int i = 0; i < positions; ++i) {
-      pair.to[i] = measured[k * n + i];
-      const bool there = std::isfinite(pair.to[i]);
-      whole = whole && there;
-      if (!there) continue;
-      ++counted[i];
-      shift[i] += (pair.to[i] - pair.from[i] - shift[i]) / counted[i];  // running mean
+    const Vec3 from = pose[k].D + pose[k].R * known.marker.t;
+    Vec3 to = Vec3::Zero();
+    for (int i = 0; i < positions_of(mobility); ++i) {
+      to[i] = measured[k * dof(mobility) + i];
+      if (std::isfinite(to[i])) shift[i] += (to[i] - from[i] - shift[i]) / ++counted[i];  // mean
     }
-    if (whole) pairs.push_back(pair);
+    if (to.allFinite()) pairs.push_back({from, to, k});
   }
   Registration result = known;
   result.base = {shift, Mat3::Identity()};
-  std::vector<double> apart;
   for (int round = 0; round < 50 && !pairs.empty(); ++round) {
     double total = 0;
     Vec3 from = Vec3::Zero(), to = Vec3::Zero();
-    Mat3 turn = Mat3::Zero();
-    for (const Pair& p : pairs) {
+    Mat3 turn = Mat3::Zero(), H = Mat3::Zero();
+    for (const auto& p : pairs) {
       total += p.weight;
       from += p.weight * p.from;
       to += p.weight * p.to;
@@ -199,49 +224,35 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
     from /= total;
     to /= total;
     turn /= total;
-    Mat3 H = Mat3::Zero();
-    for (const Pair& p : pairs) H += p.weight * (p.to - to) * (p.from - from).transpose();
+    for (const auto& p : pairs) H += p.weight * (p.to - to) * (p.from - from).transpose();
     const Vec3 spans = Eigen::JacobiSVD<Mat3>(H).singularValues();
     if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
     result.base.R = nearest_rotation(H);
     result.base.t = to - result.base.R * from;
-    apart.clear();
-    for (const Pair& p : pairs)
+    std::vector<double> apart;
+    for (const auto& p : pairs)
       apart.push_back((p.to - result.base.t - result.base.R * p.from).squaredNorm());
-    std::vector<double> sorted = apart;
-    const auto middle = sorted.begin() + static_cast<long>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
+    const double middle = median(apart);
     for (std::size_t k = 0; k < pairs.size(); ++k)
-      pairs[k].weight = *middle > 0 ? 1 / (1 + apart[k] / *middle) : 1;
+      pairs[k].weight = middle > 0 ? 1 / (1 + apart[k] / middle) : 1;
     if (!movable) continue;
     // R_k - mean R determines c. The prior 1e-3, a turn of 2°, is for an arm that hardly turns.
     Mat3 N = 1e-3 * total * Mat3::Identity();
     Vec3 b = Vec3::Zero();
-    for (const Pair& p : pairs) {
+    for (const auto& p : pairs) {
       const Mat3 A = pose[p.line].R - turn;
       N += p.weight * A.transpose() * A;
       b += p.weight * A.transpose() * (result.base.R.transpose() * (p.to - to) - (p.from - from));
     }
     const Vec3 step = N.ldlt().solve(b);
     result.marker.t += step;
-    for (Pair& p : pairs) p.from += pose[p.line].R * step;
+    for (auto& p : pairs) p.from += pose[p.line].R * step;
     result.base.t -= result.base.R * turn * step;
     if (round > 10 && step.norm() < 1e-5) break;
   }
-  if (!turning) return result;
-  Mat3 sum = Mat3::Zero();  // of the estimates of M, by row
-  for (const Pair& p : pairs) {
-    const double* x = measured + p.line * n;
-    const Mat3 back = (result.base.R * pose[p.line].R).transpose();
-    if (mobility == Mobility::spatial) {
-      if (std::isfinite(x[3] + x[4] + x[5]))
-        sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
-    } else if (turns_about_z(mobility)) {
-      const Vec3 axis = back * Vec3(std::cos(x[n - 1]), std::sin(x[n - 1]), 0);
-      if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
-    }
-  }
-  if (sum.norm() > 0) result.marker.R = nearest_rotation(sum);
+  if (turning)
+    result.marker.R = registration_detail::marker_turn(mobility, result.base.R, known.marker.R,
+                                                       pairs, pose, measured);
   return result;
 }
 

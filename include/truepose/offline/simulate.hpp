@@ -99,7 +99,9 @@ class Loop {
       const bool watched = extras_.guarding && !extras_.law;
       if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
       Extended present = q_e;
-      const Weighing weighing = slow && !watched ? brought_up(present) : extras_.weighing;
+      const Weighing weighing =
+          slow && !watched ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
+                           : extras_.weighing;
       bool gave_up =  // a row that fits no pose is skipped
           learner && !watched && calibrate_online<K>(*learner, present).status == Status::stopped;
       const Robot& believed = learner ? learner->robot : nominal_;
@@ -118,21 +120,7 @@ class Loop {
       }
       control_.started = control_.started || outcome;
       if (!outcome && !extras_.faults) return outcome;
-      Sample sample{time,
-                    setpoint.x,
-                    to_coordinates<K>(plant_.pose()),
-                    q_e,
-                    control_.error,
-                    control_.torque,
-                    outcome.status,
-                    gave_up};
-      for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
-        sample.health[c] = guard_.watch.reading[c].health;
-        sample.symptom[c] = guard_.watch.reading[c].symptom;
-      }
-      sample.stops = guard_.stops;
-      sample.brakes = guard_.brakes;
-      write(sample);
+      write(sampled(time, setpoint, q_e, outcome.status, gave_up));
       if (k == periods) break;
       if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
       clock_.advance(settings_.period, guard_.stop);
@@ -145,15 +133,17 @@ class Loop {
   }
 
  private:
-  /// Latency-compensated readings without a fault monitor. @return their weighting
-  Weighing brought_up(Extended& present) {
-    const Weighing& weighing = extras_.weighing;
-    if (!compensate_latency<K>(nominal_, late_, present)) return weighing;
-    low_pass(nominal_, late_, present);
-    if (!weighing) return weighing;
-    known_ = *weighing.known;
-    weigh(nominal_, late_, known_);
-    return {&known_, weighing.work, weighing.kept};
+  Sample sampled(double time, const Setpoint& setpoint, const Extended& q_e, Status status,
+                 bool gave_up) const {
+    Sample sample{time,   setpoint.x,     to_coordinates<K>(plant_.pose()),
+                  q_e,    control_.error, control_.torque,
+                  status, gave_up,        {},
+                  {},     guard_.stops,   guard_.brakes};
+    for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
+      sample.health[c] = guard_.watch.reading[c].health;
+      sample.symptom[c] = guard_.watch.reading[c].symptom;
+    }
+    return sample;
   }
 
   /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled

@@ -2,59 +2,42 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from truepose.calibration.bound import accuracy
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    Poses,
-    RobotName,
-    parse_pose,
-    parse_set,
-    plot_to,
-    wrote,
-)
+from truepose.commands import options
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.pose_file import read_poses
 from truepose.robot.maps import workspace_slice
 from truepose.robot.robot import load
-from truepose.robot.units import coordinate_axes, label, summed
+from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     sensors: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="A set: names or globs separated by commas, none, or all. Repeatable: one set "
             "each.",
             show_default="none, those in use, these with each other one, with each kind, all",
         ),
     ] = None,
-    poses: Poses = None,
+    poses: options.Poses = None,
     calibrated: Annotated[
-        bool, typer.Option("--calibrated", help="Also after self-calibration over these poses.")
+        bool, Option("--calibrated", help="Also after self-calibration over these poses.")
     ] = False,
-    reference_pose: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,…", help="Also once referenced at this externally known pose; m and rad."
-        ),
-    ] = None,
-    level: ModelLevel = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
-    ] = None,
-    how: How = Format.table,
-    force: Force = False,
+    reference_pose: options.ReferencePose = None,
+    level: options.ModelLevel = None,
+    plot: Annotated[Path | None, options.plot_option("a map of the first set's position σ")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Predict which law and sensors make a robot accurate, and after how many calibration poses.
 
@@ -64,26 +47,20 @@ def command(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    save = plot_to(plot, [robot, *([poses] if poses else [])], force)
+    save = options.plot_to(plot, [robot, poses], force)
     loaded = load(robot)
-    sets = [parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = None
-    if reference_pose is not None:
-        touched = parse_pose(loaded, reference_pose, "--reference-pose")
+    sets = [options.parse_set(loaded, text) for text in sensors] if sensors else None
+    touched = options.parse_given(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     slice_ = workspace_slice(shown) if plot else shown.home
     save(lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
-    left_out = f", {found.left_out} that are unreachable or singular left out"
-    where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
-    answer = f"{loaded.name}: {where}{left_out if found.left_out else ''}."
     first = overview(found, level)
-    answers = [*best(first), answer]
+    answers = [*best(first), f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
     shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first
-    show([first, *shown_tables], how, answers, notes(found), more=plot is not None)
-    wrote(how, plot)
+    show([first, *shown_tables], how, answers, notes(found), (plot,))
 
 
 def notes(found: Prediction) -> list[str]:
@@ -100,18 +77,17 @@ def notes(found: Prediction) -> list[str]:
 
 def tables(found: Prediction) -> list[Table]:
     """Return a table for each predicted state: one row per sensor set, σ in mm and degrees."""
-    axes, total = coordinate_axes(found.robot), summed(found.robot)
-    factor = [*(axis.factor for axis in axes), total.factor]
+    axes: list[Axis | Summed] = [*coordinate_axes(found.robot), summed(found.robot)]
+    factor = [axis.factor for axis in axes]
     result = []
     for what, sigma in found.sigma.items():
         rows = []
         for names, values in zip(found.sets, sigma, strict=True):
             named = Cell(label(found.robot, names), ",".join(names) or "none")
             rows.append([named, *(number(float(v)) for v in values * factor)])
-        count = len(found.poses)
         learnt = ", calibrated on the same poses" if what.startswith("self-calibrated") else ""
-        title = f"1σ bound of the pose, {what}: rms over {count} poses{learnt}"
-        name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
-        header = ["sensors", *(axis.label for axis in axes), total.label]
+        title = f"1σ bound of the pose, {what}: rms over {len(found.poses)} poses{learnt}"
+        name = "accuracy_" + re.sub("[ ,-]+", "_", what)
+        header = ["sensors", *(axis.label for axis in axes)]
         result.append(Table(name, title, header, rows))
     return result

@@ -14,6 +14,7 @@ from importlib import metadata
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 from typer.exceptions import TyperException
 
 from truepose import files
@@ -47,19 +48,19 @@ def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
     signature = inspect.signature(command, eval_str=True)
     if "how" not in signature.parameters:
         return command
-    option = typer.Option("--all", help="Print all tables, not the first screen.")
 
     @functools.wraps(command)
-    def run(*args: Any, everything: bool = False, **options: Any) -> Any:
-        limit(not everything)
-        return command(*args, **options)
+    def run(*, everything: bool, **options: Any) -> Any:
+        limit(everything)
+        return command(**options)
 
-    of = Annotated[bool, option]
+    of = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
     asked = inspect.Parameter(
         "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of
     )
-    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), asked])  # type: ignore[attr-defined]
-    run.__annotations__ = {name: p.annotation for name, p in run.__signature__.parameters.items()}  # type: ignore[attr-defined]
+    parameters = [*signature.parameters.values(), asked]
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in parameters}
     return run
 
 
@@ -77,10 +78,7 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
         "plan": plan.command,
         "faults": faults.command,
     },
-    "Calibration": {
-        "calibrate": calibrate.command,
-        "zero": zero.command,
-    },
+    "Calibration": {"calibrate": calibrate.command, "zero": zero.command},
     "Simulation and control": {
         "simulate": simulate.command,
         "simulate-log": monte_carlo.simulate_log_command,
@@ -89,8 +87,9 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     },
 }
 #: Groups of registered commands; others are of machines.
-_GROUP_OF = {"import": "Robots", "view": "Robots", "workbench": "Demonstration"}
-_GROUP_OF["reproduce"] = "Demonstration"
+_GROUP_OF = {"import": "Robots", "view": "Robots"} | dict.fromkeys(
+    ("workbench", "reproduce"), "Demonstration"
+)
 
 for _group, _commands in _GROUPS.items():
     for _name, _command in _commands.items():
@@ -116,8 +115,7 @@ def _version(wanted: bool) -> None:
 def _options(
     context: typer.Context,
     version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+        bool, Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:

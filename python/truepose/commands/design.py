@@ -9,22 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from typer import Option
 
 from truepose import files, robotfile
 from truepose.arguments import Array
-from truepose.commands.options import (
-    Force,
-    How,
-    RobotName,
-    Seed,
-    parse_pose,
-    parse_set,
-    parse_size,
-    parse_target,
-    plot_to,
-    wrote,
-)
+from truepose.commands import options
 from truepose.design.candidates import drawn, reachable
 from truepose.design.placement import Placement
 from truepose.design.placement import place_sensors as find_place
@@ -34,20 +23,19 @@ from truepose.exceptions import InputError, choose
 from truepose.logs.pose_file import read_poses
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed, unit_of
-from truepose.robotfile import path_of
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT, WRITTEN
+from truepose.show.units import PRINT, WRITTEN, measured
 
 #: Self-calibration poses in a report, where --calibrated is not given.
 OTHERWISE = "10"
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     price: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="A=90,B*=250",
             help="Prices of candidate sensors, names or globs; 'none': no sensor.",
             show_default="the keys price of the file",
@@ -55,7 +43,7 @@ def command(
     ] = None,
     price_steps: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="ROD*=1mm:40,0.1mm:200",
             help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
             "Repeatable; 'none': none.",
@@ -63,58 +51,51 @@ def command(
         ),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(help="Find the most accurate set within this price.")
+        float | None, Option(help="Find the most accurate set within this price.")
     ] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="0.1mm", help="Find the cheapest set with this σ or less.")
+        str | None, Option(metavar="0.1mm", help="Find the cheapest set with this σ or less.")
     ] = None,
     must: Annotated[
-        str | None, typer.Option(metavar="A,B*", help="Sensors that every set contains.")
+        str | None, Option(metavar="A,B*", help="Sensors that every set contains.")
     ] = None,
     calibrated: Annotated[
         str | None,
-        typer.Option(
-            metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."
-        ),
+        Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
     ] = None,
-    reference_pose: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,…", help="Once referenced at this known pose; m, rad."),
-    ] = None,
+    reference_pose: options.ReferencePose = None,
     survives: Annotated[
-        bool, typer.Option("--survives", help="Accuracy after the worst failure of one sensor.")
+        bool, Option("--survives", help="Accuracy after the worst failure of one sensor.")
     ] = False,
     poses: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="CSV file of the poses where accuracy counts.",
             show_default="32 over the workspace",
         ),
     ] = None,
     place: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
         ),
     ] = None,
     within: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="wire1.origin.z=-0.2m..100mm",
             help="With --place: range of a coordinate or a glob. Repeatable.",
             show_default="box of the motors, and of the rods' ends at home",
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="With --place: robot file to write.")
+        Path | None, Option("-o", "--out", help="With --place: robot file to write.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw accuracy against price (PNG, SVG, PDF).")
-    ] = None,
-    report: Annotated[Path | None, typer.Option(help="Report to write (HTML).")] = None,
-    seed: Seed = 0,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("accuracy against price")] = None,
+    report: Annotated[Path | None, Option(help="Report to write (HTML).")] = None,
+    seed: options.Seed = 0,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Choose sensors and tolerances by accuracy and cost.
 
@@ -123,10 +104,8 @@ def command(
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**
     """
-    read: list[str | Path] = [robot, *([poses] if poses else [])]
-    if calibrated is not None and not calibrated.isdigit():
-        read.append(calibrated)
-    inputs = [path_of(str(name)) for name in read]
+    visits = None if calibrated is None or calibrated.isdigit() else calibrated
+    inputs = options.paths((robot, poses, visits))
     for_choosing = {
         "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
         "--survives": survives or None, "--plot": plot, "--report": report,
@@ -136,36 +115,31 @@ def command(
         if value is not None:
             other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
-    save = plot_to(plot, read, force)
+    save = options.plot_to(plot, inputs, force)
     written = robotfile.output(out, "-o") if out is not None else None
     page_out = files.Output(report, "report", "--report") if report is not None else None
     files.check([output for output in (written, page_out) if output], inputs, force)
     loaded = load(robot)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
-        "reference_pose": None
-        if reference_pose is None
-        else parse_pose(loaded, reference_pose, "--reference-pose"),
+        "reference_pose": options.parse_given(loaded, reference_pose, "--reference-pose"),
         "poses": None if poses is None else read_poses(loaded, poses),
     }
     if place is not None:
-        boxes = parse_boxes(within or [])
-        beside = None if must is None else parse_set(loaded, must)
-        there = find_place(
-            loaded, parse_set(loaded, place), within=boxes, beside=beside, seed=seed, **known
-        )
+        known |= {"within": parse_boxes(within or []), "seed": seed}
+        known["beside"] = None if must is None else options.parse_set(loaded, must)
+        there = find_place(loaded, options.parse_set(loaded, place), **known)
         if out is not None:
             there.robot.save(out, force=force)
-        show([there.table()], how, _placement_notes(there))
-        wrote(how, out)
+        show([there.table()], how, _placement_notes(there), written=(out,))
         return
     found = select_sensors(
         loaded,
         None if price is None else parse_prices(loaded, price),
         price_steps=None if price_steps is None else parse_price_steps(loaded, price_steps),
         budget=budget,
-        target=parse_target(loaded, target),
-        must=() if must is None else parse_set(loaded, must),
+        target=options.parse_target(loaded, target),
+        must=() if must is None else options.parse_set(loaded, must),
         survives=survives,
         **known,
     )
@@ -179,41 +153,23 @@ def command(
         told = [shown, each(found), states(found, in_other_states(found, visited, at))]
         text = figures.page(found, told, notes(found), len(visited), bool(reference_pose))
         files.write({page_out: text}, inputs, force)
-    show([shown], how, notes(found), more=sum(p is not None for p in (plot, report)))
-    wrote(how, plot, report)
+    show([shown], how, notes(found), written=(plot, report))
 
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
-    """Parse prices of sensors.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_prices(tp.load("h4"), "theta=90,pivot*=40")
-    {'theta': 90.0, 'pivot1': 40.0, 'pivot2': 40.0}
-    """
+    """Parse prices of sensors."""
     result: dict[str, float] = {}
     for part in text.split(",") if text != "none" else ():
-        name, equals, value = part.partition("=")
-        try:
-            price = float(value)
-        except ValueError:
-            price = np.nan
-        if not equals or not 0 <= price < np.inf:
+        name, _, value = part.partition("=")
+        price = options.number_of(value)
+        if not 0 <= price < np.inf:
             raise InputError(f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
-        result |= dict.fromkeys(parse_set(robot, name.strip()), price)
+        result |= dict.fromkeys(options.parse_set(robot, name.strip()), price)
     return result
 
 
 def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, float]]:
-    """Parse prices of machining tolerances.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_price_steps(tp.load("h4"), ["chain*.rod=1mm:40,0.1mm:200"])
-    {'chain*.rod': {0.001: 40.0, 0.0001: 200.0}}
-    """
+    """Parse prices of machining tolerances."""
     result: dict[str, dict[float, float]] = {}
     for text in texts if list(texts) != ["none"] else ():
         group, _, levels = text.partition("=")
@@ -225,27 +181,20 @@ def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[floa
         curve = result.setdefault(group, {})
         for level in levels.split(","):
             size, _, value = level.partition(":")
-            try:
-                price = float(value)
-            except ValueError:
-                price = np.nan
+            price = options.number_of(value)
             if not 0 <= price < np.inf:
                 raise InputError(
                     f"--price-steps {text}: must be PARAMETERS=SIGMA:PRICE,… as "
                     "chain*.rod=0.1mm:200"
                 )
-            curve[parse_size(size, f"--price-steps {group}:", unit_of(robot, fits[0]))] = price
+            curve[options.parse_size(size, f"--price-steps {group}:", unit_of(robot, fits[0]))] = (
+                price
+            )
     return result
 
 
 def parse_boxes(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Parse ranges of the mounting coordinates.
-
-    Examples
-    --------
-    >>> parse_boxes(["wire*.origin.z=-200mm..0.1"])
-    {'wire*.origin.z': (-0.2, 0.1)}
-    """
+    """Parse ranges of the mounting coordinates."""
     result = {}
     for text in texts:
         name, _, box = text.partition("=")
@@ -260,10 +209,7 @@ def _metres(text: str) -> float:
     """Parse a length of either sign; return NaN for anything else."""
     found = re.fullmatch(r"\s*(.+?)([a-zµ]*)\s*", text)
     unit, factor = WRITTEN.get((found[2] if found else "") or "m", ("", np.nan))
-    try:
-        return factor * float(found[1]) if found and unit == "m" else np.nan
-    except ValueError:
-        return np.nan
+    return factor * options.number_of(found[1]) if found and unit == "m" else np.nan
 
 
 def _visited(robot: Robot, text: str) -> Array:
@@ -280,10 +226,10 @@ def states(found: SensorSelection, sigma: Mapping[str, Array]) -> Table:
     """Return a table of the front's sets: σ of each in every state."""
     rows = []
     for k, choice in enumerate(found.front):
-        own = [Cell(label(found.robot, choice.sensors)), number(choice.price)]
-        own[1:1] = [machined(found.robot, choice)] if found.levels else []
+        machining = [machined(found.robot, choice)] if found.levels else []
+        own = [label(found.robot, choice.sensors), *machining, number(choice.price)]
         rows.append([*own, *(number(1e3 * float(values[k])) for values in sigma.values())])
-    header = ["sensors", *(["machined to"] if found.levels else []), "price"]
+    header = ["sensors", *["machined to"] * bool(found.levels), "price"]
     title = "σ of the position (mm) of these sets in other states, all sensors healthy"
     return Table("states", title, [*header, *sigma], rows)
 
@@ -291,14 +237,13 @@ def states(found: SensorSelection, sigma: Mapping[str, Array]) -> Table:
 def each(found: SensorSelection) -> Table:
     """Return a table of the candidates: σ with each alone, and with all others."""
     total, rows = summed(found.robot), []
-    factor, unit = PRINT[total.unit]
+    unit = PRINT[total.unit][1]
     for own in found.alone:
-        name = Cell(own.sensor)
+        name = own.sensor
         if own.level is not None:
-            choice = SensorSet((), 0.0, 0.0, ((own.sensor, own.level),))
-            name = machined(found.robot, choice)
-        cells = (factor * own.sigma, factor * own.without)
-        rows.append([name, number(own.price), *map(number, cells)])
+            name = machined(found.robot, SensorSet((), 0.0, 0.0, ((own.sensor, own.level),)))
+        cells = (number(total.factor * sigma) for sigma in (own.sigma, own.without))
+        rows.append([name, number(own.price), *cells])
     title = f"Each candidate: σ of the {total.name} with it alone, and with all others"
     header = ["candidate", "price", f"alone ({unit})", f"all others ({unit})"]
     return Table("each", title, header, rows)
@@ -318,13 +263,12 @@ def notes(found: SensorSelection) -> list[str]:
             f"The front is greedy, not proven, with {len(found.alone)} candidates: a better set "
             "may exist at any price. --budget proves the best set for one price."
         )
-    factor, unit = PRINT[summed(robot).unit]
-    unit = f" {unit}" if unit.isalpha() else unit
     if (best := found.best) is not None:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
         own = label(robot, best.sensors)
         own += f"; machined: {machined(robot, best)}" if best.machined else ""
-        lines.append(f"Best: {own}: {best.price:g}, {number(factor * best.sigma)}{unit}; {sure}.")
+        sigma = measured(best.sigma, summed(robot).unit)
+        lines.append(f"Best: {own}: {best.price:g}, {sigma}; {sure}.")
     return lines
 
 
@@ -332,11 +276,10 @@ def _placement_notes(found: Placement) -> list[str]:
     """Return notes: σ before and after placement."""
     robot = found.robot
     total = summed(robot)
-    factor, unit = PRINT[total.unit]
-    before, after = (number(factor * sigma) for sigma in (found.before, found.sigma))
+    before, after = (measured(sigma, total.unit) for sigma in (found.before, found.sigma))
     lines = [
-        f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after} {unit}, "
-        f"{before} {unit} at the places in the file; {len(found.over)} poses."
+        f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after}, "
+        f"{before} at the places in the file; {len(found.over)} poses."
     ]
     if found.sigma > 0.95 * found.before:
         lines.append("The mounting places have little effect.")

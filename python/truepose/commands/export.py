@@ -6,67 +6,55 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from truepose import files
 from truepose.arguments import Level
-from truepose.commands.options import (
-    Force,
-    RobotName,
-    SensorsOption,
-    effects_of,
-    effects_option,
-    parse_set,
-    wrote,
-)
+from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.deploy.c_tables import KIND, named, to_c
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot.compliance import taken_as_stiff
 from truepose.robot.laws import Law, usual
-from truepose.robot.robot import Robot, load
-from truepose.robotfile import path_of
+from truepose.robot.robot import Robot
 from truepose.show.terminal import Format, say
 
 app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
 
 ChosenLevel = Annotated[
     Level | None,
-    typer.Option(
+    Option(
         help="ideal: one rod per chain; full: every rod separately.",
         show_default="the file's; weighted laws and monitor: the highest",
     ),
 ]
 USUAL = "tej; joint where no sensor is in use"
 Out = Annotated[
-    Path | None,
-    typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
+    Path | None, Option("-o", "--out", help="File to write.", show_default="standard output")
 ]
 
 
 @app.command()
 def c(
-    robot: RobotName,
+    robot: options.RobotName,
     out: Out = None,
-    force: Force = False,
-    sensors: SensorsOption = None,
+    force: options.Force = False,
+    sensors: options.SensorsOption = None,
     level: ChosenLevel = None,
-    law: Annotated[
-        Law | None, typer.Option(help="Control law of the gains.", show_default=USUAL)
-    ] = None,
-    period: Annotated[float, typer.Option(help="Control cycle, s.")] = 1e-3,
+    law: Annotated[Law | None, Option(help="Control law of the gains.", show_default=USUAL)] = None,
+    period: Annotated[float, Option(help="Control cycle, s.")] = 1e-3,
     frequency: Annotated[
         float | None,
-        typer.Option(help="Poles of the PD, rad/s.", show_default="the fastest with margins"),
+        Option(help="Poles of the PD, rad/s.", show_default="the fastest with margins"),
     ] = None,
     effects: Annotated[
         str,
-        effects_option(
+        options.effects_option(
             "Effects that gains tolerate and the fault monitor allows for: all, none, or friction,…"
         ),
     ] = "all",
     name: Annotated[
-        str | None,
-        typer.Option(help="Prefix of the tables.", show_default="the robot's name"),
+        str | None, Option(help="Prefix of the tables.", show_default="the robot's name")
     ] = None,
 ) -> None:
     """Write a robot as constant tables for a program in C or C++: truepose/truepose.h.
@@ -77,12 +65,10 @@ def c(
 
     Example: **truepose export c calibrated.toml -o my_robot.h**
     """
-    made = load(robot)
-    if sensors is not None:
-        made = made.with_sensors(*parse_set(made, sensors))
+    made = options.load_with(robot, sensors)
     if level is not None:
         made = made.with_level(level)
-    loses = effects_of(effects)
+    loses = options.effects_of(effects)
     prefix = named(made, name)
     controller = None
     if not made.has_inertia:
@@ -109,11 +95,8 @@ def say_stiff(robot: Robot, what: str = "a controller") -> None:
 
 def put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None:
     """Write text to a file, or to standard output."""
-    output = out and files.Output(out, kind, "-o")
-    read = [path_of(robot)]
-    files.check([output] if output else [], read, force)
-    if output:
-        files.write({output: text}, read, force)
-        wrote(Format.table, out)
-    else:
+    if out is None:
         print(text, end="")
+        return
+    files.write({files.Output(out, kind, "-o"): text}, options.paths([robot]), force)
+    options.wrote(Format.table, out)

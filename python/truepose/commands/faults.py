@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from truepose import logs
 from truepose.arguments import Array, Level
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    Poses,
-    RobotName,
-    SensorsOption,
-    effects_of,
-    effects_option,
-    false_alarm_option,
-    load_with,
-    plot_to,
-    wrote,
-)
+from truepose.commands import options
 from truepose.exceptions import InputError
-from truepose.faults.isolation import Hypothesis, Isolation, isolate
+from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import (
     HOURS,
     TIMES,
@@ -39,53 +26,55 @@ from truepose.faults.limits import (
 )
 from truepose.logs.pose_file import read_poses
 from truepose.robot import knowledge
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, reading_axes
-from truepose.robot.workspace import workspace_grid
-from truepose.show.table import Cell, Table, number
+from truepose.robot.workspace import regular_grid
+from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
-from truepose.show.units import PRINT
+from truepose.show.units import PRINT, measured
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     log: Annotated[
         Path | None,
-        typer.Argument(
+        Argument(
             help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
             "and each sensor's name; SI.",
             show_default=False,
         ),
     ] = None,
-    sensors: SensorsOption = None,
-    poses: Poses = None,
+    sensors: options.SensorsOption = None,
+    poses: options.Poses = None,
     calibrated: Annotated[
-        bool, typer.Option("--calibrated", help="After self-calibration over these poses.")
+        bool, Option("--calibrated", help="After self-calibration over these poses.")
     ] = False,
     effects: Annotated[
         str,
-        effects_option(
+        options.effects_option(
             "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
         ),
     ] = "none",
-    level: ModelLevel = None,
+    level: options.ModelLevel = None,
     false_alarm: Annotated[
-        float | None, false_alarm_option("Probability of a false alarm in each test (one a cycle).")
+        float | None,
+        Option(
+            metavar="P",
+            help="Probability of a false alarm in each test (one a cycle).",
+            show_default=f"one in {HOURS:g} hours at 1 kHz",
+        ),
     ] = None,
     boxes: Annotated[
         int,
-        typer.Option(
-            min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
-        ),
+        Option(min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."),
     ] = 1,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw the limits of each reading (PNG, SVG, PDF).")
-    ] = None,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("the limits of each reading")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Predict which sensor faults are detectable; with a LOG, isolate the faulty reading.
 
@@ -103,16 +92,15 @@ def command(
         given |= {"--effects": effects != "none", "--boxes": boxes > 1}
         if extra := [name for name, value in given.items() if value]:
             raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
-        loaded = load_with(robot, sensors)
+        loaded = options.load_with(robot, sensors)
         isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
-    save = plot_to(plot, [robot, *([poses] if poses else [])], force)
-    loaded = load_with(robot, sensors)
-    known = effects_of(effects, KNOWN_EFFECTS)
+    save = options.plot_to(plot, [robot, poses], force)
+    loaded = options.load_with(robot, sensors)
+    subject = options.effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
-    subject = known.allowed_for(loaded)
     found = detectability(subject, at, visited, level, false_alarm=false_alarm)
     if effects != "none":
         found = replace(found, state=f"{found.state}, effects {effects}")
@@ -122,35 +110,12 @@ def command(
         say(unwatched(loaded), how)
         return
     save(found.plot)
-    others = list(_beside(loaded, subject, at, visited, found, effects))
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
-    where = f"{len(at)} poses of {poses or 'a grid over the workspace'}"
-    gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
-    subject_line = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {found.state}."
+    others = dict(_beside(loaded, subject, at, visited, found, effects))
     tables = [found.table(), *parts, *harm(found), beside(others)]
-    show(tables, how, [subject_line], list(notes(found)), plot is not None)
-    wrote(how, plot)
-
-
-def regular_grid(robot: Robot) -> tuple[Array, int]:
-    """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> poses, left_out = regular_grid(tp.load("delta"))
-    >>> poses.shape, left_out
-    ((125, 3), 0)
-    """
-    grid, model = workspace_grid(robot), robot.expected()
-    answers = [
-        model.cross_sensitivity(grid, "joint", "nan"),
-        model.linearize(grid, "nan", "ideal")[0],
-    ]
-    good = np.isfinite([values.sum(axis=(1, 2)) for values in answers]).all(axis=0)
-    if not good.any():
-        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-    return grid[good], int((~good).sum())
+    where = f"{options.over(at, poses, left_out)}; {found.state}."
+    answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
+    show(tables, how, [answer], list(notes(found)), (plot,))
 
 
 def unwatched(robot: Robot) -> str:
@@ -172,57 +137,47 @@ def _beside(
     effects: str,
 ) -> Iterator[tuple[str, Detectability]]:
     """Yield the limits under other assumptions, each with its name."""
-    levels: list[tuple[str, Level, bool]] = [(f"{found.level} level", found.level, True)]
+    levels: dict[str, tuple[Level, bool]] = {f"{found.level} level": (found.level, True)}
     if knowledge.left_out(robot):
-        levels = [
-            ("full level", "full", True),
-            ("ideal level", "ideal", True),
-            ("ideal level, robot on paper", "ideal", False),
-        ]
-    states = [("as built", None)] + ([] if visited is None else [("self-calibrated", visited)])
-    doubts = [("", robot)] + ([] if effects == "none" else [(f", effects {effects}", subject)])
-    for state, learnt in states:
-        for name, level, model_error in levels:
-            for doubt, one in doubts:
-                told = detectability(
-                    one, poses, learnt, level, model_error, false_alarm=found.false_alarm, moving=1
-                )
-                yield f"{state}, {name}{doubt}", told
+        levels = {"full level": ("full", True), "ideal level": ("ideal", True)}
+        levels["ideal level, robot on paper"] = ("ideal", False)
+    states = {"as built": None} | ({} if visited is None else {"self-calibrated": visited})
+    doubts = {"": robot} | ({} if effects == "none" else {f", effects {effects}": subject})
+    cases = itertools.product(states.items(), levels.items(), doubts.items())
+    for (state, learnt), (name, how), (doubt, one) in cases:
+        told = detectability(one, poses, learnt, *how, false_alarm=found.false_alarm, moving=1)
+        yield f"{state}, {name}{doubt}", told
 
 
 def harm(found: Detectability) -> list[Table]:
     """Return tables of the pose error of a fault just below detection: one column per law."""
-    laws = list(found.cross_sensitivity)
-    at_rest = {
-        law: found.pose_error(law).reshape(-1, len(found.robot.readings), 2).max(axis=0)
-        for law in laws
+    robot, laws = found.robot, list(found.cross_sensitivity)
+    worst = {
+        law: found.pose_error(law).reshape(-1, len(robot.readings), 2).max(axis=0) for law in laws
     }
     moving = {law: found.moving_pose_error(law) for law in laws}
-    titles = {
-        "harm_at_rest": (at_rest, "Pose error of a fault just below detection, worst pose"),
-        "harm_moving": (moving, f"The same for a fault that {found.moving} poses do not reveal"),
-    }
+
+    def table(name: str, title: str, errors: Mapping[Law, Array]) -> Table:
+        rows = [
+            [reading, *(_offset(robot, law, errors[law][c]) for law in laws)]
+            for c, reading in enumerate(robot.readings)
+        ]
+        return Table(name, title, ["reading", *laws], rows)
+
     return [
-        Table(
-            name,
-            title,
-            ["reading", *laws],
-            [
-                [reading, *(_offset(found.robot, law, errors[law][c]) for law in laws)]
-                for c, reading in enumerate(found.robot.readings)
-            ],
-        )
-        for name, (errors, title) in titles.items()
+        table("harm_at_rest", "Pose error of a fault just below detection, worst pose", worst),
+        table(
+            "harm_moving", f"The same for a fault that {found.moving} poses do not reveal", moving
+        ),
     ]
 
 
-def beside(others: list[tuple[str, Detectability]]) -> Table:
+def beside(others: dict[str, Detectability]) -> Table:
     """Return medians over the poses, detected and isolated: one row per assumption."""
-    rows = []
-    for name, found in others:
-        rows.append([name, *_pairs(found, np.s_[:])])
+    rows = [[name, *_pairs(found, np.s_[:])] for name, found in others.items()]
     title = "Detected / isolated, medians, under other assumptions"
-    return Table("faults_beside", title, ["assumption", *_header(others[0][1].robot)], rows)
+    axes = reading_axes(next(iter(others.values())).robot)
+    return Table("faults_beside", title, ["assumption", *(axis.label for axis in axes)], rows)
 
 
 def by_box(found: Detectability, poses: Array, parts: int) -> Table:
@@ -238,24 +193,19 @@ def by_box(found: Detectability, poses: Array, parts: int) -> Table:
                 continue
             ends = {"from": low, "to": high, "poses": len(inside)}
             named = f"{name} {low:.4g} to {high:.4g} {printed}".replace(" °", "°")
-            rows.append([Cell(named, {"box": name, "unit": printed} | ends)])
-            rows[-1] += _pairs(found, inside)
+            box = Cell(named, {"box": name, "unit": printed} | ends)
+            rows.append([box, *_pairs(found, inside)])
     title = "Detected / isolated, medians over the poses of each box"
-    return Table("faults_by_box", title, ["box", *_header(found.robot)], rows)
-
-
-def _header(robot: Robot) -> list[str]:
-    return [axis.label for axis in reading_axes(robot)]
+    header = ["box", *(axis.label for axis in reading_axes(found.robot))]
+    return Table("faults_by_box", title, header, rows)
 
 
 def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
     """Return medians over some poses of each reading's detectable and isolable fault."""
     cells = []
     for c, (reading, factor, unit) in enumerate(reading_axes(found.robot)):
-        every = [
-            values.reshape(-1, values.shape[-1]) for values in (found.detected, found.isolated)
-        ]
-        pair = [factor * float(np.median(values[inside, c])) for values in every]
+        every = (values[..., c].ravel()[inside] for values in (found.detected, found.isolated))
+        pair = [factor * float(np.median(values)) for values in every]
         names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
         text = " / ".join(map(limit_cell, pair))
         cells.append(Cell(text, dict(zip(names, pair, strict=True))))
@@ -287,40 +237,36 @@ def notes(found: Detectability) -> Iterator[str]:
 
 def _offset(robot: Robot, law: str, error: Array) -> Cell:
     """Return position and rotation in one cell, mm and degrees; "unbounded" without a bound."""
-    units = dict.fromkeys(unit for _, unit in robot.coordinates)
-    parts = [(PRINT[unit], error[k]) for k, unit in enumerate(("m", "rad")) if unit in units]
-    data = {f"{law} ({name})": float(factor * value) for (factor, name), value in parts}
-    if not np.isfinite(error).all():
-        return Cell("unbounded", data)
-    gap = {"mm": " mm", "°": "°"}
-    return Cell(", ".join(number(f * v) + gap[n] for (f, n), v in parts), data)
+    units = {unit for _, unit in robot.coordinates}
+    parts = {unit: float(e) for unit, e in zip(("m", "rad"), error, strict=True) if unit in units}
+    data = {f"{law} ({PRINT[unit][1]})": PRINT[unit][0] * e for unit, e in parts.items()}
+    bounded = np.isfinite(error).all()
+    text = ", ".join(measured(e, unit) for unit, e in parts.items()) if bounded else "unbounded"
+    return Cell(text, data)
 
 
 def verdict(found: Isolation) -> list[str]:
     """Return notes: the faulty reading, or why it is not isolated."""
     gone = f" ({found.left_out} without a pose excluded)" if found.left_out else ""
-    said = [
+    test = (
         f"{found.lines} rows{gone}, {found.level} level: χ² of the residuals "
         f"{found.chi2:.4g}, {found.freedom} degrees of freedom; a healthy robot exceeds "
         f"{found.limit:.4g} with probability {found.false_alarm:.2g}."
-    ]
+    )
+    kinds = [hypothesis.kind for hypothesis in found.may_be]
     if not found.faulty:
-        said.append("No fault detected: the readings are consistent.")
-    elif not found.may_be:
-        said.append(
+        said = "No fault detected: the readings are consistent."
+    elif not kinds:
+        said = (
             "No single bias or gain explains it: a fault that began within the log, several "
             "faults, a change of the geometry, or another robot's file."
         )
     elif len(found.readings) > 1:
-        said.append(
+        said = (
             f"One of these is faulty: {', '.join(found.readings)}. More poses or another sensor "
             "distinguish them (see truepose faults)."
         )
     else:
-        said.append(f"Faulty: {found.readings[0]}: {_one_of(found.may_be)}.")
-    return said
-
-
-def _one_of(may_be: tuple[Hypothesis, ...]) -> str:
-    kinds = [h.kind for h in may_be]
-    return f"its {kinds[0]} is wrong" if len(kinds) == 1 else "a " + " or a ".join(kinds)
+        why = f"its {kinds[0]} is wrong" if len(kinds) == 1 else "a " + " or a ".join(kinds)
+        said = f"Faulty: {found.readings[0]}: {why}."
+    return [test, said]

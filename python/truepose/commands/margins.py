@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import typer
+import numpy as np
+from typer import Option
 
-from truepose.commands.options import (
-    Force,
-    How,
-    RobotName,
-    SensorsOption,
-    completing,
-    effects_of,
-    effects_option,
-    load_with,
-    plot_to,
-    wrote,
-)
+from truepose.commands import options
 from truepose.control.controller import Controller, positive
 from truepose.control.margins import StabilityMargins, draw, stability_margins
 from truepose.exceptions import InputError, choose
@@ -33,24 +23,26 @@ _FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     effects: Annotated[
         str,
-        effects_option("Effects that the model omits: all, none, or some: delay,compliance,…"),
+        options.effects_option(
+            "Effects that the model omits: all, none, or some: delay,compliance,…"
+        ),
     ] = "all",
     law: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help=f"{', '.join(LAWS)}. Repeatable.",
-            autocompletion=completing(lambda: LAWS),
+            autocompletion=options.completing(lambda: LAWS),
             show_default="joint and, with sensors, tej, weighted, estimated",
         ),
     ] = None,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Control cycles per second.")] = 1000.0,
-    sensors: SensorsOption = None,
+    rate: Annotated[float, Option(metavar="HZ", help="Control cycles per second.")] = 1000.0,
+    sensors: options.SensorsOption = None,
     own: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--gains",
             metavar="POLES[,FILTER[,DAMPING]]",
             help="Given gains: poles and velocity filter, rad/s (default 10 times the poles), and "
@@ -58,11 +50,9 @@ def command(
             show_default="the fastest with 6 dB, 30° and two cycles",
         ),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw each law's loop (PNG, SVG, PDF).")
-    ] = None,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("each law's loop")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Compute stability margins, and choose gains that keep the required ones.
 
@@ -72,16 +62,17 @@ def command(
     Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
     **truepose margins h4 --law tej --gains 40,300**
     """
-    save = plot_to(plot, [robot], force)
+    save = options.plot_to(plot, [robot], force)
     positive("--rate", rate)
-    loaded = load_with(robot, sensors)
-    forgotten = effects_of(effects)
+    loaded = options.load_with(robot, sensors)
+    forgotten = options.effects_of(effects)
     found, refused = [], []
+    period = 1 / rate
     for each in laws_of(law, loaded):
-        controller = each if own is None else parse_gains(own, each, 1 / rate)
+        controller = each if own is None else parse_gains(own, each, period)
         try:
-            period = 1 / rate if own is None else None
-            found.append(stability_margins(loaded, controller, forgotten, period=period))
+            at = period if own is None else None
+            found.append(stability_margins(loaded, controller, forgotten, period=at))
         except InputError as error:
             refused.append(error)
     if not found:
@@ -94,57 +85,39 @@ def command(
     where += f" ({names}; {units})" * (poses > 1)
     least = f"{loaded.name} at {rate:g} Hz, effects {effects}: smallest over {where}."
     tables = [chosen(found), *(each.table() for each in found)]
-    show(tables, how, [least, *refused], notes(found), plot is not None)
-    wrote(how, plot)
+    show(tables, how, [least, *refused], notes(found), (plot,))
 
 
 def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:
     """Return the given laws; without any those that differ on this robot."""
-    for text in texts or ():
-        if text not in LAWS:
-            raise InputError(f"--law: {choose('law', text, LAWS)}")
+    if unknown := [text for text in texts or () if text not in LAWS]:
+        raise InputError(f"--law: {choose('law', unknown[0], LAWS)}")
     usual = ["joint", "tej", "weighted", "estimated"] if robot.r else ["joint"]
     return [law for law in LAWS if law in (texts or usual)]
 
 
 def parse_gains(text: str, law: Law, period: float) -> Controller:
-    """Parse gains: poles, velocity filter, damping.
-
-    Examples
-    --------
-    >>> from truepose.commands.margins import parse_gains
-    >>> parse_gains("40,300", "joint", 1e-3).velocity_bandwidth
-    300.0
-    """
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if not 1 <= len(numbers) <= 3:
+    """Parse gains: poles, velocity filter, damping."""
+    numbers: list[float] = options.numbers_of(text).tolist()
+    if np.isnan(numbers).any() or len(numbers) > 3:
         raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers")
-    frequency, bandwidth, damping = (*numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :])
-    return Controller(
-        law=law,
-        frequency=frequency,
-        velocity_bandwidth=bandwidth,
-        damping=damping,
-        period=period,
-    )
+    frequency, bandwidth, damping = (numbers + [_FILTER * numbers[0], 1.0][len(numbers) - 1 :])[:3]
+    gains: dict[str, Any] = {"velocity_bandwidth": bandwidth, "damping": damping}
+    return Controller(law=law, period=period, frequency=frequency, **gains)
 
 
 def chosen(found: list[StabilityMargins]) -> Table:
     """Return a table with one row per law: gains, torque noise, limit cycle at the worst pose."""
     header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
-    units = dict.fromkeys(unit for _, unit in found[0].robot.coordinates)
-    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in units]
+    units = np.array([unit for _, unit in found[0].robot.coordinates])
+    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in dict.fromkeys(units)]
     rows = []
     for each in found:
         control = each.controller
         values = [control.frequency, control.damping, control.velocity_bandwidth]
         values.append(100 * each.dither.max())
-        for unit in units:
-            of = [own == unit for _, own in each.robot.coordinates]
-            values.append(PRINT[unit][0] * each.limit_cycle[:, of].max())
+        for unit in dict.fromkeys(units):
+            values.append(PRINT[unit][0] * each.limit_cycle[:, units == unit].max())
         rows.append([control.built_in, *(number(float(v)) for v in values)])
     return Table("gains", "Gains", header, rows)
 

@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
+import re
 import shlex
+from math import isnan
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from truepose import files, logs
-from truepose.commands.options import (
-    Force,
-    How,
-    RobotName,
-    Seed,
-    SensorsOption,
-    effects_of,
-    effects_option,
-    load_with,
-    true_robot,
-    wrote,
-)
+from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import in_print
-from truepose.robotfile import path_of, to_toml
 from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
@@ -40,30 +29,28 @@ AT_REST = ("backlash", "eccentricity", "quantization")
 
 
 def simulate_log_command(
-    robot: RobotName,
+    robot: options.RobotName,
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
+        Path, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
     ] = Path("simulated.csv"),
     truth: Annotated[
         Path | None,
-        typer.Option(
-            help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"
-        ),
+        Option(help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"),
     ] = None,
     found: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Calibrated robot file: print its errors against the true robot; write nothing."
         ),
     ] = None,
     count: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Number of poses, sampled from the workspace.")
+        int, Option(min=1, max=100_000, help="Number of poses, sampled from the workspace.")
     ] = 100,
-    seed: Seed = 0,
-    sensors: SensorsOption = None,
+    seed: options.Seed = 0,
+    sensors: options.SensorsOption = None,
     tracker: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--tracker/--no-tracker",
             help="Simulate an external tracker in a frame of its own.",
             show_default="where no sensor is in use",
@@ -71,10 +58,12 @@ def simulate_log_command(
     ] = None,
     effects: Annotated[
         str,
-        effects_option(f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST),
+        options.effects_option(
+            f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
+        ),
     ] = "quantization",
-    how: How = Format.table,
-    force: Force = False,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Simulate a calibration log of a robot sampled from the file's tolerances.
 
@@ -85,56 +74,52 @@ def simulate_log_command(
     calibrated.toml**, then **truepose simulate-log h4 -o log.csv --found calibrated.toml**
     """
     kept = truth or out.with_suffix(".truth.toml")
-    drawn = load(robot)
     if found is not None:
+        drawn = load(robot)
         result = missed(drawn, load(kept), load(found), seed)
-        p = len(result.names)
-        low, high = (p * (1 - 2 / (9 * p) + z * (2 / (9 * p)) ** 0.5) ** 3 for z in (-1.96, 1.96))
+        low, high = result.nees_range
         nees = (
-            f"Squared error of all {p} by the stated covariance: {result.nees:.1f}; if that is "
-            f"correct, {low:.0f} to {high:.0f} in 95 % of calibrations."
+            f"Squared error of all {len(result.names)} by the stated covariance: "
+            f"{result.nees:.1f}; if that is correct, {low:.0f} to {high:.0f} in 95 % of "
+            "calibrations."
         )
         show(_compared(drawn, result), how, [nees])
         return
-    drawn = load_with(robot, sensors)
-    read = [path_of(robot)]
+    drawn, read = options.load_with(robot, sensors), options.paths([robot])
     outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
     files.check(outputs, read, force)
     ran = simulate_log(
         drawn,
-        true_robot(drawn, "drawn", seed),
+        options.true_robot(drawn, "drawn", seed),
         count,
         seed,
-        effects_of(effects, AT_REST),
+        options.effects_of(effects, AT_REST),
         tracker=not drawn.sensors if tracker is None else tracker,
     )
-    values = {name: parameter.value for name, parameter in ran.truth.parameters.items()}
-    text = f"# {mark('true robot')}, sampled with seed {seed}\n{to_toml(ran.truth.spec, values)}"
+    text = f"# {mark('true robot')}, sampled with seed {seed}\n{options.file_text(ran.truth)}"
     log = logs.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
-    wrote(how, out, kept)
+    options.wrote(how, out, kept)
     calibrated = out.with_suffix(".calibrated.toml")
     names = drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
     where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
-    _next("Next", "calibrate", robot, out, *chosen, "-o", calibrated)
-    _next("Then", "simulate-log", robot, *where, "--found", calibrated)
-
-
-def _next(when: str, *words: object) -> None:
-    say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
+    for when, *words in (
+        ("Next", "calibrate", robot, out, *chosen, "-o", calibrated),
+        ("Then", "simulate-log", robot, *where, "--found", calibrated),
+    ):
+        say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
 
 
 def _columns(ran: SimulatedLog) -> list[logs.Column]:
     result = logs.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
-        pivot = ran.truth.spec.mobility == "rotational"
-        names = [name for name, _ in ran.truth.coordinates] if pivot else "xyz"
-        for name, values in zip(names, ran.measured.T, strict=False):
-            what = f"{name} of a marker on the platform, in the tracker's frame"
-            what = f"{name}, measured externally" if pivot else what
-            unit = "rad" if pivot else "m"
-            result.append(logs.Column("measured", f"measured_{name}", unit, what, values))
+        unit, what = "m", "{} of a marker on the platform, in the tracker's frame"
+        if ran.truth.spec.mobility == "rotational":
+            unit, what = "rad", "{}, measured externally"
+        for (name, _), values in zip(ran.truth.coordinates, ran.measured.T, strict=False):
+            about = (f"measured_{name}", unit, what.format(name))
+            result.append(logs.Column("measured", *about, values))
     return result
 
 
@@ -145,14 +130,9 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
         shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
         told = (position, shown[:, 0].max(), zeroed, turn)
-        rows.append([who, *(number(float(value)) for value in told)])
-    header = [
-        "robot",
-        "position rms (mm)",
-        "largest (mm)",
-        "relative to home (mm)",
-        "rotation rms (°)",
-    ]
+        rows.append([who, *map(number, map(float, told))])
+    header = ["robot", "position rms (mm)", "largest (mm)", "relative to home (mm)"]
+    header.append("rotation rms (°)")
     pose = Table("pose", "Pose error of the true robot (reached − commanded)", header, rows)
     rows = []
     errors = zip(result.names, result.before, result.after, result.sigma, strict=True)
@@ -177,38 +157,35 @@ MEANING = {
 def study_command(
     function: Annotated[
         str,
-        typer.Argument(
+        Argument(
             help="calibration: errors after self-calibration; rest: errors of the static"
             " equilibrium under each law; or your own function, file.py:function."
         ),
     ],
-    robots: Annotated[list[str], typer.Argument(help="Shipped robots' names, or robot files.")],
-    count: Annotated[int, typer.Option(min=1, help="True robots to sample of each.")] = 100,
-    sensors: SensorsOption = None,
+    robots: Annotated[list[str], Argument(help="Shipped robots' names, or robot files.")],
+    count: Annotated[int, Option(min=1, help="True robots to sample of each.")] = 100,
+    sensors: options.SensorsOption = None,
     grid: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="name=value,value,…: evaluates every combination for every robot. Names: those "
             "that the function reads from case.values; calibration: poses; rest: law."
         ),
     ] = None,
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", help="Folder of the results; an interrupted study resumes from it."
-        ),
+        Option("--out", "-o", help="Folder of the results; an interrupted study resumes from it."),
     ] = None,
-    chunk: Annotated[int, typer.Option(min=1, help="Cases per task of a worker.")] = 16,
+    chunk: Annotated[int, Option(min=1, help="Cases per task of a worker.")] = 16,
     workers: Annotated[
-        int | None,
-        typer.Option(min=0, help="Processes; 0: only this one.", show_default="all cores"),
+        int | None, Option(min=0, help="Processes; 0: only this one.", show_default="all cores")
     ] = None,
-    on: Annotated[On, typer.Option(help="Kind of the parallel workers.")] = "processes",
+    on: Annotated[On, Option(help="Kind of the parallel workers.")] = "processes",
     cluster: Annotated[
-        str | None, typer.Option(help="Address of a dask scheduler: tcp://host:8786.")
+        str | None, Option(help="Address of a dask scheduler: tcp://host:8786.")
     ] = None,
-    how: How = Format.table,
+    how: options.How = Format.table,
 ) -> None:
     """Evaluate a function over many robots sampled from their tolerances.
 
@@ -217,22 +194,10 @@ def study_command(
 
     Example: **truepose monte-carlo calibration h4 par4 --count 200 -o my-study**
     """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    errors = Console(stderr=True)
-    columns = (TextColumn("chunks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=errors, disable=not errors.is_terminal) as bar:
-        task = bar.add_task("chunks", total=None)
+    with progress("chunks") as bar:
         found = monte_carlo(
             function,
-            [load_with(robot, sensors) for robot in robots],
+            [options.load_with(robot, sensors) for robot in robots],
             count,
             grid=dict(map(_values, grid or ())),
             seed=seed,
@@ -241,7 +206,7 @@ def study_command(
             workers=workers,
             on=on,
             cluster=cluster,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total: bar(completed=done, total=total),
         )
     show([found.table()], how, [MEANING[function]] if function in MEANING else [])
     if missing := int(found.unanswered.sum()):
@@ -252,21 +217,14 @@ def study_command(
 
 
 def _values(text: str) -> tuple[str, list[float | int | str]]:
-    """Read name=value,value,….
-
-    Examples
-    --------
-    >>> _values("law=joint,tej"), _values("poses=10,20")
-    (('law', ['joint', 'tej']), ('poses', [10, 20]))
-    """
+    """Parse name=value,value,…."""
     name, equals, values = text.partition("=")
     if not (name and equals and values):
         raise InputError(f"--grid {text}: must be name=value,value,…")
 
-    def value(word: str) -> float | int | str:
-        for kind in (int, float):
-            with contextlib.suppress(ValueError):
-                return kind(word)
-        return word
+    return name, [_value(word.strip()) for word in values.split(",")]
 
-    return name, [value(word.strip()) for word in values.split(",")]
+
+def _value(word: str) -> float | int | str:
+    value = options.number_of(word)
+    return word if isnan(value) else int(word) if re.fullmatch(r"[+-]?\d+", word) else value

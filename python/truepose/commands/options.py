@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
+from typer import Argument, Option
 from typer.models import OptionInfo
 
 from truepose import _core, files
 from truepose.arguments import Array, Level, selected
+from truepose.calibration.between import SIGMA, Between, read
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.fault import FAULT_KINDS, Fault
-from truepose.faults.limits import HOURS
+from truepose.logs import Log
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import summed
-from truepose.robotfile import path_of
+from truepose.robotfile import path_of, to_toml
+from truepose.show import terminal
 from truepose.show.terminal import Format, say
 from truepose.show.units import WRITTEN
 
@@ -27,78 +30,73 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-from dataclasses import dataclass
-from typing import Any
-
-from truepose.calibration.between import SIGMA, Between, read
-from truepose.logs import Log
-
-
 def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """Return a shell completion over the choices; without a match the shell offers files."""
-
-    def fitting(incomplete: str) -> list[str]:
-        return [choice for choice in choices() if choice.startswith(incomplete)]
-
-    return fitting
+    return lambda incomplete: [each for each in choices() if each.startswith(incomplete)]
 
 
 RobotName = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="ROBOT",
         help="A shipped robot's name, or a robot file.",
         autocompletion=completing(list_robots),
     ),
 ]
 Seed = Annotated[
-    int, typer.Option(min=0, help="Seed of all random numbers; the same seed repeats a run.")
+    int, Option(min=0, help="Seed of all random numbers; the same seed repeats a run.")
 ]
 SensorsOption = Annotated[
     str | None,
-    typer.Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),
+    Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),
 ]
 ModelLevel = Annotated[
     Level | None,
-    typer.Option(
+    Option(
         help="ideal: one rod per chain; full: every rod separately.",
         show_default="full where it exists",
     ),
 ]
 Poses = Annotated[
     Path | None,
-    typer.Option(
-        help="CSV file with a column for each coordinate, m and rad.",
+    Option(
+        help="CSV file of the poses to evaluate: a column for each coordinate, m and rad.",
         show_default="a grid over the workspace",
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
+ReferencePose = Annotated[
+    str | None,
+    Option(metavar="X,Y,…", help="Once referenced at this externally known pose; m and rad."),
+]
+CalibratedFile = Annotated[
+    Path | None, Option("-o", "--out", help="Calibrated robot file to write.")
+]
+wrote = terminal.wrote
+Force = Annotated[bool, Option("--force", help="Replace an existing file.")]
 How = Annotated[
-    Format,
-    typer.Option("--format", help="csv and json: data only, all digits, units in the names."),
+    Format, Option("--format", help="csv and json: data only, all digits, units in the names.")
 ]
 
 
-def false_alarm_option(text: str) -> OptionInfo:
-    """Return the option of the false-alarm rate; `text` states what the command tests."""
-    default = f"one in {HOURS:g} hours at 1 kHz"
-    return typer.Option(metavar="P", help=text, show_default=default)
+def plot_option(what: str) -> OptionInfo:
+    """Return the option of a picture of `what`, for :func:`plot_to`."""
+    return Option(help=f"Also draw {what} (PNG, SVG, PDF).")
 
 
 def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
     """Return the option that :func:`effects_of` parses."""
-    return typer.Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
+    return Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
 
 
 def _fitting_kinds(incomplete: str) -> list[str]:
-    """Complete READING:KIND in zsh and fish; bash ends a word at the colon."""
+    """Complete READING:KIND; bash ends a word at the colon."""
     reading, colon, kind = incomplete.rpartition(":")
     return [f"{reading}:{known}" for known in FAULT_KINDS if colon and known.startswith(kind)]
 
 
 Faults = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--fault",
         metavar="READING:KIND[=SIZE][@TIME[..END]]",
         help="A fault that begins at TIME, s: theta:stuck@0.1. Kinds with a size: bias, "
@@ -110,37 +108,47 @@ Faults = Annotated[
 
 
 def plot_to(
-    path: Path | None, inputs: list[str | Path], force: bool
+    path: Path | None, inputs: Iterable[str | Path | None], force: bool
 ) -> Callable[[Callable[[], Figure]], None]:
     """Check that --plot may be written; return a function that draws and saves the figure."""
     if path is None:
         return lambda draw: None
-    output = files.Output(path, "picture", "--plot")
-    read = [path_of(str(name)) for name in inputs]
+    output, read = files.Output(path, "picture", "--plot"), paths(inputs)
     files.check([output], read, force)
-
-    def save(draw: Callable[[], Figure]) -> None:
-        files.write({output: files.picture(draw(), path.suffix)}, read, force)
-
-    return save
+    return lambda draw: files.write({output: files.picture(draw(), path.suffix)}, read, force)
 
 
-def wrote(how: Format, *paths: Path | None) -> None:
-    """Print which files were written."""
-    for path in paths:
-        if path is not None:
-            say(f"Wrote {path}", how)
+def file_text(robot: Robot) -> str:
+    """Return the robot file of a robot with its present parameters."""
+    return to_toml(robot.spec, {name: p.value for name, p in robot.parameters.items()})
+
+
+def paths(inputs: Iterable[str | Path | None]) -> list[Path]:
+    """Return the paths of files and shipped robots that a command reads."""
+    return [path_of(str(name)) for name in inputs if name is not None]
+
+
+def over(poses: Array, file: Path | None, left_out: int) -> str:
+    """Describe the poses of a prediction, of a file or a grid."""
+    gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
+    return f"{len(poses)} poses of {file or 'a grid over the workspace'}{gone}"
+
+
+def number_of(text: str) -> float:
+    """Return the number in a text; NaN without one."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def numbers_of(text: str) -> Array:
+    """Return numbers separated by commas; NaN for other text."""
+    return np.array([number_of(part) for part in text.split(",")])
 
 
 def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
-    """Parse a sensor set: names or globs separated by commas, "none", or "all".
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_set(tp.load("h4"), "theta,wire*")
-    ('theta', 'wire1', 'wire2', 'wire3')
-    """
+    """Parse a sensor set: names or globs separated by commas, "none", or "all"."""
     names = [sensor.name for sensor in robot.spec.sensor]
     if not names and text not in ("all", "none"):
         raise InputError(f"{text}: {robot.name} has no sensor in its file")
@@ -148,18 +156,10 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
 
 
 def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Array:
-    """Parse a pose, m and rad separated by commas; check by default that the robot reaches it.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_pose(tp.load("3rpr"), "0.4,0.3,0", "--from")
-    array([0.4, 0.3, 0. ])
-    """
-    try:
-        pose = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad") from None
+    """Parse a pose, m and rad separated by commas; check by default that the robot reaches it."""
+    pose = numbers_of(text)
+    if np.isnan(pose).any():
+        raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad")
     if len(pose) != robot.n or not np.isfinite(pose).all():
         names = ",".join(c for c, _ in robot.coordinates)
         raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
@@ -169,6 +169,11 @@ def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Arra
         except PoseError as error:
             raise PoseError(f"{name} {text}: {error}") from None
     return pose
+
+
+def parse_given(robot: Robot, text: str | None, name: str) -> Array | None:
+    """Parse a pose that the robot reaches; None without one."""
+    return None if text is None else parse_pose(robot, text, name)
 
 
 #: Descriptions of valid sizes, by their units.
@@ -182,13 +187,10 @@ _SIZES = {
 
 def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, float]:
     result: dict[str, float] = {}
-    for part in text.split(",") if text is not None else ():
-        number = part.strip().rstrip("".join(WRITTEN))
-        unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part.strip()[len(number) :], ("", np.nan))
-        try:
-            value = factor * float(number)
-        except ValueError:
-            value = np.nan
+    for part in map(str.strip, text.split(",") if text is not None else ()):
+        number = part.rstrip("".join(WRITTEN))
+        unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part[len(number) :], ("", np.nan))
+        value = factor * number_of(number)
         if unit not in units or not (0 < value < np.inf) or unit in result:
             known = ", ".join(written for written, (of, _) in WRITTEN.items() if of in units)
             known = f" (units: {known})" if known else ""
@@ -198,47 +200,32 @@ def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, f
 
 
 def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Parse a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit.
-
-    Examples
-    --------
-    >>> parse_sizes("0.05deg", "--outside"), parse_sizes("2e-5m", "--outside")
-    ((None, 0.0008726646259971648), (2e-05, None))
-    """
+    """Parse a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit."""
     result = _sizes(text, option, ("m", "rad"))
     return result.get("m"), result.get("rad")
 
 
 def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | None, float | None]:
     """Parse σ of measured lengths and angles; refuse a unit that no coordinate has."""
-    sizes = parse_sizes(text, option)
-    units = sorted({unit for _, unit in robot.coordinates})
-    for unit, size in zip(("m", "rad"), sizes, strict=True):
-        if size is not None and unit not in units:
-            raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {units[0]}")
-    return sizes
+    units = {unit for _, unit in robot.coordinates}
+    if _sizes(text, option, ("m", "rad")).keys() - units:
+        raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {min(units)}")
+    return parse_sizes(text, option)
+
+
+def parse_each(text: str, option: str, units: Sequence[str], whose: str) -> list[float]:
+    """Parse a length and an angle; return the one or the other for each unit."""
+    by = _sizes(text, option, ("m", "rad"))
+    if missing := set(units) - by.keys():
+        every, wanted = (" and ".join(sorted(each)) for each in (set(units), missing))
+        raise InputError(f"{option} {text}: {whose} {every}; give a value in {wanted}")
+    return [by[unit] for unit in units]
 
 
 def parse_size(text: str, option: str, unit: str) -> float:
-    """Parse a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit.
-
-    Examples
-    --------
-    >>> parse_size("0.1mm", "--price-steps", "m"), parse_size("2e-3", "--price-steps", "")
-    (0.0001, 0.002)
-    """
+    """Parse a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit."""
     (value,) = _sizes(text, option, (unit if unit in ("m", "rad") else "",)).values()
     return value
-
-
-def parse_length(text: str | None, option: str) -> float | None:
-    """Parse a length, "0.1mm"."""
-    return None if text is None else parse_size(text, option, "m")
-
-
-def parse_angle(text: str | None, option: str) -> float | None:
-    """Parse an angle, "0.1deg"."""
-    return None if text is None else parse_size(text, option, "rad")
 
 
 def parse_target(robot: Robot, text: str | None) -> float | None:
@@ -254,9 +241,8 @@ def load_with(robot: str, sensors: str | None) -> Robot:
 
 def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
     """Parse effects: all, none, or names separated by commas."""
-    if text in ("all", "none"):
-        return Effects().only(*(known if text == "all" else ()))
-    names = [name.strip() for name in text.split(",")]
+    words = {"all": known, "none": ()}
+    names = words.get(text, [name.strip() for name in text.split(",")])
     for name in names:
         if name not in known:
             raise InputError(f"--effects: {choose('effect', name, ['all', 'none', *known])}")
@@ -264,13 +250,7 @@ def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
 
 
 def faults_of(texts: Sequence[str] | None) -> list[Fault]:
-    """Parse faults in the notation that :class:`Fault` prints.
-
-    Examples
-    --------
-    >>> faults_of(["theta:bias=0.01@0.1..0.2", "q1:swap=q2"])[0].until
-    0.2
-    """
+    """Parse faults in the notation that :class:`Fault` prints."""
     return [_fault(text) for text in texts or ()]
 
 
@@ -279,21 +259,16 @@ def _fault(text: str) -> Fault:
     if found is None:
         raise InputError(f"--fault {text}: must be READING:KIND[=SIZE][@TIME[..END]]")
     reading, kind, size, at, until = found.groups()
-    pair = kind in FAULT_KINDS and _core.fault_kinds[kind].pair
-    try:
-        numbers = [None if t is None else float(t) for t in (None if pair else size, at, until)]
-    except ValueError:
+    other = None
+    if kind in FAULT_KINDS and _core.fault_kinds[kind].pair:
+        size, other = None, size
+    numbers = {"size": size, "at": at or "0", "until": until}
+    values: dict[str, Any] = {k: number_of(t) for k, t in numbers.items() if t is not None}
+    if np.isnan(list(values.values())).any():
         raise InputError(
             f"--fault {text}: size and times must be numbers: READING:KIND[=SIZE][@TIME[..END]]"
-        ) from None
-    return Fault(
-        reading,
-        kind,  # type: ignore[arg-type]  # Fault checks it
-        at=numbers[1] or 0.0,
-        size=numbers[0],
-        until=numbers[2],
-        other=size if pair else None,
-    )
+        )
+    return Fault(reading, kind, other=other, **values)  # type: ignore[arg-type]  # Fault checks it
 
 
 def true_robot(robot: Robot, text: str, seed: int) -> Robot:
@@ -308,42 +283,10 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     return true.with_level(true.highest_level)
 
 
-def _difference_option(
-    text: str, default: str = "", metavar: str | None = None, **more: Any
-) -> Any:
+def between_option(text: str, default: str | bool = True, **more: Any) -> OptionInfo:
+    """Return an option of differences between poses."""
     panel = "Differences between poses"
-    return typer.Option(
-        help=text, rich_help_panel=panel, show_default=default or True, metavar=metavar, **more
-    )
-
-
-TouchSigma = Annotated[
-    str | None,
-    _difference_option("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
-]
-Tilt = Annotated[str | None, _difference_option("σ of a plane's inclination: 1deg.", "level")]
-Tool = Annotated[
-    str | None,
-    _difference_option(
-        "Contact point in the platform's frame, m.", "the platform's point", "X,Y,Z"
-    ),
-]
-ToolSigma = Annotated[str | None, _difference_option("σ of --tool: 1mm.", "exactly known")]
-DistancesFile = Annotated[
-    Path | None,
-    _difference_option(
-        "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
-        "sigma, times.",
-        metavar="CSV",
-    ),
-]
-DistanceSigma = Annotated[
-    str | None, _difference_option("σ of a distance.", "the column sigma, else 0.02mm")
-]
-Shrinkage = Annotated[
-    float, _difference_option("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
-]
-LineWidth = Annotated[str | None, _difference_option("σ of a print's line width: 0.05mm.", "known")]
+    return Option(help=text, rich_help_panel=panel, show_default=default, **more)
 
 
 @dataclass(frozen=True)
@@ -361,15 +304,18 @@ class Asked:
 
     def between(self, robot: Robot, log: Log, where: Path) -> Between:
         """Parse the options, read the file of distances, check them against the log's columns."""
-        sigma = parse_length(self.distance_sigma, "--distance-sigma") or SIGMA
+        sigma = _size(self.distance_sigma, "--distance-sigma", SIGMA)
+        tool = numbers_of("0,0,0" if self.tool is None else self.tool)
+        if len(tool) != 3 or not np.isfinite(tool).all():
+            raise InputError(f"--tool {self.tool}: must be three numbers, x,y,z (m)")
         result = Between(
-            sigma=parse_length(self.touch_sigma, "--touch-sigma") or SIGMA,
-            tilt=parse_angle(self.tilt, "--tilt") or 0.0,
-            tool=_tool(self.tool),
-            tool_sigma=parse_length(self.tool_sigma, "--tool-sigma") or 0.0,
+            sigma=_size(self.touch_sigma, "--touch-sigma", SIGMA),
+            tilt=_size(self.tilt, "--tilt", unit="rad"),
+            tool=tuple(tool.tolist()),
+            tool_sigma=_size(self.tool_sigma, "--tool-sigma"),
             distances=read(self.distances, log, sigma) if self.distances else (),
             scale=self.shrinkage,
-            width=parse_length(self.line_width, "--line-width") or 0.0,
+            width=_size(self.line_width, "--line-width"),
         )
         try:
             result.check(robot, log)
@@ -380,11 +326,5 @@ class Asked:
         return result
 
 
-def _tool(text: str | None) -> tuple[float, ...]:
-    try:
-        tool = tuple(map(float, text.split(","))) if text is not None else (0.0, 0.0, 0.0)
-    except ValueError:
-        tool = ()
-    if len(tool) != 3 or not np.isfinite(tool).all():
-        raise InputError(f"--tool {text}: must be three numbers, x,y,z (m)")
-    return tool
+def _size(text: str | None, option: str, otherwise: float = 0.0, unit: str = "m") -> float:
+    return otherwise if text is None else parse_size(text, option, unit)

@@ -6,99 +6,67 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import Option
 
-from truepose import files, logs, robotfile
-from truepose.calibration import log_checks
+from truepose import files, logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.differences import measurements
 from truepose.calibration.fit import Calibration
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    RobotName,
-    Seed,
-    SensorsOption,
-    load_with,
-    parse_pose,
-    parse_sigmas,
-    parse_target,
-    plot_to,
-    wrote,
-)
+from truepose.commands import options
+from truepose.commands.calibrate import checked
 from truepose.design.candidates import COUNT, CandidatePoses, drawn
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
-from truepose.exceptions import InputError
 from truepose.logs.pose_file import read_poses
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.show.table import as_csv, number
-from truepose.show.terminal import Format, say, show
-from truepose.show.units import PRINT
+from truepose.show.terminal import Format, show
+from truepose.show.units import measured, printed
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     count: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Number of poses to choose.", show_default="30"),
+        int | None, Option(metavar="N", help="Number of poses to choose.", show_default="30")
     ] = None,
     target: Annotated[
-        str | None,
-        typer.Option(metavar="0.1mm", help="Choose as many as reach this σ of the position."),
+        str | None, Option(metavar="0.1mm", help="Choose as many as reach this σ of the position.")
     ] = None,
     candidates: Annotated[
         str,
-        typer.Option(
+        Option(
             metavar="N|CSV", help="Candidates: N poses of the workspace, or those of a CSV file."
         ),
     ] = str(COUNT),
     after: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
+        Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
     ] = None,
     outside: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="0.02mm,0.01deg",
             help="σ of a tracker, in a frame of its own, that measures each pose.",
         ),
     ] = None,
-    poses: Annotated[
-        Path | None,
-        typer.Option(
-            help="CSV file of the poses where accuracy counts.",
-            show_default="a grid over the workspace",
-        ),
-    ] = None,
-    reference_pose: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,…", help="Also referenced at this externally known pose; m and rad."
-        ),
-    ] = None,
+    poses: options.Poses = None,
+    reference_pose: options.ReferencePose = None,
     seen: Annotated[
-        bool,
-        typer.Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame."),
+        bool, Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame.")
     ] = False,
     relative_to: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."),
+        str | None, Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad.")
     ] = None,
-    sensors: SensorsOption = None,
-    level: ModelLevel = None,
+    sensors: options.SensorsOption = None,
+    level: options.ModelLevel = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Poses to write, in tour order (CSV).")
+        Path | None, Option("-o", "--out", help="Poses to write, in tour order (CSV).")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw predictions and the tour (PNG, SVG, PDF).")
-    ] = None,
-    seed: Seed = 0,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("predictions and the tour")] = None,
+    seed: options.Seed = 0,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Plan calibration poses by their marginal gain in accuracy.
 
@@ -108,49 +76,40 @@ def command(
     **truepose plan h4 --target 1.6mm**
     """
     given = None if candidates.isdigit() else Path(candidates)
-    read: list[str | Path] = [robot]
-    read += [path for path in (after, poses, given) if path is not None]
-    inputs = [robotfile.path_of(str(path)) for path in read]
-    save = plot_to(plot, read, force)
-    loaded = load_with(robot, sensors)
-    output = None
-    if out is not None:
-        output = files.Output(out, "plan", "-o")
-        files.check([output], inputs, force)
-    length, angle = parse_sigmas(loaded, outside, "--outside")
+    inputs = options.paths((robot, after, poses, given))
+    save = options.plot_to(plot, inputs, force)
+    loaded = options.load_with(robot, sensors)
+    output = files.Output(out, "plan", "-o") if out is not None else None
+    files.check([output] if output else [], inputs, force)
+    length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
-    fit = None if after is None else fit_of(loaded, after)
-    at = None if reference_pose is None else parse_pose(loaded, reference_pose, "--reference-pose")
-    zero = None if relative_to is None else parse_pose(loaded, relative_to, "--relative-to")
     found = plan_poses(
         loaded,
         count,
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
-        after=fit,
+        after=None if after is None else fit_of(loaded, after),
         poses=None if poses is None else read_poses(loaded, poses),
-        target=parse_target(loaded, target),
-        reference_pose=at,
-        relative_to=zero,
+        target=options.parse_target(loaded, target),
+        reference_pose=options.parse_given(loaded, reference_pose, "--reference-pose"),
+        relative_to=options.parse_given(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,
         seed=seed,
     )
     save(found.plot)
-    show([found.table()], how, notes(found), more=sum(p is not None for p in (out, plot)))
+    said = notes(found)
     if output is not None and found.steps:
         files.write({output: written(found)}, inputs, force)
     elif output is not None:
-        say(f"{out}: not written: the plan has no poses", how)
-    wrote(how, out if found.steps else None, plot)
+        said.append(f"{out}: not written: the plan has no poses")
+    show([found.table()], how, said, written=(out if found.steps else None, plot))
 
 
 def fit_of(robot: Robot, path: Path) -> Calibration:
     """Calibrate on a log as `truepose calibrate` does; with contacts, without distances."""
     log = logs.read(robot, path)
     differences = Between().of(robot, log)
-    log, findings = log_checks.check(robot, log, measurements(differences))
-    if refused := [finding.text for finding in findings if finding.refused]:
-        raise InputError(f"{path}: {'; '.join(refused)}")
+    log, _ = checked(robot, log, path, differences)
     return calibrate(
         robot,
         log.readings,
@@ -167,21 +126,19 @@ def notes(found: PosePlan) -> list[str]:
     gone = f", {found.left_out} unreachable ones left out" if found.left_out else ""
     lines = [f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses."]
     total = summed(robot)
-    factor, unit = PRINT[total.unit]
-    unit = f" {unit}" if unit.isalpha() else unit
+    wanted = printed(found.target or 0.0, total.unit, ".4g")
     if not count:
-        sigma = number(factor * float(found.sigma[0, -1]))
-        wanted = f"{factor * (found.target or 0):.4g}{unit}"
-        return [f"{name}: no more poses needed: {sigma}{unit}, the target {wanted} is reached."]
-    low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
+        sigma = measured(found.sigma[0, -1], total.unit)
+        return [f"{name}: no more poses needed: {sigma}, the target {wanted} is reached."]
+    low, median, high = np.quantile(found.random, [0, 0.5, 1])
+    spread = f"{number(total.factor * low)} to {number(total.factor * high)}"
     lines.append(
-        f"Random {count} of them: {number(median)}{unit} ({number(low)} to {number(high)}); "
-        f"all {found.candidates}: {number(factor * found.everything)}{unit}."
+        f"Random {count} of them: {measured(median, total.unit)} ({spread}); "
+        f"all {found.candidates}: {measured(found.everything, total.unit)}."
     )
     if found.gain > HARDLY:
         lines.append("The choice of poses hardly matters here; their number does.")
     if found.target is not None:
-        wanted = f"{factor * found.target:.4g}{unit}"
         reached = f"reached with {found.needed}" if found.needed else f"not reached with {count}"
         lines.append(f"Target {wanted}: {reached}.")
     return lines

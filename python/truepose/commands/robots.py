@@ -12,14 +12,14 @@ from typing import Annotated
 import numpy as np
 import tomlkit
 import typer
+from typer import Argument, Option
 
-from truepose import _core, files, robotfile
-from truepose.commands import info
-from truepose.commands.options import How, completing
+from truepose import files, robotfile
+from truepose.commands import options
 from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import reach, told, workspace_grid
 from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.table import Cell, Table
@@ -27,7 +27,7 @@ from truepose.show.terminal import Format, say, show
 from truepose.show.units import printed
 
 
-def list_command(how: How = Format.table) -> None:
+def list_command(how: options.How = Format.table) -> None:
     """List the shipped robots: description, freedoms, motors, sensors and levels.
 
     Every command takes these names in place of a file. **truepose info** prints details of a robot;
@@ -39,14 +39,7 @@ def list_command(how: How = Format.table) -> None:
 
 
 def shipped_table() -> Table:
-    """Return a table with one row per robot; its data include the source of the numbers.
-
-    Examples
-    --------
-    >>> row = next(row for row in shipped_table().rows if row[0] == "delta")
-    >>> row[1:4]
-    ['Rotary Delta robot, 3 degrees of freedom', 'x y z', '3 revolute']
-    """
+    """Return a table with one row per robot; its data include the source of the numbers."""
     header = ["robot", "description", "freedoms", "motors", "sensors in use", "further sensors"]
     rows = [_row(name, load(name)) for name in list_robots()]
     return Table("robots", "Shipped robots", [*header, "full level"], rows)
@@ -80,13 +73,13 @@ def _shortly(names: Sequence[str]) -> str:
 def new_command(
     robot: Annotated[
         str,
-        typer.Argument(
+        Argument(
             help="A shipped robot to start from.",
-            autocompletion=completing(robotfile.shipped),
+            autocompletion=options.completing(robotfile.shipped),
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
+        Path | None, Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
     ] = None,
 ) -> None:
     """Write a commented starter file from a shipped robot.
@@ -95,18 +88,13 @@ def new_command(
 
     Example: **truepose new delta -o my_delta.toml**
     """
-    out = write(robot, out or Path(f"{robot}.toml"))
+    out = out or Path(f"{robot}.toml")
+    write(robot, out)
     say(f"Wrote {out}. Change its numbers, then: truepose check {out}")
 
 
-def write(robot: str, out: Path) -> Path:
-    """Write a commented starter file from a shipped robot.
-
-    Raises
-    ------
-    InputError
-        No such robot; or `out` exists or cannot be written.
-    """
+def write(robot: str, out: Path) -> None:
+    """Write a commented starter file from a shipped robot; never replace a file."""
     known = robotfile.shipped()
     if robot not in known:
         raise InputError(choose("robot", robot, known))
@@ -125,7 +113,6 @@ def write(robot: str, out: Path) -> Path:
     if os.path.lexists(out) and not out.is_dir():
         raise InputError(f"{out}: exists and is not overwritten; choose another file with -o")
     files.write({robotfile.output(out): text})
-    return out
 
 
 #: Grid values per coordinate in the check of a workspace, by the number of coordinates n.
@@ -134,9 +121,7 @@ GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 _LARGEST = 20.0  # m; no part of a robot is as long; most files in mm have a greater number
 
 
-def check_command(
-    file: Annotated[Path, typer.Argument(help="A robot file (TOML).")],
-) -> None:
+def check_command(file: Annotated[Path, Argument(help="A robot file (TOML).")]) -> None:
     """Check a robot file: one line for each error, and exit status 2.
 
     An error states file, line, key, value and the valid choices. For a valid file the command
@@ -159,23 +144,10 @@ def check_command(
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:
-    """Check a robot file.
+    """Return the robot of a file, if it describes one, and all errors as lines.
 
-    Reports all errors together. It checks that the mechanism closes at home, constrains its
-    platform and has lengths in m as soon as its keys are valid, and that it reaches a part
-    of its workspace once the whole file is valid.
-
-    Returns
-    -------
-    robot : Robot or None
-        The robot, if the file describes one.
-    problems : list of str
-        Lines "file:line: key = value: error; valid choices".
-
-    Raises
-    ------
-    RobotFileError
-        The file cannot be read.
+    A mechanism must close at home, constrain its platform and have lengths in m; these are checked
+    as soon as its keys are valid, the reach of the workspace once the whole file is.
     """
     text = robotfile.text_of(path, str(path))
     try:
@@ -187,38 +159,24 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{at}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    told = [(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems]
-    return robot, [f"{path}:{line}: {what}" for line, what in sorted(set(told))]
+    found = {(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems}
+    return robot, [f"{path}:{line}: {what}" for line, what in sorted(found)]
 
 
 def remarks(robot: Robot) -> list[str]:
-    """Return remarks, one line each: motors at home, sensors beyond their range, workspace.
-
-    The workspace is checked on a grid of `GRID` values of each coordinate, its faces included.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> for line in remarks(tp.load("delta")):
-    ...     print(line)
-    motors at home: q1 = 36.07°, q2 = 36.07°, q3 = 36.07°
-    workspace: all of 21^3 = 9261 poses, a grid over the box, reached and regular
-    """
-    listed = []
-    for number, q in enumerate(robot.ikm(robot.home), 1):
-        unit = "rad" if robot.spec.chain[number - 1].actuator == "revolute" else "m"
-        listed.append(f"q{number} = {printed(q, unit)}")
-    lines = [f"motors at home: {', '.join(listed)}"]
+    """Return remarks, one line each: motors at home, sensors beyond their range, workspace."""
+    units, q = reading_units(robot), robot.ikm(robot.home)
+    motors = (f"q{k} = {printed(*pair)}" for k, pair in enumerate(zip(q, units, strict=False), 1))
+    lines = [f"motors at home: {', '.join(motors)}"]
     if robot.loose:
         lines.append(
             "legs: each is a single rod; the model assumes that other parts constrain the "
             "platform's orientation"
         )
-    units = reading_units(robot)[robot.n :]
-    for sensor, r, unit in zip(robot.spec.used, robot.rkm(robot.home), units, strict=True):
+    sensors = zip(robot.spec.used, robot.rkm(robot.home), units[robot.n :], strict=True)
+    for sensor, r, unit in sensors:
         if sensor.range is not None and not sensor.range[0] <= r <= sensor.range[1]:
-            low, high = (printed(end, unit) for end in sensor.range)
-            at = printed(float(r), unit)
+            at, low, high = (printed(float(value), unit) for value in (r, *sensor.range))
             lines.append(
                 f"sensor {sensor.name}: reads {at} at home, beyond its range {low} to {high}"
             )
@@ -232,7 +190,7 @@ def remarks(robot: Robot) -> list[str]:
     else:
         lines.append(
             f"workspace: {100 * reached / count:.3g} % of {grid}, reached and regular; "
-            f"not: {info.told(lost)}"
+            f"not: {told(lost)}"
         )
     if not ((box.minimum <= robot.home) & (robot.home <= box.maximum)).all():
         lines.append("workspace: home is not in it")
@@ -241,17 +199,12 @@ def remarks(robot: Robot) -> list[str]:
 
 def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     """Return the number of regular grid poses, of the others by reason, and of all."""
-    x = workspace_grid(robot, GRID[robot.n])
-    _, status, chain = _core.ikm(robot.core, x, False)
-    J, rank, guilty = _core.jacobian(robot.core, x, False)
-    lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
-    good = (status == 0) & (rank == 0)
+    found = reach(robot, workspace_grid(robot, GRID[robot.n]))
     # Beyond a singularity det J has the other sign: home has no path to these poses.
-    beyond = good.copy()
-    beyond[good] = np.linalg.det(J[good]) * np.linalg.det(robot.jacobian(robot.home)) < 0
-    if beyond.any():
-        lost["beyond a singularity, from home"] = int(beyond.sum())
-    return int((good & ~beyond).sum()), lost, len(x)
+    home = np.linalg.det(robot.jacobian(robot.home))
+    beyond = int((np.linalg.det(found.J[found.regular]) * home < 0).sum())
+    lost = found.refused | ({"beyond a singularity, from home": beyond} if beyond else {})
+    return int(found.regular.sum()) - beyond, lost, len(found.q)
 
 
 def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
@@ -263,7 +216,9 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
         robot = Robot(moving) if moving else None
     except RobotFileError as error:
         return None, [*problems, Problem(("home",), str(error))]
-    if robot and robot.loose and not _single_legs(robot):
+    # Parts other than rod pairs may constrain the orientation (3-UPU).
+    single = robot and all(chain.actuator == "telescopic" for chain in robot.spec.chain)
+    if robot and robot.loose and not single:
         problems.append(Problem(("chain",), f"{robot.name}: {robot.full.reason}"))
     if problems:
         return None, problems
@@ -271,26 +226,19 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
     if robot.spec.workspace is not None:
         reached, lost, count = _reached(robot)
         if not reached:
-            told = f"workspace: none of {count} poses, a grid over the box: {info.told(lost)}"
-            return None, [Problem(("workspace",), told)]
+            text = f"workspace: none of {count} poses, a grid over the box: {told(lost)}"
+            return None, [Problem(("workspace",), text)]
     return robot, []
-
-
-def _single_legs(robot: Robot) -> bool:
-    """Return whether parts other than rod pairs may constrain the orientation (3-UPU)."""
-    return all(chain.actuator == "telescopic" for chain in robot.spec.chain)
 
 
 def _in_millimetres(spec: RobotFile) -> list[Problem]:
     """Return a problem where the largest length of a mechanism seems to be in mm."""
     lengths: list[tuple[float, tuple]] = [(v, ("home",)) for v in spec.home[:3]]
     for number, chain in enumerate(spec.chain):
-        for key in ("base", "anchor"):
-            lengths += [(v, ("chain", number, key)) for v in getattr(chain, key)]
-        for key in ("arm", "rod"):
-            lengths.append((getattr(chain, key) or 0.0, ("chain", number, key)))
-        if chain.actuator != "revolute":
-            lengths += [(v, ("chain", number, "limits")) for v in chain.limits or ()]
+        limits = ["limits"] if chain.actuator != "revolute" else []
+        for key in ("base", "anchor", "arm", "rod", *limits):
+            values = np.ravel(getattr(chain, key) or 0.0)
+            lengths += [(v, ("chain", number, key)) for v in values]
     largest, path = max(lengths, key=lambda pair: abs(pair[0]))
     if abs(largest) <= _LARGEST:
         return []

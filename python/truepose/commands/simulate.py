@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
-import typer
-from rich.console import Console
+from typer import Option
 
 from truepose import files, logs
 from truepose.arguments import Array
-from truepose.commands.options import (
-    Faults,
-    Force,
-    How,
-    RobotName,
-    Seed,
-    SensorsOption,
-    completing,
-    effects_of,
-    effects_option,
-    faults_of,
-    load_with,
-    parse_pose,
-    plot_to,
-    true_robot,
-    wrote,
-)
+from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
@@ -38,14 +20,13 @@ from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, list_robots
-from truepose.robotfile import path_of
 from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table, number
-from truepose.show.terminal import Format, show
-from truepose.simulation import paths
+from truepose.show.terminal import Format, progress, show
 from truepose.simulation.drive import controller_of
 from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.moves import MOVE_DURATION, default_move
+from truepose.simulation.paths import Circle, SampledPath, Waypoints
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.visit import visit
@@ -55,23 +36,21 @@ from truepose.simulation.visit import visit
 VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
+_UNITS = ("N", "N·m")
 
 
 def command(
-    robot: RobotName,
+    robot: options.RobotName,
     start: Annotated[
-        str | None,
-        typer.Option("--from", metavar="X,Y,…", help="Start pose, m and rad."),
+        str | None, Option("--from", metavar="X,Y,…", help="Start pose, m and rad.")
     ] = None,
     end: Annotated[
         str | None,
-        typer.Option(
-            "--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"
-        ),
+        Option("--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"),
     ] = None,
     path: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
             "rad; the log has the readings at rest. With a column time, s, the robot passes the "
             "poses at these times, and the log has every cycle."
@@ -79,14 +58,14 @@ def command(
     ] = None,
     way_points: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Instead: CSV file of poses to move through, with a stop at each; the log has "
             "every cycle."
         ),
     ] = None,
     circle: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="R,HZ[,TURNS]",
             help="Instead: a horizontal circle about the pose of --from (default: home), m and "
             "turns per second.",
@@ -94,54 +73,53 @@ def command(
     ] = None,
     law: Annotated[
         Law | None,
-        typer.Option(
+        Option(
             help="Control law; joint is standard control, tej the paper's law.",
             show_default="tej; joint where no sensor is in use",
         ),
     ] = None,
     true: Annotated[
         str,
-        typer.Option(
+        Option(
             help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
             "name or file.",
-            autocompletion=completing(lambda: ("drawn", "nominal", *list_robots())),
+            autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
         ),
     ] = "drawn",
     effects: Annotated[
         str,
-        effects_option("Effects that the model omits: all, none, or some: friction,delay,…"),
+        options.effects_option(
+            "Effects that the model omits: all, none, or some: friction,delay,…"
+        ),
     ] = "none",
-    fault: Faults = None,
+    fault: options.Faults = None,
     watch: Annotated[
-        bool,
-        typer.Option("--watch", help="Fault monitor: continue or stop when a reading is faulty."),
+        bool, Option("--watch", help="Fault monitor: continue or stop when a reading is faulty.")
     ] = False,
-    seed: Seed = 0,
-    sensors: SensorsOption = None,
+    seed: options.Seed = 0,
+    sensors: options.SensorsOption = None,
     duration: Annotated[
-        float | None,
-        typer.Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each"),
+        float | None, Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each")
     ] = None,
     hold: Annotated[
-        float | None, typer.Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
+        float | None, Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
     ] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(
+        Option(
             help="Poles of the PD, rad/s.",
             show_default="150, visiting 40; with effects the fastest with margins",
         ),
     ] = None,
     since: Annotated[
-        float, typer.Option(help="Time since switch-on of the cold robot, s (warm-up).")
+        float, Option(help="Time since switch-on of the cold robot, s (warm-up).")
     ] = 0.0,
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap."),
+        Path | None, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Also draw the errors (PNG, SVG, PDF).")] = None,
-    how: How = Format.table,
-    force: Force = False,
+    plot: Annotated[Path | None, options.plot_option("the errors")] = None,
+    how: options.How = Format.table,
+    force: options.Force = False,
 ) -> None:
     """Simulate a robot with geometric errors under a controller; print its pose errors.
 
@@ -153,70 +131,52 @@ def command(
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
     then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
     """
-    inputs: list[str | Path] = [robot, *(file for file in (path, way_points) if file)]
-    inputs += [] if true in ("drawn", "nominal") else [true]
-    save = plot_to(plot, inputs, force)
-    read = [path_of(str(name)) for name in inputs]
+    read = options.paths([robot, path, way_points, None if true in ("drawn", "nominal") else true])
+    save = options.plot_to(plot, read, force)
     log = None if out is None else logs.check(out, read, force)
-    believed = load_with(robot, sensors)
-    truth = true_robot(believed, true, seed)
-    forgotten = None if effects == "none" else effects_of(effects)
-    motion, x_d = _asked(believed, path, way_points, circle, start, end, duration)
+    believed = options.load_with(robot, sensors)
+    truth = options.true_robot(believed, true, seed)
+    forgotten = None if effects == "none" else options.effects_of(effects)
+    motion = _asked(believed, path, way_points, circle, start, end, duration)
+    visiting = not isinstance(motion, dict)
     law = laws.usual(believed) if law is None else law
-    controller = _controller(believed, law, forgotten, frequency, visiting=x_d is not None)
-    usual = MOVE if x_d is None else VISIT
+    controller = _controller(believed, law, forgotten, frequency, visiting=visiting)
+    usual = VISIT if visiting else MOVE
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
-    settings["faults"] = faults = faults_of(fault)
+    settings["effects"] = forgotten
+    settings["faults"] = faults = options.faults_of(fault)
     settings["watch"] = FaultMonitor(effects=forgotten) if watch else None
-    errors = Console(stderr=True)
-    with errors.status("simulating") if errors.is_terminal else nullcontext():
-        if x_d is not None:
-            run = _path(believed, truth, controller, x_d, effects=forgotten, **settings)
-        elif motion is not None:
-            run = _follow(believed, truth, controller, motion, effects=forgotten, **settings)
+    ran: Simulation | Visit
+    with progress("simulating"):
+        if isinstance(motion, dict):
+            ran = move = simulate(believed, truth, controller, **motion, **settings)
+            over, error, torque, status = move.time, move.error, move.torque, move.status
+            tables = [move.table(), _motors(believed, move)]
         else:
-            ends = [
-                None if text is None else parse_pose(believed, text, option, False)
-                for option, text in (("--from", start), ("--to", end))
-            ]
-            run = _move(believed, truth, controller, *ends, effects=forgotten, **settings)
-    torque = run.log.torque if isinstance(run.log, Simulation) else None
-    asked = (believed, run.over, run.error, torque)
-    save(lambda: figure_of(lambda figure: draw_errors(figure, *asked)))
+            ran = _visit(believed, truth, controller, motion, settings)
+            over, error = np.arange(len(motion)), ran.x - motion
+            tables, torque, status = [error_table(believed, error)], None, _reached(ran)
+    save(lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
     if log is not None:
-        columns = logs.columns(run.log, truth)
-        files.write({log: logs.encoded(log.path, columns)}, read, force)
+        files.write({log: logs.encoded(log.path, logs.columns(ran, truth))}, read, force)
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
     poles = f"{controller.frequency:.3g} rad/s"
-    answer = f"{believed.name}, law {law}, poles {poles}, {who}: {run.status}"
-    show(run.tables, how, [answer], more=sum(p is not None for p in (out, plot)))
-    wrote(how, out, plot)
+    answer = f"{believed.name}, law {law}, poles {poles}, {who}: {status}"
+    show(tables, how, [answer], written=(out, plot))
 
 
 def _controller(
     robot: Robot, law: Law, effects: Effects | None, frequency: float | None, *, visiting: bool
 ) -> Controller:
-    soft = visiting or effects not in (None, Effects.none())
-    if frequency is not None:
-        ratio = BANDWIDTH if soft else 10.0
-        return Controller(law=law, frequency=frequency, velocity_bandwidth=ratio * frequency)
-    if visiting and effects in (None, Effects.none()):
-        return Controller(law=law, frequency=VISITING, velocity_bandwidth=BANDWIDTH * VISITING)
-    return controller_of(law, robot, effects)
-
-
-class Run(NamedTuple):
-    """Result of a simulation: a move's N cycles, or a path's N poses."""
-
-    log: Simulation | Visit
-    over: Array  #: (N,) time, s, or number of the pose
-    error: Array  #: (N, n) true − desired; NaN where a pose was not reached
-    robot: Robot
-    tables: list[Table]
-    status: str
+    exact = effects in (None, Effects.none())
+    if frequency is None and not (visiting and exact):
+        return controller_of(law, robot, effects)
+    poles = VISITING if frequency is None else frequency
+    ratio = BANDWIDTH if visiting or not exact else 10.0
+    return Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
 
 
 def _asked(
@@ -227,8 +187,8 @@ def _asked(
     start: str | None,
     end: str | None,
     duration: float | None,
-) -> tuple[paths.Path | None, Array | None]:
-    """Return the path to follow, or the poses to visit; neither for a plain move."""
+) -> Array | dict[str, Any]:
+    """Return the poses to visit, or the path or the ends of a move as arguments of `simulate`."""
     given = {"--path": path, "--way-points": way_points, "--circle": circle}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
@@ -238,68 +198,54 @@ def _asked(
         raise InputError(f"{named[0]}: defines all poses: leave out {left}")
     if path is not None:
         time, x_d = read_samples(robot, path)
-        return (None, x_d) if time is None else (paths.SampledPath(time=time, x=x_d), None)
-    each = MOVE_DURATION if duration is None else duration
+        return x_d if time is None else {"path": SampledPath(time=time, x=x_d)}
     if way_points is not None:
-        return paths.Waypoints(poses=read_poses(robot, way_points), duration=each), None
+        each = MOVE_DURATION if duration is None else duration
+        return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
+    first, last = (
+        None if text is None else options.parse_pose(robot, text, option, False)
+        for option, text in (("--from", start), ("--to", end))
+    )
     if circle is not None:
-        centre = robot.home if start is None else parse_pose(robot, start, "--from", False)
-        return _circle(circle, centre), None
-    return None, None
-
-
-def _circle(text: str, centre: Array) -> paths.Circle:
-    try:
-        radius, frequency, *turns = (float(part) for part in text.split(","))
-        (turns_,) = turns or (1.0,)
-    except ValueError:
-        raise InputError(f"--circle {text}: must be radius, turns per second, and turns") from None
-    return paths.Circle(centre=centre, radius=radius, frequency=frequency, turns=turns_)
-
-
-def _follow(
-    robot: Robot, truth: Robot, controller: Controller, path: paths.Path, **settings: Any
-) -> Run:
-    run = simulate(robot, truth, controller, path=path, **settings)
-    return Run(run, run.time, run.error, robot, [run.table(), _motors(robot, run)], run.status)
-
-
-def _move(
-    robot: Robot,
-    truth: Robot,
-    controller: Controller,
-    start: Array | None,
-    end: Array | None,
-    **settings: Any,
-) -> Run:
-    if start is None or end is None:
+        return {"path": _circle(circle, robot.home if first is None else first)}
+    if first is None or last is None:
         usual = default_move(robot)
-        start, end = usual[0] if start is None else start, usual[1] if end is None else end
-    run = simulate(robot, truth, controller, start=start, end=end, **settings)
-    return Run(run, run.time, run.error, robot, [run.table(), _motors(robot, run)], run.status)
+        first, last = usual[0] if first is None else first, usual[1] if last is None else last
+    return {"start": first, "end": last}
+
+
+def _circle(text: str, centre: Array) -> Circle:
+    numbers = options.numbers_of(text)
+    if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
+        raise InputError(f"--circle {text}: must be radius, turns per second, and turns")
+    radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
+    return Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:
     rows = []
     for k, chain in enumerate(robot.spec.chain):
-        turns, most = chain.actuator == "revolute", float(np.abs(run.torque[:, k]).max())
-        unit = "N·m" if turns else "N"
-        rows.append([Cell(f"{k + 1} ({unit})", {"motor": k + 1, "unit": unit}), number(most)])
-        rows[-1].append(number(chain.torque_limit or np.inf))
+        unit, most = _UNITS[chain.actuator == "revolute"], float(np.abs(run.torque[:, k]).max())
+        name = Cell(f"{k + 1} ({unit})", {"motor": k + 1, "unit": unit})
+        rows.append([name, number(most), number(chain.torque_limit or np.inf)])
     title = "Torques and forces of the motors"
     return Table("motors", title, ["motor", "largest", "limit"], rows)
 
 
-def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **settings: Any) -> Run:
+def _visit(
+    robot: Robot, truth: Robot, controller: Controller, x_d: Array, settings: dict[str, Any]
+) -> Visit:
     x, q_e, status = visit(robot, truth, x_d, controller, **settings)
-    reached = np.isfinite(x).all(axis=1)
-    words = f"{reached.sum()} of {len(x)} poses reached"
-    for reason in dict.fromkeys(status[status != "ok"].tolist()):
-        poses = np.flatnonzero(status == reason)
+    found = Visit(q_e, frames(truth, x), x, status)
+    if not np.isfinite(x).any():
+        raise PoseError(f"{robot.name}: {_reached(found)}")
+    return found
+
+
+def _reached(found: Visit) -> str:
+    words = f"{np.isfinite(found.x).all(axis=1).sum()} of {len(found.x)} poses reached"
+    for reason in dict.fromkeys(found.status[found.status != "ok"].tolist()):
+        poses = np.flatnonzero(found.status == reason)
         words += f"; pose {poses[0]}" + f" and {len(poses) - 1} more" * (len(poses) > 1)
         words += f": {reason}"
-    if not reached.any():
-        raise PoseError(f"{robot.name}: {words}")
-    errors = error_table(robot, x - x_d)
-    log = Visit(q_e, frames(truth, x), x, status)
-    return Run(log, np.arange(len(x)), x - x_d, robot, [errors], words)
+    return words

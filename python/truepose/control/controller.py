@@ -159,9 +159,9 @@ class Controller:
         rest = cls(law=law, period=period, damping=damping, **settings)
         like = built_in(law, robot)
         require_sensors(robot, like)
-        effects = Effects() if effects is None else effects
+        diagonal = rest.gains == "diagonal"
         gains, scale = choose_gains(
-            robot, like, effects, period, damping, rest.integral, rest.gains == "diagonal"
+            robot, like, effects or Effects(), period, damping, rest.integral, diagonal
         )
         return replace(
             rest,
@@ -178,10 +178,8 @@ class Controller:
         settings.law = _core.laws[law].law
         settings.gains = getattr(_core.Gains, self.gains)
         settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
-        settings.period = self.period
-        settings.velocity_bandwidth = self.velocity_bandwidth
-        settings.damped_below = self.damped_below
-        settings.sigma_scale = self.sigma_scale
+        for name in ("period", "velocity_bandwidth", "damped_below", "sigma_scale"):
+            setattr(settings, name, getattr(self, name))
         place = pose_of(robot, x, "x")
         status, _ = settings.place_poles(robot.core, place, self.frequency, self.damping)
         if status:

@@ -23,13 +23,6 @@ def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
 
     From the sample periods and latencies of the controller's robot, rounded up to whole control
     periods (`period`, s). Raises InputError for one that is too many control periods.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.control.delays import settings
-    >>> settings(tp.load("h4"), 1e-3) is None
-    True
     """
     late = clock(robot, period)
     if late is not None:
@@ -47,11 +40,9 @@ def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
 def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return when sensors sample, and their latency; see :func:`settings`."""
     every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
+    limits = (("sample_period", _core.slowest, every), ("latency", _core.oldest, age))
     for k, sensor in enumerate(robot.spec.used):
-        for key, most, cycles in (
-            ("sample_period", _core.slowest, every),
-            ("latency", _core.oldest, age),
-        ):
+        for key, most, cycles in limits:
             seconds = getattr(sensor, key)
             cycles[k] = math.ceil(seconds / period - 1e-6)
             if cycles[k] > most:
@@ -86,17 +77,8 @@ def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
 def sensitivity(robot: Robot) -> Array:
     """Return how a sensor's disagreement with the motors changes with the pose, σ: (r, n).
 
-    From the geometry's uncertainty, per degree of freedom; the largest over the workspace.
-
-    Examples
-    --------
-    A calibrated robot's telemeter drifts by some 0.1 mm per metre:
-
-    >>> import truepose as tp
-    >>> from truepose.control.delays import sensitivity
-    >>> h4 = tp.load("h4")
-    >>> sensitivity(h4).shape
-    (1, 4)
+    From the geometry's uncertainty, per degree of freedom; the largest over the workspace. A
+    calibrated robot's telemeter drifts by some 0.1 mm per metre.
     """
     n, names = robot.n, list(robot.parameters)
     uncertain = knowledge.uncertain(robot)
@@ -113,9 +95,6 @@ def sensitivity(robot: Robot) -> Array:
     x = robot.home[None]
     if box is not None:
         x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, n))
-    result = np.zeros((robot.r, n))
-    for i in range(n):
-        step = _STEP * np.eye(n)[i]
-        change = (open_(x + step) - open_(x - step)) / (2 * _STEP)
-        result[:, i] = np.nanmax(np.linalg.norm(change, axis=-1), axis=0)
-    return result
+    steps = _STEP * np.eye(n)
+    changes = [(open_(x + step) - open_(x - step)) / (2 * _STEP) for step in steps]
+    return np.nanmax(np.linalg.norm(changes, axis=-1), axis=1).T

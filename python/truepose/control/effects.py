@@ -16,21 +16,17 @@ from truepose.robotfile.schema import Tolerance
 from truepose.robotfile.to_core import PAIRED
 
 
-def _effect(default: float, group: str, unit: str, what: str, source: str) -> Any:
-    return field(
-        default=default,
-        metadata={"group": group, "unit": unit, "what": what, "source": source},
-    )
+def _of(group: str, default: float) -> Any:
+    return field(default=default, metadata={"group": group})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effects:
     """Strengths of the unmodelled effects; 0 switches one off.
 
-    The defaults are assumed, orders of magnitude for a machine of the H4's size;
-    ``dataclasses.fields`` has each one's unit, meaning and source. Groups, for :meth:`only` and
-    :meth:`without`: "backlash", "friction", "compliance", "thermal", "eccentricity",
-    "quantization", "delay", "ripple".
+    The defaults are assumed, orders of magnitude for a machine of the H4's size, except handbook
+    values of the expansions. Groups, for :meth:`only` and :meth:`without`: "backlash", "friction",
+    "compliance", "thermal", "eccentricity", "quantization", "delay", "ripple".
 
     Examples
     --------
@@ -39,56 +35,26 @@ class Effects:
     (0.0, 0.0)
     """
 
-    tool_backlash: float = _effect(
-        math.radians(0.1),
-        "backlash",
-        "rad",
-        "whole width at the tool gear, as platform angle (×4 at the tool: 0.4°)",
-        "assumed; a plain spur gear pair of that size",
-    )
-    motor_friction: float = _effect(
-        0.1, "friction", "N·m", "Coulomb friction of each motor (N on a slide)", "assumed"
-    )
-    joint_friction: float = _effect(
-        0.005, "friction", "N·m", "Coulomb friction of each passive joint", "assumed"
-    )
-    arm_stiffness: float = _effect(
-        2e4, "compliance", "N·m/rad", "of each arm about its motor's axis, at the root", "assumed"
-    )
-    rod_stiffness: float = _effect(
-        5e6, "compliance", "N/m", "of each rod of a chain, along it", "assumed"
-    )
-    warm_up: float = _effect(20.0, "thermal", "K", "rise of temperature", "assumed")
-    warm_up_time: float = _effect(7200.0, "thermal", "s", "which it takes, linearly", "assumed")
-    base_expansion: float = _effect(
-        23e-6, "thermal", "1/K", "of the base", "aluminium, handbook value"
-    )
-    arm_expansion: float = _effect(
-        23e-6, "thermal", "1/K", "of the arms", "aluminium, handbook value"
-    )
-    rod_expansion: float = _effect(
-        1e-6, "thermal", "1/K", "of the rods", "carbon fibre along its layers, handbook value"
-    )
-    eccentricity: float = _effect(
-        math.radians(0.02),
-        "eccentricity",
-        "rad",
-        "first harmonic of every rotary encoder's shaft; random phase",
-        "assumed",
-    )
-    quantization: float = _effect(
-        1.0, "quantization", "", "1: readings have the counts of the robot's file; 0: none", "file"
-    )
-    delay: float = _effect(
-        1.0, "delay", "cycles", "from a reading to the torque that answers it", "assumed"
-    )
-    torque_ripple: float = _effect(
-        0.01,
-        "ripple",
-        "",
-        "amplitude over torque, six periods per motor turn; random phase",
-        "assumed",
-    )
+    tool_backlash: float = _of("backlash", math.radians(0.1))
+    #: rad, whole width at the tool gear, as platform angle (×4 at the tool: 0.4°)
+    motor_friction: float = _of("friction", 0.1)
+    #: N·m, Coulomb friction of each motor (N on a slide)
+    joint_friction: float = _of("friction", 0.005)  #: N·m, Coulomb friction of each passive joint
+    arm_stiffness: float = _of("compliance", 2e4)
+    #: N·m/rad, of each arm about its motor's axis, at the root
+    rod_stiffness: float = _of("compliance", 5e6)  #: N/m, of each rod of a chain, along it
+    warm_up: float = _of("thermal", 20.0)  #: K, rise of temperature
+    warm_up_time: float = _of("thermal", 7200.0)  #: s, which it takes, linearly
+    base_expansion: float = _of("thermal", 23e-6)  #: 1/K, of the base (aluminium)
+    arm_expansion: float = _of("thermal", 23e-6)  #: 1/K, of the arms (aluminium)
+    rod_expansion: float = _of("thermal", 1e-6)  #: 1/K, of the rods (carbon fibre along its layers)
+    eccentricity: float = _of("eccentricity", math.radians(0.02))
+    #: rad, first harmonic of every rotary encoder's shaft; random phase
+    quantization: float = _of("quantization", 1.0)
+    #: 1: readings have the counts of the robot's file; 0: none
+    delay: float = _of("delay", 1.0)  #: cycles, from a reading to its torque: 0 or 1
+    torque_ripple: float = _of("ripple", 0.01)
+    #: amplitude over torque, six periods per motor turn; random phase
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -113,25 +79,16 @@ class Effects:
 
     def without(self, *groups: str) -> Effects:
         """Return a copy with these groups switched off."""
-        self._require(groups)
-        return replace(self, **{name: 0.0 for g in groups for name in self._switches(g)})
+        for group in groups:
+            if group not in self.groups():
+                raise InputError(choose("effect", group, self.groups()))
+        off = [f.name for f in fields(self) if f.metadata["group"] in groups]
+        return replace(self, **{name: 0.0 for name in off if name != "warm_up_time"})
 
     def only(self, *groups: str) -> Effects:
         """Return a copy with all other groups switched off."""
-        self._require(groups)
+        self.without(*groups)  # refuses unknown ones
         return self.without(*(group for group in self.groups() if group not in groups))
-
-    @classmethod
-    def _require(cls, groups: tuple[str, ...]) -> None:
-        for group in groups:
-            if group not in cls.groups():
-                raise InputError(choose("effect", group, cls.groups()))
-
-    @classmethod
-    def _switches(cls, group: str) -> list[str]:
-        """Return the fields whose zero switches a group off; a time constant stays."""
-        names = [f.name for f in fields(cls) if f.metadata["group"] == group]
-        return [name for name in names if name != "warm_up_time"]
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
         """Return the true robot's geometry some time, s, after a cold start.
@@ -149,11 +106,11 @@ class Effects:
             for name, gain in part.items()
         }
         rng = np.random.default_rng(check_seed(seed))
-        encoders = [name[: -len(".c1")] for name in values if name.endswith(".eccentricity.c1")]
-        for encoder in encoders:
+        for cosine in (name for name in values if name.endswith(".eccentricity.c1")):
             phase = rng.uniform(0, 2 * math.pi)  # one per encoder, used or not
-            for key, share in (("c1", math.cos(phase)), ("s1", math.sin(phase))):
-                grown[f"{encoder}.{key}"] = values[f"{encoder}.{key}"] + self.eccentricity * share
+            sine = cosine.removesuffix("c1") + "s1"
+            grown[cosine] = values[cosine] + self.eccentricity * math.cos(phase)
+            grown[sine] = values[sine] + self.eccentricity * math.sin(phase)
         robot = truth.replace(grown)
         return robot if self.quantization else robot.without_quantization()
 
@@ -199,14 +156,11 @@ class Effects:
         names = [name for name in robot.parameters if name.endswith((".c1", ".s1"))]
         sigma = self.eccentricity / math.sqrt(2)
         known = {name: Tolerance(sigma=sigma) for name in names} if sigma > 0 else {}
-        half = self.tool_backlash / 2
-        sensors = tuple(
-            sensor.model_copy(update={"noise": math.hypot(sensor.noise, half)})
-            if sensor.geared
-            else sensor
-            for sensor in spec.sensor
-        )
-        update = {"tolerances": known | spec.tolerances, "sensor": sensors}
+        sensors = []
+        for sensor in spec.sensor:
+            noise = math.hypot(sensor.noise, self.tool_backlash / 2 * sensor.geared)
+            sensors.append(sensor.model_copy(update={"noise": noise}))
+        update = {"tolerances": known | spec.tolerances, "sensor": tuple(sensors)}
         values = {name: p.value for name, p in robot.parameters.items()}
         return Robot(spec.model_copy(update=update), values)
 

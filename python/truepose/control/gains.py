@@ -27,9 +27,10 @@ _DITHER = 0.01
 REST, REST_TORQUE = (50e-6, np.radians(0.05)), 0.02
 #: Largest platform error by friction alone, m. With slower poles the robot creeps for seconds.
 _HELD = 1e-3
-#: Candidate poles, rad/s, at most the paper's, and velocity bandwidths in units of them.
+#: Candidate poles, rad/s, at most the paper's, and velocity bandwidths in units of them: the widest
+#: first, with the least lag and hence the largest phase margin.
 _FREQUENCIES = np.geomspace(10.0, 150.0, 41)
-_RATIOS = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
+_RATIOS = (16.0, 12.0, 10.0, 8.0, 6.0, 5.0, 4.0, 3.0)
 #: Candidate factors on the readings' σ, in this order, for laws with weights.
 _SCALES = (1, 10, 100, 1000)
 
@@ -38,13 +39,6 @@ def poses(robot: Robot) -> Array:
     """Return home and the regular corners of the workspace box.
 
     For six degrees of freedom the corners of position and of orientation separately.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.control.gains import poses
-    >>> poses(tp.load("h4")).shape, poses(tp.load("hexa")).shape
-    ((17, 4), (17, 6))
     """
     box = robot.spec.workspace
     if box is None:
@@ -62,7 +56,6 @@ def kept(margin: Margin) -> bool:
     return all(has >= least for has, least in zip(margin, LEAST, strict=True))
 
 
-@lru_cache(maxsize=4)
 def responses(
     robot: Robot,
     law: Law,
@@ -72,24 +65,7 @@ def responses(
     sigma_scale: int = 1,
 ) -> Responses:
     """Return the loops of a robot at its :func:`poses`."""
-    return responses_at(robot, poses(robot), law, effects, period, diagonal, sigma_scale)
-
-
-def responses_at(
-    robot: Robot,
-    x: Array,
-    law: Law,
-    effects: Effects,
-    period: float,
-    diagonal: bool,
-    sigma_scale: int = 1,
-) -> Responses:
-    """Return the loops of a robot at poses, its gains diagonal or not."""
-    inertia = None
-    if diagonal:
-        J = robot.jacobian(robot.home)
-        inertia = np.diag(J.T @ robot.mass_matrix(robot.home) @ J)
-    return Responses(plants(robot, x, law, effects, period, inertia, sigma_scale))
+    return Responses(plants(robot, poses(robot), law, effects, period, diagonal, sigma_scale))
 
 
 @lru_cache(maxsize=64)
@@ -127,7 +103,6 @@ def _chosen(
     damping: float,
     integral: float,
 ) -> Gains:
-    period = everywhere.period
     home = Responses(everywhere.plants[:1])
     read = robot if effects.quantization else robot.without_quantization()
     rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
@@ -151,25 +126,21 @@ def _chosen(
             return f"{_said(margin)} of a motor or reading alone"
         return "" if found.stable(gains).all() else "it is unstable"
 
-    least, most = float(_FREQUENCIES[0]), float(_FREQUENCIES[-1])
-    slowest = min(max(least, friction_poles(robot, effects)), most)
-    tried = [float(f) for f in _FREQUENCIES[::-1] if f > slowest] + [slowest]
-    for frequency in tried:
-        # The widest bandwidth first: the least lag, hence the largest phase margin.
-        for ratio in _RATIOS[::-1]:
+    slowest = float(np.clip(friction_poles(robot, effects), *_FREQUENCIES[[0, -1]]))
+    for frequency in (*_FREQUENCIES[slowest < _FREQUENCIES][::-1].tolist(), slowest):
+        for ratio in _RATIOS:
             gains = Gains(frequency, ratio * frequency, damping, integral)
             if not (lacks(gains, home) or lacks(gains, everywhere)):
                 return gains
-    widest = Gains(slowest, _RATIOS[-1] * slowest, damping, integral)
+    widest = Gains(slowest, _RATIOS[0] * slowest, damping, integral)
     stable = everywhere.stable(widest).all()
     reason = lacks(widest, everywhere) if stable else "it is unstable"
-    held = "mm" if summed(robot).unit == "m" else "mrad"
-    why = (
-        f" before friction shifts the platform by {1e3 * _HELD:g} {held}" if slowest > least else ""
-    )
+    held, why = "mm" if summed(robot).unit == "m" else "mrad", ""
+    if slowest > _FREQUENCIES[0]:
+        why = f" before friction shifts the platform by {1e3 * _HELD:g} {held}"
     raise InputError(
-        f"{robot.name}: period {period:g} s: the {law} law cannot hold it with 6 dB, 30° and two "
-        f"cycles to spare: at {slowest:.3g} rad/s, the slowest{why}, {reason}"
+        f"{robot.name}: period {everywhere.period:g} s: the {law} law cannot hold it with 6 dB, "
+        f"30° and two cycles to spare: at {slowest:.3g} rad/s, the slowest{why}, {reason}"
     )
 
 
@@ -177,14 +148,6 @@ def friction_poles(robot: Robot, effects: Effects) -> float:
     """Return the poles at which friction may displace the platform by `_HELD`, rad/s.
 
     A motor rests where the PD torque is below its friction F: at an error of up to F/(ω² I).
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.control.gains import friction_poles
-    >>> h4 = tp.load("h4")
-    >>> 20 < friction_poles(h4, tp.Effects()) < 35, friction_poles(h4, tp.Effects.none())
-    (True, 0.0)
     """
     x, n = poses(robot), robot.n
     J, M = robot.jacobian(x), robot.mass_matrix(x)

@@ -9,11 +9,12 @@ correction by its samples is excluded too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.control import delays
@@ -26,14 +27,6 @@ from truepose.robotfile.to_core import PAIRED
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is possible
 _STEP = 1e-5  # m and rad, of the platform: finite difference for the weight's stiffness
-#: Each mobility's components of a twist: translations, then rotations. (Rotational: its angles.)
-_DIRECTIONS = {
-    "translation": (0, 1, 2),
-    "planar_translation": (0, 1),
-    "planar": (0, 1, 5),
-    "schoenflies": (0, 1, 2, 5),
-    "spatial": (0, 1, 2, 3, 4, 5),
-}
 
 
 @dataclass(frozen=True)
@@ -113,21 +106,26 @@ class Plant:
 
 def plants(
     robot: Robot,
-    poses: Sequence[Array] | Array,
+    poses: Iterable[Array],
     law: Law,
     effects: Effects,
     period: float,
-    diagonal: Array | None = None,
+    diagonal: bool = False,
     sigma_scale: int = 1,
 ) -> list[Plant]:
     """Linearize a controlled robot at poses.
 
-    `diagonal`, (n,), are inertias for diagonal gains, by default the joint inertia at each pose.
-    `sigma_scale` is as for :class:`truepose.Controller`.
+    Gains multiply the joint inertia there, or, if `diagonal`, its diagonal at home. `sigma_scale`
+    is as for :class:`truepose.Controller`.
     """
-    return [
-        _plant(robot, np.asarray(x), law, effects, period, diagonal, sigma_scale) for x in poses
-    ]
+    home = np.diag(np.diag(joint_inertia(robot, robot.home))) if diagonal else None
+    return [_plant(robot, x, law, effects, period, home, sigma_scale) for x in poses]
+
+
+def joint_inertia(robot: Robot, x: ArrayLike) -> Array:
+    """Return JᵀMJ at a pose, (n, n)."""
+    J = robot.jacobian(x)
+    return J.T @ robot.mass_matrix(x) @ J
 
 
 def _plant(
@@ -136,19 +134,19 @@ def _plant(
     law: Law,
     effects: Effects,
     period: float,
-    diagonal: Array | None,
+    inertia: Array | None,
     sigma_scale: int,
 ) -> Plant:
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
     n, chains = robot.n, robot.spec.chain
     H_x, H_xi = robot.linearize(x, level="ideal")
-    M, J = robot.mass_matrix(x), robot.jacobian(x)
+    M = robot.mass_matrix(x)
     held, K = _turning(robot, x, M)
     slope = np.diag(H_x[:n] @ np.linalg.inv(K))
     leak = robot.cross_sensitivity(x, law, sigma_scale=sigma_scale)
-    E = delays.carried(robot, -np.linalg.solve(J, leak), H_x, period)
-    inertia = slope[:, None] * (J.T @ M @ J) if diagonal is None else np.diag(slope * diagonal)
+    E = delays.carried(robot, -np.linalg.solve(robot.jacobian(x), leak), H_x, period)
+    inertia = slope[:, None] * (joint_inertia(robot, x) if inertia is None else inertia)
 
     # Platform, and rotors on compliant arms: see offline/effects.hpp.
     springy, own, left = _apart(robot, effects, M, K)
@@ -184,14 +182,12 @@ def _plant(
         carried = np.zeros((n, s))
         carried[springy] = passed
         for i in range(n):
-            if chains[i].actuator == "telescopic":
-                longer = H_xi[:, names.index(f"chain{i + 1}.encoder_offset")]
+            leg = chains[i].actuator == "telescopic"
+            longer = H_xi[:, names.index(f"chain{i + 1}." + ("encoder_offset" if leg else "rod"))]
+            if leg:
                 longer = longer * robot.parameters[f"chain{i + 1}.gain"].value
-            else:
-                longer = H_xi[:, names.index(f"chain{i + 1}.rod")]
             # By virtual work the rod's force is the torque times ∂q/∂L.
-            yields = abs(longer[i] / slope[i]) / (rods * effects.rod_stiffness)
-            yields = yields * np.sign(longer[i] / slope[i])
+            yields = longer[i] / slope[i] / (rods * effects.rod_stiffness)
             C += yields * np.outer(longer, carried[i])
             if i in rigid:
                 D[:, i] += yields * longer
@@ -199,16 +195,7 @@ def _plant(
 
 
 def ringing(robot: Robot, x: Array, effects: Effects) -> float:
-    """Return the fastest frequency of rotors oscillating against their arms, rad/s; 0: none.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.control.linear import ringing
-    >>> h4 = tp.load("h4")
-    >>> 1500 < ringing(h4, h4.home, tp.Effects()) < 1700
-    True
-    """
+    """Return the fastest frequency of rotors oscillating against their arms, rad/s; 0: none."""
     M = robot.mass_matrix(x)
     _, K = _turning(robot, x, M)
     springy, own, left = _apart(robot, effects, M, K)
@@ -250,16 +237,18 @@ def _rotor(robot: Robot, i: int) -> float:
 def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
     """Return the stiffness of a robot's weight under constant torques, along the free twist."""
     n, still = robot.n, np.zeros(robot.n)
-    step = np.zeros((n, 6))
-    if robot.spec.mobility != "rotational":
-        step[range(n), _DIRECTIONS[robot.spec.mobility]] = _STEP
-    moved = []
-    for sign in (1, -1):
-        if robot.spec.mobility == "rotational":
-            moved.append(robot.acceleration(x + sign * _STEP * np.eye(n), still, held))
-            continue
-        frame = np.tile(frames(robot, x), (n, 1, 1))
-        frame[:, :3, 3] += sign * step[:, :3]
-        frame[:, :3, :3] = rotation(sign * step[:, 3:]) @ frame[:, :3, :3]
-        moved.append(robot.acceleration(coordinates(robot, frame), still, held))
-    return -M @ (moved[0] - moved[1]).T / (2 * _STEP)
+    ahead, behind = (
+        robot.acceleration(_moved(robot, x, step * np.eye(n)), still, held)
+        for step in (_STEP, -_STEP)
+    )
+    return -M @ (ahead - behind).T / (2 * _STEP)
+
+
+def _moved(robot: Robot, x: Array, steps: Array) -> Array:
+    """Return poses, (N, n), at small steps along the free twist from one."""
+    if robot.spec.mobility != "spatial":
+        return x + steps
+    frame = np.tile(frames(robot, x), (len(steps), 1, 1))
+    frame[:, :3, 3] += steps[:, :3]
+    frame[:, :3, :3] = rotation(steps[:, 3:]) @ frame[:, :3, :3]
+    return coordinates(robot, frame)

@@ -13,8 +13,8 @@ from truepose.arguments import Array, require
 from truepose.control import gains
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
-from truepose.control.linear import Gains
-from truepose.control.loci import Margin, worst
+from truepose.control.linear import Gains, plants
+from truepose.control.loci import Margin, Responses, worst
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
@@ -178,25 +178,20 @@ def stability_margins(
     False
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    effects = Effects() if effects is None else effects
+    effects = effects or Effects()
     if not isinstance(controller, Controller):
         chosen = 1e-3 if period is None else period
         controller = Controller.for_robot(robot, effects, controller, period=chosen)
     elif period is not None:
         raise InputError("period: the Controller has its own")
-    law, diagonal, scale = (
-        controller.built_in,
-        controller.gains == "diagonal",
-        controller.sigma_scale,
+    given = gains.poses(robot) if poses is None else poses
+    x, lead = flattened(robot, given, robot.n, "poses", "raise")
+    if len(lead) != 1 or not len(x):
+        raise InputError(f"poses: shape {np.shape(given)}, must be (P, {robot.n})")
+    law, diagonal = controller.built_in, controller.gains == "diagonal"
+    found = Responses(
+        plants(robot, x, law, effects, controller.period, diagonal, controller.sigma_scale)
     )
-    if poses is None:
-        x = gains.poses(robot)
-        found = gains.responses(robot, law, effects, controller.period, diagonal, scale)
-    else:
-        x, lead = flattened(robot, poses, robot.n, "poses", "raise")
-        if len(lead) != 1 or not len(x):
-            raise InputError(f"poses: shape {np.shape(poses)}, must be (P, {robot.n})")
-        found = gains.responses_at(robot, x, law, effects, controller.period, diagonal, scale)
     asked = Gains(
         controller.frequency,
         controller.velocity_bandwidth,
@@ -207,11 +202,8 @@ def stability_margins(
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
     loops = {ALL: found.common(asked)}
     motors = [f"motor {i + 1}" for i in range(robot.n)]
-    for names, each in (
-        (motors, found.torques(asked)),
-        (robot.readings, found.alone(asked)),
-    ):
-        loops |= {name: [of_pose[i] for of_pose in each] for i, name in enumerate(names)}
+    for names, each in ((motors, found.torques(asked)), (robot.readings, found.alone(asked))):
+        loops |= {name: list(own) for name, own in zip(names, zip(*each, strict=True), strict=True)}
     return StabilityMargins(
         robot,
         controller,

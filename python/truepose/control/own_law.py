@@ -3,34 +3,36 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.control.controller import Controller, ControllerInput
+from truepose.control.linear import joint_inertia
 from truepose.control.motor_error import motor_error
 from truepose.robot.robot import Robot
 
 
+@dataclass(eq=False)
 class Torques:
     """PD controller on the motor error of an own law, with the settings of a Controller.
 
     Called once per control period, as the `law` of :func:`truepose.simulate`.
     """
 
-    def __init__(self, controller: Controller, robot: Robot, start: ArrayLike) -> None:
-        self.controller, self.robot = controller, robot
-        self._start = np.asarray(start, dtype=float)
-        self._slow: Array | None = None  # low-passed motor error
-        self._sum = np.zeros(robot.n)
+    controller: Controller
+    robot: Robot
+    start: ArrayLike  #: pose at which diagonal gains are placed, (n,)
+    _slow: Array | None = None  # low-passed motor error
+    _sum: Array | float = 0.0
 
     def inertia(self, x: Array) -> Array:
         """Return the joint inertia of the gains, (n, n): JᵀMJ at x, or its diagonal at start."""
-        at = x if self.controller.gains == "inertia" else self._start
-        J = self.robot.jacobian(at)
-        whole = J.T @ self.robot.mass_matrix(at) @ J
-        return whole if self.controller.gains == "inertia" else np.diag(np.diag(whole))
+        if self.controller.gains == "inertia":
+            return joint_inertia(self.robot, x)
+        return np.diag(np.diag(joint_inertia(self.robot, self.start)))
 
     def feed_forward(self, x: Array, rate: Array, acceleration: Array) -> Array:
         """Return the controller's feed-forward torques of the nominal robot, (n,)."""
@@ -46,7 +48,7 @@ class Torques:
         slow = error if self._slow is None else self._slow
         speed = own.velocity_bandwidth * (error - slow)
         self._slow = slow + (1 - math.exp(-own.velocity_bandwidth * own.period)) * (error - slow)
-        self._sum += own.integral * own.period * error
+        self._sum = self._sum + own.integral * own.period * error
         w = own.frequency
         asked = w**2 * (error + self._sum) + 2 * own.damping * w * speed
         return self.inertia(cycle.x) @ asked + self.feed_forward(

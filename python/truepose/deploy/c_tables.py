@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import keyword
-import math
 import re
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
@@ -29,14 +28,7 @@ Listed = list[tuple[str, float | list[float]]]
 
 
 def identifier(name: str) -> str:
-    """Return a C identifier for a robot's name.
-
-    Examples
-    --------
-    >>> from truepose.deploy.c_tables import identifier
-    >>> identifier("6-ups"), identifier("My H4")
-    ('robot_6_ups', 'my_h4')
-    """
+    """Return a C identifier for a robot's name."""
     word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
     plain = word[:1].isalpha() and not keyword.iskeyword(word) and word not in _RESERVED.split()
     return word if plain else f"robot_{word}"
@@ -52,10 +44,7 @@ _RESERVED = """
 
 
 def named(robot: Robot, name: str | None) -> str:
-    """Return the prefix of a robot's tables: `name`, by default the robot's as an identifier.
-
-    An InputError refuses a `name` that is no C identifier in lower case, or a keyword of C.
-    """
+    """Return the prefix of a robot's tables: `name`, a C identifier, by default of the robot's."""
     made = identifier(robot.name if name is None else name)
     if name not in (None, made):
         raise InputError(
@@ -73,13 +62,10 @@ def to_c(
     Parameters
     ----------
     robot : Robot
-        The controller's robot, nominal or calibrated. If it is below its highest level, the
-        weighted laws and the fault monitor need a second description at that level, ``…_finest``;
-        :meth:`Robot.with_level` chooses one level.
+        Nominal or calibrated. Below its highest level it has a second description, ``…_finest``,
+        for weighted laws and fault monitor; :meth:`Robot.with_level` chooses one level.
     controller : Controller, optional
-        Controller, with gains placed at home. Without one, as for a robot without masses, there
-        are no tables of control and fault monitor: kinematics, Jacobian, TEJ, motor errors,
-        estimates and calibration need neither.
+        Its gains are placed at home. Without one there are no tables of control and fault monitor.
     watch : FaultMonitor, optional
         Fault monitor; needs the controller.
     name : str, optional
@@ -114,9 +100,13 @@ def to_c(
     if robot.r:
         parts.append(_knowledge(name, robot))
     if controller is not None:
-        parts.append(_control(name, robot, controller))
+        about = "law, gains, feed_forward, sigma_scale"
+        control = _core.c_control(controller.settings(robot, robot.home))
+        parts.append(_settings(name, "control", about, *control))
         if robot.r and watch is not None:
-            parts.append(_watch(name, robot, controller, watch))
+            about = "refresh, coast, decide, spikes, within"
+            monitor = _core.c_watch(watch.guarding(robot, controller))
+            parts.append(_settings(name, "fault_monitor", about, *monitor))
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
     used = f"weighted laws and the fault monitor need {weighs}" if robot.r else "no sensors"
@@ -143,9 +133,7 @@ def require_prompt(robot: Robot, period: float) -> None:
 
 
 def _number(value: float) -> str:
-    if math.isinf(value):
-        return "INFINITY" if value > 0 else "-INFINITY"
-    return repr(float(value))
+    return repr(float(value)).replace("inf", "INFINITY")
 
 
 def _numbers(values: Iterable[float], indent: str = "    ") -> str:
@@ -158,15 +146,18 @@ def _numbers(values: Iterable[float], indent: str = "    ") -> str:
 
 
 def _rows(listed: Listed, indent: str) -> str:
-    texts = []
-    for name, value in listed:
-        shown = _numbers(value, indent) if isinstance(value, list) else _number(value)
-        texts.append(f"{indent}{shown}, /* {name} */")
-    return "\n".join(texts)
+    shown = ((n, _numbers(v, indent) if isinstance(v, list) else _number(v)) for n, v in listed)
+    return "\n".join(f"{indent}{text}, /* {name} */" for name, text in shown)
 
 
 def _whole(values: Sequence[int]) -> str:
-    return ", ".join(str(value) for value in values)
+    return ", ".join(map(str, values))
+
+
+def _parts(rows: Iterable[tuple[str, str]]) -> str:
+    """Return an array of structures, each given by its comment and its contents."""
+    shown = ",\n".join(f"  {{ /* {comment} */\n{contents}\n  }}" for comment, contents in rows)
+    return "  {" + shown.lstrip() + "}"
 
 
 def _description(name: str, robot: Robot) -> str:
@@ -174,17 +165,16 @@ def _description(name: str, robot: Robot) -> str:
     parts = []
     for kind in ("chain", "sensor", "body"):
         names = [*robot.sensors, "none"] if kind == "sensor" else range(1, len(tables[kind]) + 1)
-        rows = [
-            f"  {{ /* {kind} {part} */\n    {_whole(counts)},\n{_rows(listed, '    ')}\n  }}"
-            for part, (counts, listed) in zip(names, tables[kind], strict=False)
-        ]
-        parts.append("  {" + ",\n".join(rows).lstrip() + "}")
-    rows = [
-        f"  {{ /* axis {axis.name} */\n{_rows(listed, '    ')}\n  }}"
-        for axis, (_, listed) in zip(robot.spec.passive_axis, tables["axis"], strict=True)
-    ]
-    rows = rows or ["  { /* axis none */\n    {0.0}, {0.0}, 0.0, 0.0,\n  }"]
-    parts.append("  {" + ",\n".join(rows).lstrip() + "}")
+        rows = zip(names, tables[kind], strict=False)
+        parts.append(
+            _parts(
+                (f"{kind} {part}", f"    {_whole(counts)},\n{_rows(listed, '    ')}")
+                for part, (counts, listed) in rows
+            )
+        )
+    axes = zip(robot.spec.passive_axis, tables["axis"], strict=True)
+    shown = [(f"axis {axis.name}", _rows(listed, "    ")) for axis, (_, listed) in axes]
+    parts.append(_parts(shown or [("axis none", "    {0.0}, {0.0}, 0.0, 0.0,")]))
     return (
         f"static const truepose_description {name} = {{\n"
         f"  TRUEPOSE_ABI, sizeof(truepose_description),\n"
@@ -210,19 +200,9 @@ def _knowledge(name: str, robot: Robot) -> str:
     )
 
 
-def _control(name: str, robot: Robot, controller: Controller) -> str:
-    counts, listed = _core.c_control(controller.settings(robot, robot.home))
+def _settings(name: str, kind: str, about: str, counts: Sequence[int], listed: Listed) -> str:
     return (
-        f"static const truepose_control_settings {name}_control = {{\n"
-        f"  {_whole(counts)}, /* law, gains, feed_forward, sigma_scale */\n"
-        f"{_rows(listed, '  ')}\n}};\n"
-    )
-
-
-def _watch(name: str, robot: Robot, controller: Controller, watch: FaultMonitor) -> str:
-    counts, listed = _core.c_watch(watch.guarding(robot, controller))
-    return (
-        f"static const truepose_fault_monitor_settings {name}_fault_monitor = {{\n"
-        f"  {_whole(counts)}, /* refresh, coast, decide, spikes, within */\n"
+        f"static const truepose_{kind}_settings {name}_{kind} = {{\n"
+        f"  {_whole(counts)}, /* {about} */\n"
         f"{_rows(listed, '  ')}\n}};\n"
     )

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level, check_seed
-from truepose.calibration.differences import Assembled, Difference, PlaneContacts, assemble
+from truepose.calibration.differences import Difference, PlaneContacts, assemble
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter, patterns
 from truepose.calibration.registration import Registration, registration_of, sigmas
@@ -79,17 +79,7 @@ class Rows:
 
 
 def drawn(robot: Robot, count: int, seed: int) -> Array:
-    """Return poses evenly over the workspace box, many on its faces, edges and corners.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.candidates import drawn
-    >>> delta = tp.load("delta")
-    >>> x = drawn(delta, 1000, seed=0)
-    >>> print((x.min(axis=0) == delta.spec.workspace.minimum).all(), x.shape)
-    True (1000, 3)
-    """
+    """Return poses evenly over the workspace box, many on its faces, edges and corners."""
     box = workspace(robot)
     start = np.random.default_rng(check_seed(seed)).uniform(size=robot.n)
     ratio = 2.0  # of the sequence R_c: ratio^(c + 1) = ratio + 1, the golden one where c is 1
@@ -129,19 +119,9 @@ def rows_of(
 ) -> Rows:
     """Linearize each candidate's measurements, and return them with the prior.
 
-    Parameters
-    ----------
-    robot : Robot
-        Nominal or calibrated.
-    candidates : CandidatePoses
-    level, model_error
-        As for :func:`truepose.accuracy`.
-    after : Calibration, optional
-        Earlier calibration: posterior of a tracker's frames, or of the auxiliary unknowns of
-        differences and influences. Equal names denote the same unknowns.
-    touched : ndarray, shape (1, n) or (0, n)
-        The `reference_pose`, or none.
-    reference_sigma : sequence of float
+    After a calibration `after` that is the posterior of a tracker's frames, or of the auxiliary
+    unknowns of differences and influences; equal names denote the same unknowns. `touched` is the
+    reference pose, (1, n), or none, (0, n).
     """
     x, lead = flattened(robot, candidates.poses, robot.n, "candidates", "raise")
     if len(lead) != 1 or not len(x):
@@ -150,181 +130,166 @@ def rows_of(
         )
     steps, visited, differences = _expanded(candidates, x)
     good = reachable(robot, x, level)
-    asked = len(steps)
     kept = [k for k, (_, at) in enumerate(steps) if good[at].all()]
     if not kept:
         raise InputError(
-            f"{robot.name}: candidates: none of {asked} is reachable: check joint limits, assembly "
-            "mode, sensors' ranges"
+            f"{robot.name}: candidates: none of {len(steps)} is reachable: check joint limits, "
+            "assembly mode, sensors' ranges"
         )
-    names = knowledge.learnable(robot)
-    outside = np.zeros((0, robot.n))
-    sigma = outside
-    by = registration_of(candidates.registration)
-    frames = np.zeros(0)
     # A reachable pose replaces each unreachable one; its rows are dropped below.
     at = np.where(good[visited][:, None], x[visited], x[steps[kept[0]][1][0]])
-    base, marker = by.begin()
-    if after is not None and after.registration is not None:
-        base, marker = after.registration.base, after.registration.marker
-    if candidates.measured_sigma is not None or candidates.measured_angle_sigma is not None:
-        outside, sigma = _outside(robot, candidates, at, base, marker)
-        frames = by.sigma(robot, outside)
-    registering = bool(frames.any())
-    frames = frames if registering else np.zeros(0)
+    tracker = _tracker(robot, candidates, at, after)
+    registering = len(tracker.sigma) > 0
     own = len(knowledge.uncertain(robot))
-    between = assemble(robot, differences, len(at), own + len(frames))
-    others = _others(between, candidates.influences)
+    between = assemble(robot, differences, len(at), own + len(tracker.sigma))
+    others = {} if between is None else dict(zip(between.names, between.sigma, strict=True))
+    others |= {of.name: of.amount[1] for of in candidates.influences}
     acting = patterns(robot, candidates.influences, len(x))
     full = robot.is_full(level)
     guarded = model_error and not full
-    beside = np.concatenate([frames, list(others.values())])
     known = knowledge.knowledge(
-        robot, guarded=guarded, level=level, error=False, beside=beside, stretches=True
+        robot,
+        guarded=guarded,
+        level=level,
+        error=False,
+        beside=np.array([*tracker.sigma, *others.values()]),
+        stretches=True,
     )
+    nuisances = [*knowledge.left_out(robot).values()] if guarded else []
+    root = _root(robot, tracker.sigma, others, nuisances, after)
+    order = _in_order(known, len(root))
     model, none = robot.expected(), _core.Links([], 0)
-    core = model.core
-    B, visit, status, _ = _core.rows_of_visits(
-        core,
-        known.core,
-        np.ascontiguousarray(at),
-        outside,
-        sigma,
-        base,
-        marker,
-        own if registering else -1,
-        none if between is None else between.core,
-        full,
-        known.nuisances,
-        _beside(acting[visited], compliance.acting(model, at, full)),
-    )
-    if status:
-        raise InputError(f"{robot.name}: candidates: {_core.describe(status)}")
-    root = _root(robot, names, frames, others, after)
-    root = _blocks(root, np.diag(list(knowledge.left_out(robot).values()) if guarded else []))
-    of = np.repeat(np.arange(asked), [len(at) for _, at in steps])[visit]
-    order = _in_order(known, B.shape[1])
-    C = _padded(B[:, order] @ root, of, asked)[kept]
-    information = np.eye(root.shape[1])
-    if touched is not None and len(touched):
-        eye = np.eye(4)
-        R, *_ = _core.rows_of_visits(
-            *(
-                core,
-                known.core,
-                touched,
-                touched,
-                np.array([reference_sigma], dtype=float),
-                eye,
-                eye,
-            ),
-            *(-1, none, full, known.nuisances),
-            _beside(0 * acting[:1], compliance.acting(model, touched, full)),
+
+    def linearized(
+        x: Array,
+        seen: tuple[Array, Array, Array, Array],
+        first: int,
+        links: _core.Links,
+        acting: Array,
+    ) -> tuple[Array, Array]:
+        """Return rows in units of the root, and the visit of each."""
+        beside = _beside(acting, compliance.acting(model, x, full))
+        B, visit, status, _ = _core.rows_of_visits(
+            model.core, known.core, x, *seen, first, links, full, known.nuisances, beside
         )
-        T = R[:, order] @ root
+        if status:
+            raise InputError(f"{robot.name}: candidates: {_core.describe(status)}")
+        return B[:, order] @ root, visit
+
+    seen = (tracker.outside, tracker.noise, tracker.base, tracker.marker)
+    links = none if between is None else between.core
+    B, visit = linearized(at, seen, own if registering else -1, links, acting[visited])
+    of = np.repeat(np.arange(len(steps)), [len(at) for _, at in steps])[visit]
+    information = np.eye(len(root.T))
+    if touched is not None and len(touched):
+        seen = (touched, np.array([reference_sigma], dtype=float), np.eye(4), np.eye(4))
+        T, _ = linearized(touched, seen, -1, none, 0 * acting[:1])
         information += T.T @ T
-    found = [Step(steps[k][0], x[steps[k][1]], k) for k in kept]
-    tracker = (base, marker) if registering else None
-    return Rows(found, asked - len(kept), C, root, information, tracker)
+    return Rows(
+        [Step(steps[k][0], x[steps[k][1]], k) for k in kept],
+        len(steps) - len(kept),
+        _padded(B, of, len(steps))[kept],
+        root,
+        information,
+        (tracker.base, tracker.marker) if registering else None,
+    )
 
 
 def _expanded(
     candidates: CandidatePoses, x: Array
 ) -> tuple[list[tuple[str, list[int]]], Array, list[Difference]]:
     """Return each candidate's kind and own poses, the numbers of all poses, and the differences."""
-    spoken: set[int] = set()
     steps: list[tuple[str, list[int]]] = []
     visited: list[int] = []
     differences: list[Difference] = []
     for given in candidates.differences:
-        which = given.lines if isinstance(given, PlaneContacts) else given.pairs
-        lines = np.asarray(which)
+        key = "lines" if isinstance(given, PlaneContacts) else "pairs"
+        lines = np.asarray(getattr(given, key))
         if lines.dtype.kind not in "iu" or (lines < 0).any() or (lines >= len(x)).any():
             raise InputError(
                 f"candidates: {given.name}: must be numbers of poses, 0 to {len(x) - 1}"
             )
-        rows = lines.reshape(len(lines), -1)
-        own = len(visited) + np.arange(rows.size).reshape(rows.shape)
-        differences.append(
-            replace(given, lines=own[:, 0])
-            if isinstance(given, PlaneContacts)
-            else replace(given, pairs=own)
-        )
-        steps += [(given.name, row) for row in rows.tolist()]
-        visited += rows.ravel().tolist()
-        spoken |= set(rows.ravel().tolist())
-    alone = [k for k in range(len(x)) if k not in spoken]
+        own = len(visited) + np.arange(lines.size).reshape(lines.shape)
+        numbered: dict[str, Any] = {key: own}
+        differences.append(replace(given, **numbered))
+        steps += [(given.name, np.atleast_1d(row).tolist()) for row in lines]
+        visited += lines.ravel().tolist()
+    alone = sorted({*range(len(x))}.difference(visited))
     steps += [("pose", [k]) for k in alone]
     return steps, np.array(visited + alone), differences
 
 
-def _outside(
-    robot: Robot, candidates: CandidatePoses, x: Array, base: Array, marker: Array
-) -> tuple[Array, Array]:
-    """Return the tracker's expected measurements at poses, NaN where not measured, and their σ."""
-    given = candidates.measured_sigma
-    each = None if given is None else np.asarray(given, dtype=float)
+class _Tracker(NamedTuple):
+    """Expected external measurements at N poses; no rows without any."""
+
+    outside: Array  #: (N, n) NaN where not measured
+    noise: Array  #: (N, n) their σ
+    base: Array  #: (4, 4)
+    marker: Array  #: (4, 4)
+    sigma: Array  #: (12,) prior σ of both frames; (0,) if they are known
+
+
+def _tracker(
+    robot: Robot, candidates: CandidatePoses, x: Array, after: Calibration | None
+) -> _Tracker:
+    by = registration_of(candidates.registration)
+    base, marker = by.begin()
+    if after is not None and after.registration is not None:
+        base, marker = after.registration.base, after.registration.marker
+    each = candidates.measured_sigma
+    if each is None and candidates.measured_angle_sigma is None:
+        none = np.zeros((0, robot.n))
+        return _Tracker(none, none, base, marker, np.zeros(0))
     blind = np.zeros(robot.n, dtype=bool)
-    if each is not None and each.ndim == 1 and each.shape == (robot.n,):
-        blind = np.isinf(each)
-        each = np.where(blind, 1.0, each)
-    sigma = sigmas(robot, each, candidates.measured_angle_sigma, len(x))
-    seen = _core.seen(robot.core, base, marker, np.ascontiguousarray(x), np.full_like(x, np.nan))
-    return np.where(blind, np.nan, np.asarray(seen[0])), np.ascontiguousarray(sigma)
+    if each is not None and np.asarray(each).shape == (robot.n,):
+        blind = np.isinf(np.asarray(each, dtype=float))
+        each = np.where(blind, 1.0, np.asarray(each))
+    noise = sigmas(robot, each, candidates.measured_angle_sigma, len(x))
+    seen = _core.seen(robot.core, base, marker, x, np.full_like(x, np.nan))
+    outside = np.where(blind, np.nan, seen[0])
+    sigma = by.sigma(robot, outside)
+    return _Tracker(outside, noise, base, marker, sigma if sigma.any() else np.zeros(0))
 
 
 def _root(
     robot: Robot,
-    names: list[str],
     frames: Array,
     others: dict[str, float],
+    nuisances: list[float],
     after: Calibration | None,
 ) -> Array:
-    """Return a square root of the prior covariance of parameters, tracker frames and `others`."""
+    """Return a square root of the prior covariance of parameters and these unknowns."""
+    from scipy.linalg import block_diag  # takes its time to import
+
+    names = knowledge.learnable(robot)
     parameters = knowledge.root(robot, names)
-    own = np.array(list(others.values()))
-    p = len(parameters)
-    if after is not None and tuple(names) == after.names:
-        free = np.concatenate([frames, own])
-        joint = _blocks(parameters @ parameters.T, np.diag(free**2))
-        learnt = after.registration
-        if len(frames) and learnt is not None and learnt.sigma.any():
-            at = slice(p, p + len(frames))
-            joint[:p, at], joint[at, :p] = learnt.cross, learnt.cross.T
-            joint[at, at] = learnt.covariance
-        else:
-            known = list(after.others)
-            pairs = [
-                (known.index(name), p + len(frames) + k)
-                for k, name in enumerate(others)
-                if name in known and own[k] > 0
-            ]
-            if pairs:
-                old, new = map(list, zip(*pairs, strict=True))
-                joint[:p, new] = after.beside[old, :p].T
-                joint[new, :p] = joint[:p, new].T
-                joint[np.ix_(new, new)] = after.beside[:, p:][np.ix_(old, old)]
-        scale = np.sqrt(np.diag(joint))
-        inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-        values, vectors = np.linalg.eigh(inverse[:, None] * joint * inverse)
-        return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return _blocks(parameters, np.diag(np.concatenate([frames, own])))
-
-
-def _others(between: Assembled | None, influences: Sequence[NuisanceParameter]) -> dict[str, float]:
-    """Return names and σ of auxiliary unknowns in the core's order."""
-    differences = (
-        {} if between is None else dict(zip(between.names, between.sigma.tolist(), strict=True))
-    )
-    return differences | {of.name: of.amount[1] for of in influences}
+    p, free = len(parameters), np.array([*frames, *others.values(), *nuisances])
+    if after is None or tuple(names) != after.names:
+        return block_diag(parameters, np.diag(free))
+    joint = block_diag(parameters @ parameters.T, np.diag(free**2))
+    learnt, earlier = after.registration, list(after.others)
+    shared = [name for name, sigma in others.items() if name in earlier and sigma > 0]
+    if len(frames) and learnt is not None and learnt.sigma.any():
+        at = slice(p, p + len(frames))
+        joint[:p, at], joint[at, :p] = learnt.cross, learnt.cross.T
+        joint[at, at] = learnt.covariance
+    elif shared:
+        old = [earlier.index(name) for name in shared]
+        new = [p + len(frames) + list(others).index(name) for name in shared]
+        joint[:p, new] = after.beside[old, :p].T
+        joint[new, :p] = joint[:p, new].T
+        joint[np.ix_(new, new)] = after.beside[:, p:][np.ix_(old, old)]
+    scale = np.sqrt(np.diag(joint))
+    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    values, vectors = np.linalg.eigh(inverse[:, None] * joint * inverse)
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _beside(given: Array, compliances: Array | None) -> Array | None:
     """Return patterns of influences, then of compliances, (N, (n + r)·number); None without any."""
-    if compliances is None:
-        return np.ascontiguousarray(given.reshape(len(given), -1)) if given.size else None
-    more = compliances.reshape(*given.shape[:2], -1)
-    return np.ascontiguousarray(np.concatenate([given, more], axis=2).reshape(len(given), -1))
+    parts = [given] if compliances is None else [given, compliances.reshape(*given.shape[:2], -1)]
+    both = np.concatenate(parts, axis=2)
+    return both.reshape(len(given), -1) if both.size else None
 
 
 def _in_order(known: knowledge.Known, width: int) -> list[int]:
@@ -337,19 +302,11 @@ def _in_order(known: knowledge.Known, width: int) -> list[int]:
     return [*range(p), *range(first, end), *range(p, first), *range(end, width)]
 
 
-def _blocks(first: Array, second: Array) -> Array:
-    """Return a block-diagonal matrix (an import of scipy for this would be slow)."""
-    both = np.zeros(np.add(first.shape, second.shape))
-    both[: len(first), : len(first)] = first
-    both[len(first) :, len(first) :] = second
-    return both
-
-
 def _padded(B: Array, of: Array, count: int) -> Array:
     """Return rows (M, P) grouped by candidate, (count, r, P), padded with zeros."""
-    most = max(int(np.bincount(of, minlength=count).max()), 1) if len(of) else 1
     order = np.argsort(of, kind="stable")
-    first = np.searchsorted(of[order], np.arange(count))
-    C = np.zeros((count, most, B.shape[1]))
-    C[of[order], np.arange(len(of)) - first[of[order]]] = B[order]
+    groups = np.split(B[order], np.searchsorted(of[order], np.arange(1, count)))
+    C = np.zeros((count, max(map(len, groups)), B.shape[1]))
+    for own, rows in zip(C, groups, strict=True):
+        own[: len(rows)] = rows
     return C

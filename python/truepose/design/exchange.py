@@ -11,7 +11,8 @@ the size of the unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,30 +30,14 @@ NEGLIGIBLE = 1e-6
 
 
 def posterior(information: Array, C: Array, chosen: Iterable[int]) -> Array:
-    """Return the root G of the posterior covariance after these measurements: Σ = G Gᵀ.
-
-    Parameters
-    ----------
-    information : ndarray, shape (p, p)
-        Σ⁻¹ before.
-    C : ndarray, shape (N, r, p)
-    chosen : iterable of int
-    """
+    """Return the root G of the posterior covariance after these measurements: Σ = G Gᵀ."""
     rows = C[list(chosen)].reshape(-1, C.shape[-1])
     return np.linalg.inv(np.linalg.cholesky(information + rows.T @ rows)).T
 
 
+@dataclass(eq=False)
 class Exchange:
     """A set of candidates, its Σ, and the effect of each of the N candidates.
-
-    Parameters
-    ----------
-    C : ndarray, shape (N, r, p)
-        Rows of each candidate, padded with zeros.
-    information, M : ndarray, shape (p, p)
-        Prior Σ⁻¹, and the weights of Σ in the criterion.
-    chosen : sequence of int
-        Initial set.
 
     Examples
     --------
@@ -62,13 +47,16 @@ class Exchange:
     ([0.5, 0.8, 0.9], [2, 1])
     """
 
-    def __init__(self, C: Array, information: Array, M: Array, chosen: Sequence[int] = ()):
-        self.C, self.M, self.chosen = C, M, list(chosen)
-        self._prior = information
+    C: Array  #: (N, r, p) rows of each candidate, padded with zeros
+    information: Array  #: (p, p) prior Σ⁻¹
+    M: Array  #: (p, p) weights of Σ in the criterion
+    chosen: list[int] = field(default_factory=list)  #: initial set
+
+    def __post_init__(self) -> None:
         self._renew()
 
     def _renew(self) -> None:
-        G = posterior(self._prior, self.C, self.chosen)
+        G = posterior(self.information, self.C, self.chosen)
         self.covariance = G @ G.T
         F = self.C @ self.covariance
         self._S = np.eye(self.C.shape[1]) + F @ self.C.swapaxes(1, 2)
@@ -76,10 +64,7 @@ class Exchange:
 
     def worth(self) -> Array:
         """Return the gain of each candidate, its decrease of tr(M Σ), (N,); -inf if chosen."""
-        if self.C.shape[1] == 1:
-            worth = (self._H / self._S)[:, 0, 0]
-        else:
-            worth = np.trace(np.linalg.solve(self._S, self._H), axis1=1, axis2=2)
+        worth = np.trace(np.linalg.solve(self._S, self._H), axis1=1, axis2=2)
         worth[self.chosen] = -np.inf
         return worth
 
@@ -145,42 +130,28 @@ def chosen_of(
     """Return n of N candidates with a small `cost`, in order of gain.
 
     `cost` is the minimum of tr(M Σ) + constant over the M of `weights`, because an estimate
-    chooses its own gains. It only falls when M is updated after each round of exchanges.
-
-    Parameters
-    ----------
-    C, information
-        As for :class:`Exchange`.
-    n : int
-    weights : callable
-        Best M for a Σ, given its root.
-    cost : callable
-        Cost of a Σ, given its root.
+    chooses its own gains. It only falls when M is updated after each round of exchanges. Both take
+    the root of a Σ.
     """
 
     def left(chosen: Iterable[int]) -> Array:
         return posterior(information, C, chosen)
 
-    best = list(Exchange(C, information, weights(left([]))).grow(n).chosen)
+    best = Exchange(C, information, weights(left([]))).grow(n).chosen
     least = cost(left(best))
     begin: list[int] = []
     for _ in range(ROUNDS):
         M = weights(left(best))
-        pick = Exchange(C, information, M, begin).grow(n)
+        pick = Exchange(C, information, M, list(begin)).grow(n)
         worth, few = pick.worth(), max(PER_CHOSEN * n, AT_LEAST)
         short = [*pick.chosen, *np.argsort(-worth)[: min(few, len(C) - n)].tolist()]
-        pick = Exchange(C[short], information, M, range(n)).settle()
+        pick = Exchange(C[short], information, M, list(range(n))).settle()
         found = [short[k] for k in pick.chosen]
         gained = least - cost(left(found))
         if gained > 0:
             best, least = found, least - gained
         if begin and gained <= 1e-3 * least:
             break
-        begin = list(best)
-    return in_order(C, information, weights(left(best)), best)
-
-
-def in_order(C: Array, information: Array, M: Array, chosen: Sequence[int]) -> list[int]:
-    """Return the chosen candidates in order of gain, each after those before it."""
-    order = Exchange(C[list(chosen)], information, M).grow(len(chosen)).chosen
-    return [chosen[k] for k in order]
+        begin = best
+    order = Exchange(C[best], information, weights(left(best))).grow(n).chosen
+    return [best[k] for k in order]

@@ -29,16 +29,6 @@ def levels_of(robot: Robot, price_steps: Mapping[str, Curve] | None) -> list[lis
     """Return the levels of each group, coarsest first; by default those of the file.
 
     Drops a level that costs no less than a finer one. Parameters with a smaller σ keep it.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> delta = tp.load("delta")
-    >>> delta.parameters["chain1.rod"].sigma
-    0.0003
-    >>> [rods] = levels_of(delta, {"chain*.rod": {1e-4: 60, 2e-5: 200}})
-    >>> [(level.sigma, level.price) for level in rods]
-    [(0.0001, 60.0), (2e-05, 140.0)]
     """
     if price_steps is None:
         price_steps = {

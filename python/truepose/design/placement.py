@@ -121,24 +121,32 @@ def place_sensors(
     others = robot.sensors if beside is None else beside
     used = list(dict.fromkeys([*others, *sensors]))
     over = asked_poses(robot, poses)
-    known: dict[str, Any] = {"calibrated_on": calibrated_on, "reference_pose": reference_pose}
-    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
     low, high = np.array([boxes[name] for name in names]).T
 
-    def placed(at: Array) -> Robot:
-        there = dict(zip(names, at.tolist(), strict=True))
+    def placed(place: Array) -> Robot:
+        there = dict(zip(names, place.tolist(), strict=True))
         return robot.with_mounting(there).with_sensors(*used)
 
-    def sigma(at: Array) -> float:
-        P = accuracy(placed(at), over, **known, reference_sigma=reference_sigma, errors="nan")
-        return float(np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, linear].sum(axis=1).mean()))
+    def sigma(place: Array) -> float:
+        P = accuracy(
+            placed(place),
+            over,
+            calibrated_on,
+            reference_pose,
+            errors="nan",
+            reference_sigma=reference_sigma,
+        )
+        return float(np.sqrt((P.sigma[:, -1] ** 2).mean()))
+
+    def at(share: Array) -> Array:
+        return low + np.clip(share, 0.0, 1.0) * (high - low)
 
     def cost(share: Array) -> float:
-        found = sigma(low + share * (high - low))
+        found = sigma(at(share))
         return float(np.log(found)) if np.isfinite(found) else 0.0
 
     def room(share: Array) -> Array:
-        return _room(placed(low + share * (high - low)), sensors, over)
+        return _room(placed(at(share)), sensors, over)
 
     file = np.array([robot.parameters[name].value for name in names])
     span = np.where(high > low, high - low, 1.0)
@@ -147,19 +155,13 @@ def place_sensors(
     starts += sorted(some, key=cost)[: STARTS - 1]
     ranged = any(s.name in sensors and s.range is not None for s in robot.spec.sensor)
     free = [(0.0, float(there)) for there in high > low]
+    limits = [{"type": "ineq", "fun": room}] if ranged else ()
     best = np.clip(file, low, high)
     least = sigma(best)
     for start in starts:
-        found = minimize(
-            cost,
-            start,
-            method="SLSQP",
-            bounds=free,
-            constraints=[{"type": "ineq", "fun": room}] if ranged else (),
-        )
-        at = low + np.clip(found.x, 0.0, 1.0) * (high - low)
-        if (not ranged or (room(found.x) >= -1e-9).all()) and sigma(at) < least:
-            best, least = at, sigma(at)
+        found = minimize(cost, start, method="SLSQP", bounds=free, constraints=limits).x
+        if (not ranged or (room(found) >= -1e-9).all()) and sigma(at(found)) < least:
+            best, least = at(found), sigma(at(found))
     return Placement(
         robot=placed(best),
         places=dict(zip(names, best.tolist(), strict=True)),
@@ -175,18 +177,20 @@ def place_sensors(
 def _searched(robot: Robot, sensors: Sequence[str]) -> list[str]:
     """Return the names of the coordinates of these sensors' points."""
     every = {sensor.name: sensor for sensor in robot.spec.sensor}
-    names = []
+    points = {
+        name: [key for key in sensor.mounting.values() if key in POINTS]
+        for name, sensor in every.items()
+    }
     for name in sensors:
         if name not in every:
             raise InputError(f"place: {choose('sensor', name, every)}")
-        points = [key for key in every[name].mounting.values() if key in POINTS]
-        if not points:
-            placeable = [s.name for s in robot.spec.sensor if {*s.mounting.values()} & {*POINTS}]
+        if not points[name]:
+            placeable = [name for name, own in points.items() if own]
             raise InputError(
                 f"place: {name}: {every[name].kind} has no mounting place; sensors with one: "
                 f"{', '.join(placeable) or 'none'}"
             )
-        names += [f"{name}.{key}.{axis}" for key in points for axis in "xyz"]
+    names = [f"{name}.{key}.{axis}" for name in sensors for key in points[name] for axis in "xyz"]
     if not names:
         raise InputError("place: no sensor")
     learnt, file = robot.spec.calibration, drawn(robot.spec)
@@ -210,12 +214,10 @@ def _boxes(
     boxes = {}
     for name in names:
         _, point, axis = name.split(".")
-        own = next((box for group, box in within.items() if fnmatch.fnmatchcase(name, group)), None)
-        file = robot.parameters[name].value
-        if own is None:
-            known = (points[:, 0] if point == "origin" else ends)[:, "xyz".index(axis)]
-            own = min(*known, file), max(*known, file)
-        low, high = own
+        known = (points[:, 0] if point == "origin" else ends)[:, "xyz".index(axis)]
+        known = np.append(known, robot.parameters[name].value)
+        fits = (box for group, box in within.items() if fnmatch.fnmatchcase(name, group))
+        low, high = next(fits, (known.min(), known.max()))
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise InputError(f"within: {name} = {low!r} to {high!r}: must increase")
         boxes[name] = (float(low), float(high))

@@ -44,22 +44,22 @@ class PosePlan(Shown):
         reached = np.flatnonzero(self.sigma[:, -1] <= self.target)
         return int(reached[0]) if len(reached) else None
 
-    @cached_property
+    @property
     def poses(self) -> Array:
         """Poses to visit, (m, c), on a near-shortest tour from home and back."""
         return self._stops[0]
 
-    @cached_property
+    @property
     def order(self) -> list[int]:
         """Step number of each of :attr:`poses`."""
         return self._stops[1]
 
     @cached_property
     def _stops(self) -> tuple[Array, list[int]]:
-        stops = [(x, k) for k, step in enumerate(self.steps) for x in step.poses]
-        way = tour(self.robot, np.array([x for x, _ in stops]).reshape(-1, self.robot.n))
-        x = np.array([stops[k][0] for k in way]).reshape(-1, self.robot.n)
-        return x, [stops[k][1] for k in way]
+        x = np.concatenate([np.zeros((0, self.robot.n)), *(step.poses for step in self.steps)])
+        of = [k for k, step in enumerate(self.steps) for _ in step.poses]
+        way = tour(self.robot, x)
+        return x[way], [of[k] for k in way]
 
     @property
     def gain(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,11 +103,7 @@ def plan_poses(
         raise InputError(f"n = {n!r}: must be a whole number, 1 or greater")
     if target is not None and not (np.isfinite(target) and target > 0):
         raise InputError(f"target = {target!r}: must be greater than 0 (m)")
-    fit = (
-        after
-        if isinstance(after, Calibration) or after is None
-        else calibrate(robot, after, level=level)
-    )
+    fit = after if isinstance(after, Calibration | None) else calibrate(robot, after, level=level)
     if fit is not None:
         robot = fit.robot.with_sensors(*robot.sensors)
     knowledge.require_uncertain(robot)
@@ -116,40 +113,26 @@ def plan_poses(
         x = drawn(robot, int(of), seed) if of.ndim == 0 else candidates
         candidates = CandidatePoses(poses=x)
     touched = _one(robot, reference_pose, "reference_pose")
-    rows = rows_of(
-        robot,
-        candidates,
-        level,
-        model_error,
-        fit,
-        touched,
-        reference_sigmas(robot, reference_sigma),
-    )
+    sigma = reference_sigmas(robot, reference_sigma)
+    rows = rows_of(robot, candidates, level, model_error, fit, touched, sigma)
     reference = _one(robot, relative_to, "relative_to")
-    if seen and (rows.frames is None or len(reference)):
-        with_one = (
-            "refers to the tracker's frame, relative_to to the base frame"
-            if len(reference)
-            else ("needs candidates with measured_sigma, of a tracker in a frame of its own")
+    if seen and len(reference):
+        raise InputError("seen: refers to the tracker's frame, relative_to to the base frame")
+    if seen and rows.frames is None:
+        raise InputError(
+            "seen: needs candidates with measured_sigma, of a tracker in a frame of its own"
         )
-        raise InputError(f"seen: {with_one}")
-    asked = Seen if seen else Sought
-    sought = asked(robot, rows, level, model_error, poses, reference)
-    found = _chosen(rows.C, rows.known, sought, n, target)
-    shown = [sought.sigma(posterior(rows.known, rows.C, found[:k])) for k in range(len(found) + 1)]
-    rng = np.random.default_rng(seed)
-    count = len(rows.steps)
+    criterion = Seen if seen else Sought
+    sought = criterion(robot, rows, level, model_error, poses, reference)
+    found = _chosen(sought, n, target)
+    rng, count = np.random.default_rng(seed), len(rows.steps)
     sets = [rng.permutation(count)[: len(found)].tolist() for _ in range(RANDOM)]
-
-    def left(measured: Iterable[int]) -> float:
-        return float(np.sqrt(sought.cost(posterior(rows.known, rows.C, measured))))
-
     return PosePlan(
         robot=robot,
         steps=[rows.steps[k] for k in found],
-        sigma=np.array(shown),
-        random=np.array([left(measured) for measured in sets]),
-        everything=left(range(count)),
+        sigma=np.array([sought.sigma(sought.after(found[:k])) for k in range(len(found) + 1)]),
+        random=np.array([sought.left(measured) for measured in sets]),
+        everything=sought.left(range(count)),
         candidates=count,
         left_out=rows.left_out,
         over=sought.poses,
@@ -159,6 +142,7 @@ def plan_poses(
 
 
 def _one(robot: Robot, pose: ArrayLike | None, name: str) -> Array:
+    """Return a reachable pose, (1, n); (0, n) without one."""
     if pose is None:
         return np.zeros((0, robot.n))
     x, shape = flattened(robot, pose, robot.n, name, "raise")
@@ -168,86 +152,73 @@ def _one(robot: Robot, pose: ArrayLike | None, name: str) -> Array:
     return x
 
 
-def _chosen(C: Array, known: Array, sought: Sought, n: int | None, target: float | None) -> list:
+def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     """Return the candidates to measure; with a target no more than it needs."""
+    robot, C, left = sought.robot, sought.rows.C, sought.left
     count = len(C)
     if not np.any(C):
         raise InputError(
-            f"{sought.robot.name}: candidates: none identifies a parameter: add a redundant "
+            f"{robot.name}: candidates: none identifies a parameter: add a redundant "
             "sensor, an external measurement or a difference; sensors of its "
-            "file: " + (", ".join(sensor.name for sensor in sought.robot.spec.sensor) or "none")
+            "file: " + (", ".join(sensor.name for sensor in robot.spec.sensor) or "none")
         )
     if n is not None and n > count:
         raise InputError(f"n = {n}: only {count} candidates are reachable")
 
     def best(size: int) -> list[int]:
-        return chosen_of(C, known, size, sought.weights, sought.cost)
+        return chosen_of(C, sought.rows.known, size, sought.weights, sought.cost)
 
     if target is None:
         return best(min(n or 30, count))
-
-    def left(chosen: Iterable[int]) -> float:
-        return float(np.sqrt(sought.cost(posterior(known, C, chosen))))
-
     if left([]) <= target:
         return []
     if (floor := left(range(count))) > target:
-        unit = summed(sought.robot).unit
+        unit = summed(robot).unit
         raise InputError(
             f"target {printed(target, unit, '.4g')}: all {count} candidates together reach "
             f"{printed(floor, unit, '.4g')}"
         )
     most = min(n or MOST, count)
     size = min(8, most)
-    found = best(size)
-    while left(found) > target and size < most:
+    while left(found := best(size)) > target:
+        if size == most:
+            return found
         size = min(2 * size, most)
-        found = best(size)
-    if left(found) > target:
-        return found
-    enough = next(k for k in range(len(found) + 1) if left(found[:k]) <= target)
-    found = found[:enough]
-    while enough > 1 and left(fewer := best(enough - 1)) <= target:
-        found, enough = fewer, enough - 1
+    found = found[: next(k for k in range(len(found) + 1) if left(found[:k]) <= target)]
+    while len(found) > 1 and left(fewer := best(len(found) - 1)) <= target:
+        found = fewer
     return found
 
 
+@dataclass(eq=False)
 class Sought:
     """The requested accuracy as a function of the posterior covariance Σ = G Gᵀ."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        rows: Rows,
-        level: Level,
-        model_error: bool,
-        poses: ArrayLike | None,
-        reference: Array,
-    ):
-        self.robot, self.level, self.model_error = robot, level, model_error
-        self._model, self._full = robot.expected(), robot.is_full(level)
-        self._reference = reference
+    robot: Robot
+    rows: Rows
+    level: Level
+    model_error: bool
+    asked: ArrayLike | None  #: poses, (T, c); by default a grid over the workspace
+    reference: Array  #: (1, n) or (0, n) pose whose estimate is subtracted
+
+    def __post_init__(self) -> None:
+        robot, rows = self.robot, self.rows
+        self._model, self._full = robot.expected(), robot.is_full(self.level)
         names = knowledge.learnable(robot)
         self._root = rows.root[: len(names)]
         every = list(robot.parameters)
         self._at = [every.index(name) for name in names]
-        given = workspace_grid(robot) if poses is None else poses
+        self._linear = summed(robot).columns
+        given = workspace_grid(robot) if self.asked is None else self.asked
         x, _ = flattened(robot, given, robot.n, "poses", "raise")
-        self._acting = compliance.acting(self._model, np.vstack([x, reference]), self._full)
-        variance = self._variance(x, self._root)
-        good = np.isfinite(variance).all(axis=1)
-        if not good.all() and poses is not None:
+        good = np.isfinite(self._variance(x, self._root)).all(axis=1)
+        if not good.all() and self.asked is not None:
             raise InputError(f"poses {np.flatnonzero(~good)[0]}: cannot be reached, or is singular")
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-        self.poses = np.ascontiguousarray(x[good])
-        if self._acting is not None:
-            self._acting = np.ascontiguousarray(
-                self._acting[np.concatenate([good, np.ones(len(reference), dtype=bool)])]
-            )
-        self._linear = summed(robot).columns
+        self.poses = x[good]
         self._H = self._by_parameters(self.poses)
-        self._H_reference = self._by_parameters(reference)
+        self._H_reference = self._by_parameters(self.reference)
 
     def _by_parameters(self, x: Array) -> Array:
         return self._model.linearize(x, level=self.level)[1][..., self._at]
@@ -260,14 +231,26 @@ class Sought:
 
     def _variance(self, x: Array, half: Array) -> Array:
         """Return the variances (T, c) of the coordinates at poses x."""
+        acting = compliance.acting(self._model, np.vstack([x, self.reference]), self._full)
         P, *_ = _core.accuracy(
-            self._model.core, self._known(half), x, self._reference, self._full, self._acting
+            self._model.core, self._known(half), x, self.reference, self._full, acting
         )
         return np.diagonal(P, axis1=1, axis2=2)
 
+    def after(self, measured: Iterable[int]) -> Array:
+        """Return the root G after these candidates."""
+        return posterior(self.rows.known, self.rows.C, measured)
+
+    def left(self, measured: Iterable[int]) -> float:
+        """Return σ of the position after these candidates."""
+        return float(self.sigma(self.after(measured))[-1])
+
     def sigma(self, G: Array) -> Array:
         """Return σ of each coordinate and of the position, rms over the poses."""
-        mean = self._variance(self.poses, self._root @ G).mean(axis=0)
+        return self._rms(self._variance(self.poses, self._root @ G))
+
+    def _rms(self, variance: Array) -> Array:
+        mean = variance.mean(axis=0)
         return np.sqrt([*mean, mean[self._linear].sum()])
 
     def cost(self, G: Array) -> float:
@@ -279,42 +262,32 @@ class Sought:
         known = self._known(self._root @ G)
 
         def leak(x: Array, H: Array) -> Array:
-            count = len(self.poses)
-            acting = self._acting
-            if acting is not None:
-                acting = acting[:count] if x is self.poses else acting[count:]
+            acting = compliance.acting(self._model, x, self._full)
             gain, *_ = _core.gain(self._model.core, known, x, self._full, acting)
             return (gain[:, self._linear] @ H) @ self._root
 
         A = leak(self.poses, self._H)
-        if len(self._reference):
-            A = A - leak(self._reference, self._H_reference)
-        A = A.reshape(-1, A.shape[-1])
-        return A.T @ A / len(self.poses)
+        if len(self.reference):
+            A = A - leak(self.reference, self._H_reference)
+        return _squared(A)
 
 
 class Seen(Sought):
     """The accuracy of the pose in the frame of a tracker."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        rows: Rows,
-        level: Level,
-        model_error: bool,
-        poses: ArrayLike | None,
-        reference: Array,
-    ):
-        super().__init__(robot, rows, level, model_error, poses, reference)
-        assert rows.frames is not None
-        self._both = rows.root[: len(self._root) + UNKNOWNS]
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        assert self.rows.frames is not None
+        self._both = self.rows.root[: len(self._root) + UNKNOWNS]
         none = np.full_like(self.poses, np.nan)
-        view = _core.seen(self._model.core, *rows.frames, self.poses, none)
-        self._H_x, self._H_frames = np.asarray(view[2]), np.asarray(view[3])
-        sigma = knowledge.reading_sigma(robot)
-        if model_error and level == "ideal":
-            sigma = np.hypot(sigma, knowledge.stated_error(robot))
-        self._reading_sigma = sigma
+        _, _, self._H_x, self._H_frames, *_ = _core.seen(
+            self._model.core, *self.rows.frames, self.poses, none
+        )
+        self._reading_sigma = (
+            knowledge.stated_sigma(self.robot, self.level)
+            if self.model_error
+            else knowledge.reading_sigma(self.robot)
+        )
 
     def _by_unknowns(self, G: Array) -> tuple[Array, Array]:
         """Return the sensitivity of the seen pose to all unknowns and readings, optimal gains."""
@@ -326,12 +299,14 @@ class Seen(Sought):
     def sigma(self, G: Array) -> Array:
         """Return σ of each coordinate seen and of the position, rms over the poses."""
         by_unknowns, by_readings = self._by_unknowns(G)
-        variance = ((by_unknowns @ G) ** 2).sum(axis=2)
-        mean = (variance + ((by_readings * self._reading_sigma) ** 2).sum(axis=2)).mean(axis=0)
-        return np.sqrt([*mean, mean[self._linear].sum()])
+        parts = [by_unknowns @ G, by_readings * self._reading_sigma]
+        return self._rms((np.concatenate(parts, axis=2) ** 2).sum(axis=2))
 
     def weights(self, G: Array) -> Array:
         """Return M of the optimal gains for a Σ, over all unknowns."""
-        A, _ = self._by_unknowns(G)
-        A = A[:, self._linear].reshape(-1, A.shape[-1])
-        return A.T @ A / len(self.poses)
+        return _squared(self._by_unknowns(G)[0][:, self._linear])
+
+
+def _squared(A: Array) -> Array:
+    """Return the mean of AᵀA over poses, (T, m, p)."""
+    return np.tensordot(A, A, ((0, 1), (0, 1))) / len(A)

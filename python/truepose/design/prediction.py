@@ -40,14 +40,6 @@ def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
     """Return sets to compare: none, those in use, these with each other one, each group, all.
 
     A group has all other sensors of one kind, because elbow sensors are seldom bought singly.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> sensor_sets(tp.load("3rrr"))
-    [(), ('theta',)]
-    >>> sensor_sets(tp.load("delta"))[-2:]
-    [('elbow1', 'elbow2', 'elbow3'), ('z_telemeter', 'elbow1', 'elbow2', 'elbow3')]
     """
     spare = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
     kinds = dict.fromkeys(spare.values())
@@ -67,26 +59,12 @@ def predict(
     reference_pose: ArrayLike | None = None,
     level: Level | None = None,
 ) -> Prediction:
-    """Predict the bound of several sensor sets over the same poses.
+    """Predict the bound of several sensor sets over the same poses, (P, n).
 
-    Parameters
-    ----------
-    robot : Robot
-    sets : sequence of names, optional
-        By default :func:`sensor_sets`.
-    poses : array_like, shape (P, n), optional
-        By default those of :func:`workspace_grid` that the readings of every set determine.
-    calibrated : bool
-        Also predict σ after self-calibration over these poses.
-    reference_pose : array_like, shape (n,), optional
-        Also predict σ after a reading at this externally known pose.
-    level : {"ideal", "full"}, optional
-        By default :attr:`Robot.highest_level`.
-
-    Raises
-    ------
-    InputError, PoseError
-        An unknown sensor or level; a given pose that cannot be reached.
+    By default of :func:`sensor_sets`, at the poses of :func:`workspace_grid` that the readings of
+    every set determine. Also after self-calibration over these poses (`calibrated`), and after a
+    reading at an externally known pose, (n,). Raises InputError or PoseError for an unknown sensor
+    or level, and for a given pose that cannot be reached.
 
     Examples
     --------
@@ -110,14 +88,10 @@ def predict(
         poses, left_out = grid[good], int((~good).sum())
     poses = np.atleast_2d(numbers_of(poses, "poses"))
     sigma = {}
-    for learnt in (False, True)[: 1 + calibrated]:
+    for visited in (None, poses)[: 1 + calibrated]:
         for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
-            rows = []
-            for candidate in candidates:
-                visited = poses if learnt else None
-                found = accuracy(candidate, poses, visited, touched, level)
-                rows.append(np.sqrt((found.sigma**2).mean(axis=0)))
-            sigma[state_of(visited, touched)] = np.array(rows)
+            each = [accuracy(c, poses, visited, touched, level).sigma for c in candidates]
+            sigma[state_of(visited, touched)] = np.sqrt((np.array(each) ** 2).mean(axis=1))
     return Prediction(robot, sets, poses, left_out, calibrated, sigma)
 
 
@@ -126,33 +100,15 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
 
     To first order it is the law's cross-sensitivity times the errors of the readings due to
     tolerances (or a calibration's covariance), encoder counts, and the mean of tolerances that are
-    not centered, which the law omits. For a rotational platform it is the rotation.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use.
-    poses : array_like, shape (P, n)
-        Desired poses.
-    law : {"joint", "tej", "cartesian", "weighted", "estimated"}
-    level : {"ideal", "full"}, optional
-        By default :attr:`Robot.highest_level`.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.prediction import steady_state_error
-    >>> h4, x = tp.load("h4"), [[0.05, 0, -0.4, 0.2], [0, 0.05, -0.45, -0.3]]
-    >>> [round(1e3 * steady_state_error(h4, x, law), 2) for law in ("joint", "tej")]  # mm
-    [9.37, 9.31]
+    not centered, which the law omits. For a rotational platform it is the rotation. `poses` are
+    the desired ones, (P, n).
     """
     names, every = knowledge.uncertain(robot), list(robot.parameters)
     H_xi = robot.linearize(poses, "nan", level)[1][..., [every.index(name) for name in names]]
     off = [[robot.parameters[name].mean - robot.parameters[name].value] for name in names]
     S = robot.cross_sensitivity(poses, law, "nan")
-    of_readings = [H_xi @ knowledge.root(robot, names), H_xi @ off]
-    roots = S @ np.concatenate(of_readings, axis=-1)
-    roots = np.concatenate([roots, S * knowledge.reading_sigma(robot)], axis=-1)
+    by_parameters = S @ H_xi @ np.hstack([knowledge.root(robot, names), off])
+    roots = np.concatenate([by_parameters, S * knowledge.reading_sigma(robot)], axis=-1)
     return float(np.sqrt(np.nanmean((roots[:, summed(robot).columns] ** 2).sum(axis=(1, 2)))))
 
 

@@ -20,6 +20,7 @@ each has a tangent.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -36,17 +37,9 @@ ABSENT = 1e-3
 ROUNDED = 1e-7
 
 
+@dataclass(eq=False)
 class Relaxation:
     """Bounds on the variance and the price of all sets of N candidates.
-
-    Parameters
-    ----------
-    relaxed : callable
-        Returns the variance at shares (N,), and its gradient.
-    prices, must, ladders
-        As for :class:`truepose.design.search.Search`.
-    fail : sequence of int
-        Candidates of which any one may fail; empty: none fails.
 
     Examples
     --------
@@ -60,61 +53,49 @@ class Relaxation:
     1.333333
     """
 
-    def __init__(
-        self,
-        relaxed: Callable[[Array], tuple[float, Array]],
-        prices: Sequence[float],
-        must: Sequence[int] = (),
-        ladders: Sequence[Sequence[int]] = (),
-        fail: Sequence[int] = (),
-    ):
-        self._relaxed, self._fail = relaxed, list(fail)
-        self._prices = np.array(prices, dtype=float)
+    relaxed: Callable[[Array], tuple[float, Array]]
+    #: the variance at shares (N,), and its gradient
+    prices: Sequence[float]
+    must: Sequence[int] = ()
+    ladders: Sequence[Sequence[int]] = ()  #: as for :class:`truepose.design.search.Search`
+    fail: Sequence[int] = ()  #: candidates of which any one may fail; empty: none fails
+
+    def __post_init__(self) -> None:
+        self._prices = np.array(self.prices, dtype=float)
         self._low = np.zeros(len(self._prices))
-        self._low[list(must)] = 1.0
-        steps = [pair for own in ladders for pair in pairwise(own)]
+        self._low[list(self.must)] = 1.0
+        steps = [pair for own in self.ladders for pair in pairwise(own)]
         self._order = np.zeros((len(steps), len(self._prices)))
         for row, (first, then) in zip(self._order, steps, strict=True):
             row[[first, then]] = -1.0, 1.0
-        self._tangents: list[tuple[float, Array]] = []  # φ <= a + h·w, in units of _scale
-        self._scale = 1.0
-        self._scale = 1 / self._lay(np.ones(len(self._prices)))
-        self._tangents.clear()
+        self._least = self.relaxed(np.ones(len(self._prices)))[0]
+        self._tangents: list[tuple[float, Array]] = []  # φ <= a + h·w, in units of 1 / _least
 
     def _lay(self, w: Array) -> float:
-        """Add tangents at these shares; return 1/φ there, the variance in units of the scale."""
-        gone = [k for k in self._fail if w[k] > ABSENT]
-        phi = np.inf
-        for k in gone or [-1]:
-            at = w.copy()
-            if k >= 0:
-                at[k] = 0.0
-            variance, gradient = self._relaxed(at)
-            value = self._scale_of(variance)
-            slope = -gradient * value / variance
-            if k >= 0:
-                slope[k] = 0.0
-            self._tangents.append((float(value - slope @ at), slope))
-            phi = min(phi, value)
-        return 1 / phi
-
-    def _scale_of(self, variance: float) -> float:
-        return 1 / (variance * self._scale)
+        """Add tangents at these shares; return φ there."""
+        least = np.inf
+        for k in [k for k in self.fail if w[k] > ABSENT] or [-1]:
+            left = np.arange(len(w)) != k
+            variance, gradient = self.relaxed(w * left)
+            phi = self._least / variance
+            slope = -gradient * left * phi / variance
+            self._tangents.append((float(phi - slope @ w), slope))
+            least = min(least, phi)
+        return least
 
     def most_accurate(self, budget: float) -> tuple[float, Array]:
         """Return a lower bound of the variance within a budget, and the best shares found."""
-        room = budget - self._prices @ self._low
+        room = budget - float(self._prices @ self._low)
         high = np.where((self._prices <= room) | (self._low > 0), 1.0, 0.0)
         cost = np.append(np.zeros(len(high)), -1.0)
         every = float((high - self._low) @ self._prices)
-        some = 1.0 if every <= room else float(room / every)
-        centre = w = self._low + some * (high - self._low)
+        centre = w = self._low + min(1.0, room / max(every, 1e-300)) * (high - self._low)
         best, top = 0.0, np.inf
         for _ in range(ROUNDS):
-            phi = 1 / self._lay(w)
+            phi = self._lay(w)
             if phi > best:
                 best, centre = phi, w
-            a, h = self._stacked()
+            a, h = map(np.array, zip(*self._tangents, strict=True))
             A = np.vstack([-h, self._order, self._prices])
             A = np.column_stack([A, np.arange(len(A)) < len(a)])
             b = np.concatenate([a, np.zeros(len(self._order)), [budget]])
@@ -123,17 +104,17 @@ class Relaxation:
             if top - best <= CLOSE * top:
                 break
             w = (x[:-1] + centre) / 2
-        return 1 / (top * self._scale * (1 + ROUNDED)), centre
+        return self._least / (top * (1 + ROUNDED)), centre
 
     def cheapest(self, target: float) -> float:
         """Return a lower bound of the price of sets with at most this variance."""
-        need = self._scale_of(target)
-        w, found = np.ones(len(self._prices)), float(self._prices @ self._low)
-        inside = w
+        need = self._least / target
+        w = inside = np.ones(len(self._prices))
+        found = float(self._prices @ self._low)
         for _ in range(ROUNDS):
-            if 1 / self._lay(w) >= need:
+            if self._lay(w) >= need:
                 inside = w
-            a, h = self._stacked()
+            a, h = map(np.array, zip(*self._tangents, strict=True))
             A, b = np.vstack([-h, self._order]), np.append(a - need, np.zeros(len(self._order)))
             x, bound = _program(self._prices, A, b, self._low, np.ones(len(w)))
             found = max(found, bound)
@@ -141,9 +122,6 @@ class Relaxation:
                 break
             w = (x + inside) / 2
         return found * (1 - ROUNDED)
-
-    def _stacked(self) -> tuple[Array, Array]:
-        return np.array([a for a, _ in self._tangents]), np.array([h for _, h in self._tangents])
 
 
 def _program(cost: Array, A: Array, b: Array, low: Array, high: Array) -> tuple[Array, float]:

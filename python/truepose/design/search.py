@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import heapq
 import itertools
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,24 +21,12 @@ MOST = 20_000
 #: Relative difference below which two costs are equal.
 SAME = 1e-9
 
+Set = tuple[int, ...]  #: candidates in ascending order
 
+
+@dataclass(eq=False)
 class Search:
     """Search over sets of candidates 0, 1, …, with a table of the costs found.
-
-    Parameters
-    ----------
-    cost : callable
-        Cost of a set; a further candidate never raises it.
-    prices : sequence of float
-        Price of each candidate, without those that it needs.
-    must : sequence of int
-        Candidates that every set contains.
-    survives : bool
-        Whether the cost is that after the worst failure of one candidate.
-    ladders : sequence of sequences of int
-        Levels of one group, each needing those before it; they do not fail.
-    relaxation : Relaxation, optional
-        Convex relaxation of the same problem, if there is one.
 
     Examples
     --------
@@ -47,20 +37,20 @@ class Search:
     (0, 2)
     """
 
-    def __init__(
-        self,
-        cost: Callable[[Sequence[int]], float],
-        prices: Sequence[float],
-        must: Sequence[int],
-        survives: bool,
-        ladders: Sequence[Sequence[int]] = (),
-        relaxation: Relaxation | None = None,
-    ):
-        self._cost, self._survives, self._relaxation = cost, survives, relaxation
-        self.prices, self.must = list(prices), tuple(sorted(must))
-        self.known: dict[tuple[int, ...], float] = {}  #: cost of each compared set
-        self._plain: dict[tuple[int, ...], float] = {}
-        self._needs = {k: tuple(own[:at]) for own in ladders for at, k in enumerate(own)}
+    plain: Callable[[Set], float]  #: cost of a set; a further candidate never raises it
+    prices: Sequence[float]  #: of each candidate, without those that it needs
+    must: Set  #: candidates that every set contains
+    survives: bool  #: whether the cost is that after the worst failure of one candidate
+    ladders: Sequence[Sequence[int]] = ()
+    #: levels of one group, each needing those before it; they do not fail
+    relaxation: Relaxation | None = None  #: convex relaxation of the same problem, if there is one
+    known: dict[Set, float] = field(default_factory=dict, init=False)  #: cost of each compared set
+
+    def __post_init__(self) -> None:
+        self.plain, self.prices = functools.cache(self.plain), list(self.prices)
+        self.must = tuple(sorted(self.must))
+        self._free = [k for k in range(len(self.prices)) if k not in self.must]
+        self._needs = {k: tuple(own[:at]) for own in self.ladders for at, k in enumerate(own)}
 
     def spent(self, chosen: Iterable[int]) -> float:
         """Return the price of a set."""
@@ -70,24 +60,16 @@ class Search:
         """Return the cost of a set: its variance, or that after the worst failure of one."""
         own = tuple(sorted(chosen))
         if own not in self.known:
-            fail = [gone for gone in own if gone not in self._needs] if self._survives else []
+            fail = [gone for gone in own if gone not in self._needs] if self.survives else []
             left = [tuple(k for k in own if k != gone) for gone in fail]
-            self.known[own] = max(map(self._of, left or [own]))
+            self.known[own] = max(map(self.plain, left or [own]))
         return self.known[own]
 
-    def _of(self, own: tuple[int, ...]) -> float:
-        if own not in self._plain:
-            self._plain[own] = self._cost(own)
-        return self._plain[own]
-
-    def _free(self) -> list[int]:
-        return [k for k in range(len(self.prices)) if k not in self.must]
-
-    def with_one(self, own: Iterable[int], k: int) -> tuple[int, ...]:
+    def with_one(self, own: Iterable[int], k: int) -> Set:
         """Return a set with one more, and with those that it needs."""
         return tuple(sorted({*own, *self._needs.get(k, ()), k}))
 
-    def without_one(self, own: Iterable[int], gone: int) -> tuple[int, ...]:
+    def without_one(self, own: Iterable[int], gone: int) -> Set:
         """Return a set with one less, and without those that need it."""
         return tuple(k for k in own if k != gone and gone not in self._needs.get(k, ()))
 
@@ -96,41 +78,39 @@ class Search:
         held = set(own)
         return all(held.issuperset(self._needs.get(k, ())) for k in held)
 
-    def greedy(self, budget: float) -> tuple[int, ...]:
+    def greedy(self, budget: float) -> Set:
         """Fill a budget, then remove one and fill again without it while that lowers the cost.
 
         If any one may fail, it also starts from the best set without failures, because the first of
         two sensors that replace each other has no gain alone.
         """
         found = self._grown(budget, self.cost)
-        if self._survives:
-            whole = self._grown(budget, lambda own: self._of(tuple(sorted(own))))
+        if self.survives:
+            whole = self._grown(budget, self.plain)
             found = min(found, self._exchanged(whole, budget, self.cost), key=self.cost)
         return found
 
-    def _grown(self, budget: float, cost: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
+    def _grown(self, budget: float, cost: Callable[[Set], float]) -> Set:
         starts = (self._filled(self.must, budget, rate, cost) for rate in (False, True))
         return self._exchanged(min(starts, key=cost), budget, cost)
 
-    def first(self, budget: float) -> tuple[tuple[int, ...], float]:
+    def first(self, budget: float) -> tuple[Set, float]:
         """Return a good initial set, and a lower bound of the cost by the relaxation (else 0)."""
         best, floor = self.greedy(budget), 0.0
-        if self._relaxation is not None and len(self._free()) > MANY and not self._survives:
-            floor, shares = self._relaxation.most_accurate(budget)
+        if self.relaxation is not None and len(self._free) > MANY and not self.survives:
+            floor, shares = self.relaxation.most_accurate(budget)
             best = min(best, self.rounded(budget, shares.tolist()), key=self.cost)
         return best, floor
 
-    def rounded(self, budget: float, shares: Sequence[float]) -> tuple[int, ...]:
+    def rounded(self, budget: float, shares: Sequence[float]) -> Set:
         """Fill a budget by the greatest shares, which include gains of combinations."""
         chosen = self.must
-        for k in sorted(self._free(), key=lambda k: -shares[k]):
+        for k in sorted(self._free, key=lambda k: -shares[k]):
             more = self.with_one(chosen, k)
             chosen = more if self.spent(more) <= budget else chosen
         return self._exchanged(chosen, budget, self.cost)
 
-    def _exchanged(
-        self, best: tuple[int, ...], budget: float, cost: Callable[[Sequence[int]], float]
-    ) -> tuple[int, ...]:
+    def _exchanged(self, best: Set, budget: float, cost: Callable[[Set], float]) -> Set:
         while True:
             again = [
                 self._filled(self.without_one(best, k), budget, rate, cost, k)
@@ -144,45 +124,36 @@ class Search:
             best = other
 
     def _filled(
-        self,
-        own: Sequence[int],
-        budget: float,
-        rate: bool,
-        cost: Callable[[Sequence[int]], float],
-        banned: int = -1,
-    ) -> tuple[int, ...]:
+        self, chosen: Set, budget: float, rate: bool, cost: Callable[[Set], float], banned: int = -1
+    ) -> Set:
         """Add the candidate with the largest gain, or gain per price, until none fits."""
-        chosen = tuple(own)
         while True:
-            room, least = budget - self.spent(chosen), cost(chosen)
-            more = {
-                k: self.with_one(chosen, k)
-                for k in self._free()
-                if k not in chosen and k != banned and banned not in self._needs.get(k, ())
-            }
-            price = {k: self.spent(own) - self.spent(chosen) for k, own in more.items()}
-            fits = [k for k in more if price[k] <= room]
-            gain = {k: least - cost(more[k]) for k in fits}
-            worth = {k: gain[k] / max(price[k], 1e-12) for k in fits} if rate else gain
-            best = max(fits, key=worth.__getitem__, default=None)
-            if best is None or (gain[best] <= 0 and not self._survives):
-                return tuple(sorted(chosen))
-            chosen = more[best]
+            spent, least, most, best = self.spent(chosen), cost(chosen), -np.inf, None
+            for k in self._free:
+                more = self.with_one(chosen, k)
+                price = self.spent(more) - spent
+                if k not in chosen and banned not in more and price <= budget - spent:
+                    gain = (least - cost(more)) / (max(price, 1e-12) if rate else 1.0)
+                    if gain > most:
+                        most, best = gain, more
+            if best is None or (most <= 0 and not self.survives):
+                return chosen
+            chosen = best
 
-    def most_accurate(self, budget: float) -> tuple[tuple[int, ...], float]:
+    def most_accurate(self, budget: float) -> tuple[Set, float]:
         """Return the best set within a budget and a lower bound of the cost: branch and bound."""
         best, floor = self.first(budget)
         least = self.cost(best)
         free = self._in_order()
-        queue: list[tuple[float, int, tuple[int, ...], int]] = [(0.0, 0, self.must, 0)]
+        queue: list[tuple[float, int, Set, int]] = [(0.0, 0, self.must, 0)]
         ties = itertools.count(1)
         while queue:
             lower, _, own, at = heapq.heappop(queue)
             if lower >= least * (1 - SAME):
                 return best, least
             if len(self.known) > MOST:
-                if self._relaxation is not None and not floor:
-                    floor, _ = self._relaxation.most_accurate(budget)
+                if self.relaxation is not None and not floor:
+                    floor, _ = self.relaxation.most_accurate(budget)
                 return best, min(max(lower, floor), least)
             rest = self._affordable(own, free[at:], budget)
             whole = own + tuple(rest)
@@ -200,7 +171,7 @@ class Search:
 
     def _in_order(self) -> list[int]:
         """Return the free candidates by gain, each after those that it needs."""
-        free = self._free()
+        free = self._free
         worth = {k: self.cost(self.with_one(self.must, k)) for k in free}
         first = {k: max(worth[j] for j in (*self._needs.get(k, ()), k) if j in worth) for k in free}
         return sorted(free, key=lambda k: (first[k], len(self._needs.get(k, ()))))
@@ -215,7 +186,7 @@ class Search:
                 rest.append(k)
         return rest
 
-    def cheapest(self, target: float) -> tuple[tuple[int, ...], float]:
+    def cheapest(self, target: float) -> tuple[Set, float]:
         """Return the cheapest set whose cost reaches a target, and a lower bound of the price."""
         best = tuple(range(len(self.prices)))
         free = self._in_order()
@@ -226,8 +197,8 @@ class Search:
             if price >= self.spent(best):
                 break
             if len(self.known) > MOST:
-                if self._relaxation is not None:
-                    price = max(price, self._relaxation.cheapest(target))
+                if self.relaxation is not None:
+                    price = max(price, self.relaxation.cheapest(target))
                 return best, min(price, self.spent(best))
             if self.cost(own) <= target:
                 best = tuple(sorted(own))
@@ -246,7 +217,7 @@ class Search:
         Up to `EXACT` candidates it finds the best set, then the best cheaper one and so on, each
         proven. With more it makes greedy choices for many budgets.
         """
-        free = self._free()
+        free = self._free
         whole = self.spent(range(len(self.prices)))
         base = self.spent(self.must)
         if len(free) > EXACT:
@@ -258,13 +229,13 @@ class Search:
             best, bound = self.most_accurate(budget)
             if bound < self.cost(best) * (1 - SAME):
                 return False
-            for k in self._free():  # drop those without effect
+            for k in self._free:  # drop those without effect
                 less = self.without_one(best, k)
                 best = less if self.cost(less) <= self.cost(best) * (1 + SAME) else best
             budget = self.spent(best) - SAME * max(whole, 1.0)
         return True
 
-    def front(self) -> list[tuple[int, ...]]:
+    def front(self) -> list[Set]:
         """Return the Pareto front of the compared sets, cheapest first."""
         least, found = np.inf, []
         needed = set(self.must)

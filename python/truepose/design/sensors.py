@@ -95,7 +95,7 @@ def select_sensors(
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
     ladders = levels_of(robot, price_steps)
-    named = priced(robot, prices, bool(ladders))
+    named = _priced(robot, prices, bool(ladders))
     names = list(named)
     for name in must:
         if name not in named:
@@ -106,42 +106,24 @@ def select_sensors(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{what} = {value!r}: must be greater than 0")
     over = asked_poses(robot, poses)
-    nowhere = np.zeros((0, robot.n))
-    visited = (
-        nowhere if calibrated_on is None else asked_poses(robot, calibrated_on, "calibrated_on")
-    )
-    touched = (
-        nowhere
-        if reference_pose is None
-        else asked_poses(robot, [reference_pose], "reference_pose")
-    )
+    visited = touched = np.zeros((0, robot.n))
+    if calibrated_on is not None:
+        visited = asked_poses(robot, calibrated_on, "calibrated_on")
+    if reference_pose is not None:
+        touched = asked_poses(robot, [reference_pose], "reference_pose")
     sigma = reference_sigmas(robot, reference_sigma)
     levels = [level for own in ladders for level in own]
-    worth = Worth(
-        robot, names, over, visited, touched, sigma, [level.information for level in levels]
-    )
-    search = searched(
-        worth, [*named.values()], ladders, [names.index(name) for name in must], survives
-    )
+    finer = [level.information for level in levels]
+    worth = Worth(robot, names, over, visited, touched, sigma, finer)
+    needed = [names.index(name) for name in must]
+    search = searched(worth, [*named.values()], ladders, needed, survives)
     best, bound = None, np.nan
     if budget is not None:
         _fits(search, budget, names, must)
         best, bound = search.most_accurate(budget)
         bound = float(np.sqrt(bound))
     elif target is not None:
-        count = len(names) + len(levels)
-        floor = float(np.sqrt(search.cost(range(count))))
-        if floor > target:
-            unit = summed(robot).unit
-            together = f"all {len(names)} sensors together" if names else "all levels"
-            if names and levels:
-                together += ", all parts machined to the smallest σ,"
-            if names and survives:
-                together = together.rstrip(",") + ", after the worst failure of one,"
-            raise InputError(
-                f"target {printed(target, unit, '.4g')}: {together} reach "
-                f"{printed(floor, unit, '.4g')}"
-            )
+        _reached(robot, search, target, names, bool(levels), survives)
         best, bound = search.cheapest(target**2)
     exact = search.look_round()
 
@@ -164,7 +146,6 @@ def select_sensors(
             float(np.sqrt(search.cost(search.without_one(range(len(search.prices)), k)))),
         )
 
-    each = [alone(k) for k in range(len(search.prices))]
     return SensorSelection(
         robot=robot,
         prices=named,
@@ -177,7 +158,7 @@ def select_sensors(
         target=target,
         state=state_of(calibrated_on, reference_pose, survives),
         levels=ladders,
-        alone=each,
+        alone=[alone(k) for k in range(len(search.prices))],
         exact=exact,
     )
 
@@ -185,20 +166,7 @@ def select_sensors(
 def in_other_states(
     found: SensorSelection, calibrated_on: Array, reference_pose: Array
 ) -> dict[str, Array]:
-    """σ of the front's sets (m) as built, referenced at a pose, self-calibrated, and both.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> found = tp.select_sensors(h4, {"theta": 90, "wire1": 250})
-    >>> for state, sigma in in_other_states(found, found.over[:10], h4.home).items():
-    ...     print(f"{state}: {1e3 * sigma[0]:.1f} to {1e3 * sigma[-1]:.1f} mm")
-    as built: 7.7 to 4.3 mm
-    referenced: 0.2 to 0.1 mm
-    self-calibrated: 7.7 to 1.2 mm
-    both: 0.2 to 0.1 mm
-    """
+    """σ of the front's sets (m) as built, referenced at a pose, self-calibrated, and both."""
     robot, names = found.robot, list(found.prices)
     levels = [level for own in found.levels for level in own]
     sets = []
@@ -208,17 +176,15 @@ def in_other_states(
             k for k, x in enumerate(levels, len(names)) if x.sigma >= reached.get(x.group, np.inf)
         ]
         sets.append([*map(names.index, choice.sensors), *own])
-    nowhere, result = np.zeros((0, robot.n)), {}
+    nowhere, sigma, result = np.zeros((0, robot.n)), reference_sigmas(robot, 0.0), {}
+    finer = [level.information for level in levels]
     for state, visited, touched in (
         ("as built", nowhere, nowhere),
         ("referenced", nowhere, reference_pose[None]),
         ("self-calibrated", calibrated_on, nowhere),
         ("both", calibrated_on, reference_pose[None]),
     ):
-        finer = [level.information for level in levels]
-        worth = Worth(
-            robot, names, found.over, visited, touched, reference_sigmas(robot, 0.0), finer
-        )
+        worth = Worth(robot, names, found.over, visited, touched, sigma, finer)
         result[state] = np.sqrt([worth.variance(own) for own in sets])
     return result
 
@@ -231,14 +197,13 @@ def searched(
     survives: bool = False,
 ) -> Search:
     """Return the search over sensors 0, 1, …, followed by the levels of tolerances."""
-    sensors, numbered = len(prices), []
-    whole = list(prices)
+    whole, numbered = list(prices), []
     for own in ladders:
         numbered.append(range(len(whole), len(whole) + len(own)))
         whole += [level.price for level in own]
-    fail = range(sensors) if survives else ()
+    fail = range(len(prices)) if survives else ()
     relaxation = Relaxation(worth.relaxed, whole, must, numbered, fail)
-    return Search(worth.variance, whole, must, survives, numbered, relaxation)
+    return Search(worth.variance, whole, tuple(must), survives, numbered, relaxation)
 
 
 def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
@@ -253,13 +218,27 @@ def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[st
         raise InputError(f"budget {budget:g}: too small: the cheapest, {what}, costs {least:g}")
 
 
-def priced(
+def _reached(
+    robot: Robot, search: Search, target: float, names: Sequence[str], levels: bool, survives: bool
+) -> None:
+    """Raise InputError where all candidates together do not reach a target."""
+    floor = float(np.sqrt(search.cost(range(len(search.prices)))))
+    if floor <= target:
+        return
+    together = f"all {len(names)} sensors together" if names else "all levels"
+    added = ["all parts machined to the smallest σ"] * bool(names and levels)
+    added += ["after the worst failure of one"] * bool(names and survives)
+    together += f", {', '.join(added)}," if added else ""
+    unit = summed(robot).unit
+    raise InputError(
+        f"target {printed(target, unit, '.4g')}: {together} reach {printed(floor, unit, '.4g')}"
+    )
+
+
+def _priced(
     robot: Robot, prices: Mapping[str, float] | None, machined: bool = False
 ) -> dict[str, float]:
-    """Return the price of each candidate sensor: those given, or all of the file.
-
-    The result may be empty if parts can be machined.
-    """
+    """Return the price of each candidate sensor: those given, or all of the file."""
     every = {sensor.name: sensor.price for sensor in robot.spec.sensor}
     given = every if prices is None else {**prices}
     for name, price in given.items():

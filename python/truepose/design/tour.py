@@ -14,32 +14,18 @@ def tour(robot: Robot, poses: Array) -> list[int]:
     The distance of two poses is the time of the slowest motor, by the speed limits of the file;
     without them it is the largest share of a motor's range. From each pose a nearest-neighbor tour
     is improved by 2-opt; the shortest is returned.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.tour import tour
-    >>> h4 = tp.load("h4")
-    >>> tour(h4, [[0.1, 0, -0.4, 0], [0.02, 0, -0.4, 0], [0.06, 0, -0.4, 0]])
-    [1, 2, 0]
     """
     stops = np.vstack([robot.home, np.reshape(poses, (-1, robot.n))])
     q = robot.ikm(stops, level="ideal")
-    limits = [chain.speed_limit for chain in robot.spec.chain]
+    fastest = np.array([chain.speed_limit for chain in robot.spec.chain], dtype=float)
     span = np.ptp(q, axis=0)
-    fastest = np.array([np.nan if limit is None else limit for limit in limits])
     speed = fastest if np.isfinite(fastest).all() else np.where(span > 0, span, 1.0)
     D = np.abs((q[:, None] - q) / speed).max(axis=-1)
     rounds = [_shortened(_nearest(D, start), D) for start in range(len(D))]
-    best = min(rounds, key=lambda order: length(order, D))
+    best = min(rounds, key=lambda order: D[order, np.roll(order, -1)].sum())
     at = best.index(0)
     order = [k - 1 for k in best[at + 1 :] + best[:at]]
     return order if not order or D[0, order[0] + 1] <= D[0, order[-1] + 1] else order[::-1]
-
-
-def length(order: list[int], D: Array) -> float:
-    """Return the length of a closed tour by a matrix of distances."""
-    return float(D[order, np.roll(order, -1)].sum())
 
 
 def _nearest(D: Array, start: int) -> list[int]:

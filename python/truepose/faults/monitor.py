@@ -175,7 +175,8 @@ class FaultMonitor:
             raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
         positive("period", period)
         guarding = self.guarding(robot, Controller(law="joint", period=period))
-        return Review(robot, *_core.FaultMonitorRun(guarding).review(asked, rows))
+        log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
+        return Review(robot, *_core.review(guarding, *log))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,8 +1,4 @@
-"""The paper's tables as data, and the geometric errors of its simulated robots.
-
-F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with Redundant
-Sensors*.
-"""
+"""The paper's tables as data, and the geometric errors of its simulated robots."""
 
 from __future__ import annotations
 
@@ -22,21 +18,12 @@ GEAR = 4  #: Ratio of the tool's rotation to the nacelle's.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
 STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
 
-#: Largest offset of a calibration pose from Table 2's, m and rad. Joint control brings motors to
-#: the same positions on every true robot. On an exactly repeated grid all robots would read the
-#: same rounding errors, which no average over robots or poses would remove.
+#: Largest offset of a calibration pose from Table 2's, m and rad, see :func:`offset`.
 JITTER = 5e-4
 
 
 def control(law: Law) -> Controller:
-    """Return the simulations' controller: a PD on each motor, with assumed poles at 150 rad/s.
-
-    Examples
-    --------
-    >>> from truepose.paper import article
-    >>> article.control("joint").gains
-    'diagonal'
-    """
+    """Return the simulations' controller: a PD on each motor, with assumed poles at 150 rad/s."""
     return Controller(law=law, frequency=150.0, velocity_bandwidth=1500.0, gains="diagonal")
 
 
@@ -46,20 +33,22 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 
 def table2() -> Array:
-    """Return the 625 poses of Table 2, shape (625, 4): x, y, z in m, the *nacelle's* θ in rad.
-
-    Examples
-    --------
-    >>> from truepose.paper import article
-    >>> article.table2().shape
-    (625, 4)
-    """
+    """Return the 625 poses of Table 2, shape (625, 4): x, y, z in m, the *nacelle's* θ in rad."""
     axes = []
     for row in _rows("table2_locations"):
         low, high, step = (float(row[key]) for key in ("minimum", "maximum", "step"))
         values = np.linspace(low, high, round((high - low) / step) + 1)
         axes.append(values / 1000 if row["unit"] == "mm" else values / GEAR)
     return np.array(list(itertools.product(*axes)))
+
+
+def offset(poses: Array, seed: int) -> Array:
+    """Return poses offset by up to `JITTER`, so that rounding errors do not recur.
+
+    Joint control brings motors to the same positions on every true robot. On an exactly repeated
+    grid all robots would read the same rounding errors, which no average would remove.
+    """
+    return poses + np.random.default_rng(seed).uniform(-JITTER, JITTER, poses.shape)
 
 
 def table3() -> dict[str, dict[tuple[str, str], float]]:
@@ -71,21 +60,17 @@ def table3() -> dict[str, dict[tuple[str, str], float]]:
 
 
 def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
-    """Return Table 3 with the digits that the paper prints: 0.5 and 13.0, not 0.500 and 13.
-
-    Examples
-    --------
-    >>> from truepose.paper import article
-    >>> article.table3_as_printed()["usual"]["theta", "average_abs"]
-    '0.5'
-    """
-    result: dict[str, dict[tuple[str, str], str]] = {"usual": {}, "redundant": {}}
-    for row in _rows("table3_experiment"):
-        for law, entries in result.items():
-            for statistic in STATISTICS:
-                if text := row[f"{statistic}_{law}"]:
-                    entries[row["quantity"], statistic] = text
-    return result
+    """Return Table 3 with the digits that the paper prints: 0.5 and 13.0, not 0.500 and 13."""
+    rows = _rows("table3_experiment")
+    return {
+        law: {
+            (row["quantity"], statistic): text
+            for row in rows
+            for statistic in STATISTICS
+            if (text := row[f"{statistic}_{law}"])
+        }
+        for law in ("usual", "redundant")
+    }
 
 
 def simulation_errors() -> dict[str, tuple[float, float]]:
@@ -123,10 +108,7 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
             f"{robot.name}: has a chain that is not revolute; the paper's errors are those of arms"
         )
     generator = np.random.default_rng(seed)
-    draw = {
-        name: generator.uniform(low, high, robot.n)
-        for name, (low, high) in simulation_errors().items()
-    }
+    draw = {name: generator.uniform(*ends, robot.n) for name, ends in simulation_errors().items()}
     changed = {name: parameter.value for name, parameter in robot.parameters.items()}
     for i in range(robot.n):
         for name, moves in paper_directions(robot, i).items():

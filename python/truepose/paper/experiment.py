@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +15,7 @@ from truepose.arguments import Array, numbers_of
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError
 from truepose.paper import article
-from truepose.paper.article import JITTER, QUANTITIES, STATISTICS, with_paper_errors
+from truepose.paper.article import QUANTITIES, STATISTICS, with_paper_errors
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
@@ -32,6 +33,14 @@ CONTROLS: dict[Control, Law] = {
     "weighted": "weighted",
     "cartesian": "cartesian",
     "self-calibrated": "estimated",
+}
+#: Names of the controls for people.
+LABELS: dict[Control, str] = {
+    "joint": "usual",
+    "tej": "TEJ",
+    "weighted": "weighted",
+    "cartesian": "Cartesian",
+    "self-calibrated": "self-calibrated",
 }
 
 
@@ -56,15 +65,19 @@ def draw_robots(robot: Robot, count: int, seed: int) -> list[Robot]:
     return [with_paper_errors(robot, s) for s in np.random.SeedSequence(seed).spawn(count)]
 
 
+def believed(control: Control, robot: Robot, calibrated: Callable[[], Robot]) -> Robot:
+    """Return the controller's model under a control, see :data:`CONTROLS`."""
+    if control == "weighted":
+        return robot.expected()
+    return calibrated() if control == "self-calibrated" else robot
+
+
 def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -> Robot:
     """Return the robot calibrated from the true robot's readings at these poses, joint control.
 
-    The poses are offset by up to :data:`truepose.paper.article.JITTER`: joint control brings every
-    motor to its nominal angle, so on an exact grid the rounding errors of the counts would recur,
-    and recur in every robot. Use one `seed` per robot.
+    The poses are those of :func:`truepose.paper.article.offset`. Use one `seed` per robot.
     """
-    beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
-    readings = truth.read(steady_state(robot, truth, visited + beside, "joint"))
+    readings = truth.read(steady_state(robot, truth, article.offset(visited, seed), "joint"))
     return calibrate(robot, readings, loss="squares").robot
 
 
@@ -81,15 +94,13 @@ def rest(
     `robot` is nominal, `poses` (P, n) are desired. The self-calibration visits `visited` (N, n),
     default `poses`, with the `seed` of :func:`self_calibrated`.
     """
-    result: dict[Control, Array] = {}
-    for control in controls:
-        believed = robot
-        if control == "weighted":
-            believed = robot.expected()
-        if control == "self-calibrated":
-            believed = self_calibrated(robot, truth, poses if visited is None else visited, seed)
-        result[control] = steady_state(believed, truth, poses, CONTROLS[control])
-    return result
+    learnt = poses if visited is None else visited
+
+    def under(control: Control) -> Array:
+        model = believed(control, robot, lambda: self_calibrated(robot, truth, learnt, seed))
+        return steady_state(model, truth, poses, CONTROLS[control])
+
+    return {control: under(control) for control in controls}
 
 
 def run(
@@ -104,14 +115,13 @@ def run(
     desired, default Table 2's 625. `progress` is called after each robot.
     """
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
-    errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
-    for settled in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
-        for control, x in settled.items():
-            errors[control].append(in_print_units(x - poses))
+    settled = []
+    for x in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
+        settled.append(x)
         progress()
-    stacked = {control: np.array(values) for control, values in errors.items()}
-    tables = {control: table3(values) for control, values in stacked.items()}
-    return Experiment(robot, truths, poses, stacked, tables)
+    errors = {c: in_print_units(np.array([x[c] for x in settled]) - poses) for c in CONTROLS}
+    tables = {control: table3(values) for control, values in errors.items()}
+    return Experiment(robot, truths, poses, errors, tables)
 
 
 def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
@@ -136,25 +146,23 @@ def dynamics_check(
     gravity, against statics that include the error of the nominal feed-forward; "as built": with
     gravity and encoder counts, against the same statics.
     """
-    weightless = (0.0, 0.0, 0.0)
+    exact = [one.without_quantization() for one in (robot, truth)]
     cases = {
-        "ideal": tuple(x.without_quantization().with_gravity(weightless) for x in (robot, truth)),
-        "loaded": (robot.without_quantization(), truth.without_quantization()),
-        "as built": (robot, truth),
+        "ideal": [one.with_gravity((0.0, 0.0, 0.0)) for one in exact],
+        "loaded": exact,
+        "as built": [robot, truth],
     }
-    result: dict[str, dict[Law, Array]] = {}
-    for case, (nominal, real) in cases.items():
-        result[case] = {}
-        for law in LAWS:
-            ends, controller = [], article.control(law)
-            for pose in poses:
-                ran = simulate(
-                    nominal, real, controller, start=robot.home, end=pose, duration=0.4, hold=0.4
-                )
-                ends.append(ran.x[-1])
-                progress()
-            loaded = steady_state(nominal, real, poses, controller, gravity=case != "ideal")
-            result[case][law] = in_print_units(np.array(ends) - loaded)
+    result: dict[str, dict[Law, Array]] = {case: {} for case in cases}
+    for (case, (nominal, real)), law in itertools.product(cases.items(), LAWS):
+        ends, controller = [], article.control(law)
+        for x in poses:
+            run = simulate(
+                nominal, real, controller, start=robot.home, end=x, duration=0.4, hold=0.4
+            )
+            ends.append(run.x[-1])
+            progress()
+        loaded = steady_state(nominal, real, poses, controller, gravity=case != "ideal")
+        result[case][law] = in_print_units(np.array(ends) - loaded)
     return result
 
 
@@ -201,14 +209,9 @@ def table3(error: ArrayLike) -> Array:
         raise InputError(f"error: shape {error.shape}, must be (..., poses, 4)")
     norm = np.linalg.norm(error[..., :3], axis=-1, keepdims=True)
     values = np.concatenate([error, norm], axis=-1)
-    columns = [
-        values.mean(axis=-2),
-        np.ptp(values, axis=-2),
-        (values**2).sum(axis=-2),
-        np.abs(values).mean(axis=-2),
-    ]
-    assert len(columns) == len(STATISTICS) and values.shape[-1] == len(QUANTITIES)
-    return np.stack(columns, axis=-1)
+    mean, squares = values.mean(axis=-2), (values**2).sum(axis=-2)
+    spread, average = np.ptp(values, axis=-2), np.abs(values).mean(axis=-2)
+    return np.stack([mean, spread, squares, average], axis=-1)
 
 
 def over_robots(each: Array) -> Array:
@@ -221,14 +224,6 @@ def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, floa
 
     `statistic` is a function of arrays whose last axis is robots; `each` are values of the same
     robots, shape (robots,).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> errors = np.random.default_rng(0).normal(size=400)
-    >>> low, high = interval(over_robots, errors)
-    >>> bool(low < over_robots(errors) < high), round(high - low, 1)
-    (True, 0.1)
     """
     count = len(each[0])
     drawn = np.random.default_rng(0).integers(count, size=(2000, count))
@@ -239,27 +234,18 @@ def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, floa
 def rms_interval(each: Array, under: Array | None = None) -> tuple[float, float]:
     """Return the 90 % interval of the rms over all robots of a kind, from the sampled ones.
 
+    `each` is the rms of each robot, (robots,). With `under`, the rms of the same robots, the
+    interval is that of the ratio `each` / `under`.
+
     The mean squares average independent robots, so the logarithm of their root is nearly normal.
     Its scatter comes from the robots' influences, its quantile from Student's t. Bootstrap
     percentiles are a few percent too narrow here, because a robot's squared error has only two to
     three effective degrees of freedom.
-
-    `each` is the rms of each robot, (robots,). With `under`, the rms of the same robots, the
-    interval is that of the ratio `each` / `under`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> errors = np.random.default_rng(0).normal(size=400)
-    >>> low, high = rms_interval(errors)
-    >>> bool(low < over_robots(errors) < high), round(high - low, 1)
-    (True, 0.1)
     """
-    size = over_robots(each)
-    influence = 0.5 * np.square(each / size)
-    if under is not None:
-        influence = influence - 0.5 * np.square(under / over_robots(under))
-        size = size / over_robots(under)
+    under = np.ones_like(each) if under is None else under
+    size = over_robots(each) / over_robots(under)
+    influence = 0.5 * np.square(each / over_robots(each))
+    influence -= 0.5 * np.square(under / over_robots(under))
     count = len(each)
     reach = float(t.ppf(0.95, count - 1) * influence.std(ddof=1) / np.sqrt(count))
     return float(size * np.exp(-reach)), float(size * np.exp(reach))

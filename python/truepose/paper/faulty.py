@@ -110,15 +110,6 @@ def study(
 
     `robot` is the controller's model, the H4 with θ measured; `truth` the true robot, default
     `robot`. `count` moves are sampled with `seed`. `progress` is called after each fault.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import faulty
-    >>> lines = {line.fault: line for line in faulty.study(tp.load("h4"), count=1, seed=0)}
-    >>> stuck = lines["θ: stuck"]
-    >>> stuck.alone["tej"][0].angle > 90, stuck.watched["tej"][0].angle < 3
-    (True, True)
     """
     there = moves(robot, count, seed)
 

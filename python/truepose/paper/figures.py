@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from truepose.arguments import Array
 from truepose.paper import experiment, twin
 from truepose.paper import faulty as lying
 from truepose.paper import following as paths
-from truepose.paper.experiment import Control, Experiment
+from truepose.paper.experiment import LABELS, Control, Experiment
 from truepose.paper.virtual_experiment import Run
 from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.robot import Robot
@@ -19,13 +20,12 @@ from truepose.show.charts import lines
 from truepose.show.results import figure_of
 from truepose.simulation.simulate import Simulation
 
-#: Label and colour of each control.
-CONTROLS: dict[Control, tuple[str, str]] = {
-    "joint": ("usual", "#b2182b"),
-    "tej": ("TEJ", "#2166ac"),
-    "weighted": ("weighted", "#e08214"),
-    "cartesian": ("Cartesian", "#1b7837"),
-    "self-calibrated": ("self-calibrated", "#000000"),
+COLOURS: dict[Control, str] = {
+    "joint": "#b2182b",
+    "tej": "#2166ac",
+    "weighted": "#e08214",
+    "cartesian": "#1b7837",
+    "self-calibrated": "#000000",
 }
 _AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
 
@@ -63,14 +63,14 @@ def poses(result: Experiment) -> Figure:
 
 
 def _poses(errors: Mapping[Control, Array], what: str) -> Figure:
-    named = {CONTROLS[control][0]: error for control, error in errors.items()}
+    named = {LABELS[control]: error for control, error in errors.items()}
     panels = {
         f"{what}θ (°)": {name: error[:, 3] for name, error in named.items()},
         f"{what}position (mm)": {
             name: np.linalg.norm(error[:, :3], axis=1) for name, error in named.items()
         },
     }
-    count, colours = len(next(iter(named.values()))), dict(CONTROLS.values())
+    count, colours = len(next(iter(named.values()))), {LABELS[c]: COLOURS[c] for c in COLOURS}
     where = "pose (number in Table 2)"
     return figure_of(lambda figure: lines(figure, range(count), panels, where, ".", colours))
 
@@ -79,7 +79,7 @@ def ratios(result: Experiment) -> Figure:
     """Plot histograms over the robots of the TEJ's statistics divided by joint control's."""
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
-    colour = CONTROLS["tej"][1]
+    colour = COLOURS["tej"]
     theta = 100 * result.ratio("theta", "sum_sq")
     norm = np.sqrt(result.ratio("norm_xyz", "sum_sq"))
     for axes, values, label in (
@@ -89,8 +89,8 @@ def ratios(result: Experiment) -> Figure:
         axes.hist(values, bins=min(30, max(5, len(values) // 4)), color=colour, alpha=0.75)
         median = np.median(values)
         axes.axvline(median, color="k", lw=1)
-        axes.set(xlabel=label, ylabel="robots", title=f"median {median:.3g}")
-        axes.title.set_size(10)
+        axes.set(xlabel=label, ylabel="robots")
+        axes.set_title(f"median {median:.3g}", size=10)
     return figure
 
 
@@ -101,15 +101,10 @@ def rest(robot: Robot, result: Experiment) -> Figure:
     law = experiment.theta_law(robot, result.poses)
     usual, left = result.errors["joint"][0][:, 3], result.errors["tej"][0][:, 3]
     clear = np.abs(usual) > 0.1  # degrees; smaller errors make the quotient meaningless
-    axes.plot(
-        100 * law[clear],
-        100 * left[clear] / usual[clear],
-        ".",
-        ms=3,
-        color=CONTROLS["tej"][1],
-        rasterized=True,
-        label="one robot, poses of Table 2 with |e| > 0.1°",
-    )
+    label = "one robot, poses of Table 2 with |e| > 0.1°"
+    law_left, found = 100 * law[clear], 100 * left[clear] / usual[clear]
+    colour = COLOURS["tej"]
+    axes.plot(law_left, found, ".", ms=3, color=colour, rasterized=True, label=label)
     ends = 100 * np.array([law.min(), law.max()])
     axes.plot(ends, ends, color="k", lw=1, label="1 / (1 + |j|²)")
     axes.set(xlabel="1 / (1 + |j|²), first order (%)", ylabel="θ error left by the TEJ (%)")
@@ -121,10 +116,10 @@ def warm_up(results: list[WarmUp]) -> Figure:
     """Plot the steady-state position error over time, from cold to warm, under each method."""
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     colours = {
-        "frozen": CONTROLS["joint"][1],
-        "tej": CONTROLS["tej"][1],
-        "weighted": CONTROLS["weighted"][1],
-        "online": CONTROLS["self-calibrated"][1],
+        "frozen": COLOURS["joint"],
+        "tej": COLOURS["tej"],
+        "weighted": COLOURS["weighted"],
+        "online": COLOURS["self-calibrated"],
     }
     for axes, result in zip(
         figure.subplots(1, len(results), sharey=True, squeeze=False)[0], results, strict=True
@@ -133,38 +128,27 @@ def warm_up(results: list[WarmUp]) -> Figure:
             rms = np.sqrt((values**2).mean(axis=0))
             axes.plot(result.hours, rms, color=colours[method], label=NAMES[method])
         axes.axvline(result.hours[-1] / 1.5, color="0.6", lw=0.8, ls=":")
-        axes.set(
-            xlabel="time since switched on (h)", xlim=(0, result.hours[-1]), title=result.sensors
-        )
-        axes.title.set_size(10)
-    left = figure.axes[0]
-    left.set(ylabel="position rms (mm)", ylim=(0, None))
-    handles = left.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper center", ncols=4, fontsize=9, frameon=False)
-    return figure
+        axes.set(xlabel="time since switched on (h)", xlim=(0, result.hours[-1]))
+        axes.set_title(result.sensors, size=10)
+    figure.axes[0].set(ylabel="position rms (mm)", ylim=(0, None))
+    return _with_legend(figure, 4)
 
 
-#: Label and colour of the cases of :mod:`truepose.paper.following` in the figure.
-_FOLLOWED = {
-    (law, control == "self-calibrated"): CONTROLS[control]
-    for control, law in experiment.CONTROLS.items()
-}
 MAGNIFIED = 3  #: scale of the deviations in a plan view
 
 
 def following(lines: list[paths.Line]) -> Figure:
     """Plot each path at half speed with magnified deviations, and their size along it."""
     shown = [
-        line for line in lines if line.speed == 0.5 and (line.law, line.calibrated) in _FOLLOWED
+        line for line in lines if line.speed == 0.5 and (line.law, line.calibrated) in paths.SOME
     ]
     names = list(dict.fromkeys(line.path for line in shown))
     figure = Figure(figsize=(8.4, 3.6 * len(names)), layout="constrained")
     grid = figure.subplots(len(names), 2, squeeze=False, width_ratios=(1, 1.35))
     for (plan, along), name in zip(grid, names, strict=True):
-        of_path = [line for line in shown if line.path == name]
-        for line in of_path:
-            label, colour = _FOLLOWED[line.law, line.calibrated]
-            first = line.each[0]
+        for line in (line for line in shown if line.path == name):
+            control, first = paths.SOME[line.law, line.calibrated], line.each[0]
+            label, colour = LABELS[control], COLOURS[control]
             asked, off = 1e3 * first.asked[:, :3], 1e3 * first.deviation[..., :3]
             mean = asked + MAGNIFIED * off.mean(axis=0)
             plan.plot(*mean[:, :2].T, ".", ms=2.5, color=colour, label=label, rasterized=True)
@@ -181,21 +165,13 @@ def following(lines: list[paths.Line]) -> Figure:
         along.set(xlabel="along the path (%)", ylabel="distance from it (mm)", xlim=(0, 100))
         along.set_ylim(0, None)
         along.set_title("mean of ten runs, and all of them", size=9)
-    figure.legend(
-        *grid[0][0].get_legend_handles_labels(),
-        loc="outside upper center",
-        ncols=5,
-        fontsize=9,
-        markerscale=4,
-        frameon=False,
-    )
-    return figure
+    return _with_legend(figure, 5, markerscale=4)
 
 
 def faults(lines: list[lying.Line]) -> Figure:
     """Plot worst errors per fault and law: hollow without the fault monitor, filled with it."""
     figure = Figure(figsize=(8.4, 0.32 * len(lines) + 1.2), layout="constrained")
-    colours = {law: CONTROLS[control][1] for control, law in experiment.CONTROLS.items()}
+    colours = {law: COLOURS[control] for control, law in experiment.CONTROLS.items()}
     axes = figure.subplots(1, 2, sharey=True)
     rows = np.arange(len(lines), dtype=float)
     for panel, what, label, most in (
@@ -221,27 +197,29 @@ def faults(lines: list[lying.Line]) -> Figure:
             panel.axhspan(row - 0.5, row + 0.5, color="0.96", zorder=0, lw=0)
     axes[1].set_xlim(None, 180)
     axes[0].set_yticks(rows, [line.fault for line in lines], size=9)
-    handles = axes[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper center", ncols=5, fontsize=9, frameon=False)
-    return figure
+    return _with_legend(figure, 5)
 
 
 def twin_poses(runs: dict[Control, Run]) -> Figure:
     """Plot errors at all poses as the paper would have measured them: desired minus measured."""
-    return _poses(
-        {control: ran.errors("desired") for control, ran in runs.items()}, "desired − measured, "
-    )
+    errors = {control: ran.errors("desired") for control, ran in runs.items()}
+    return _poses(errors, "desired − measured, ")
 
 
 def loops(section: twin.Section) -> Figure:
     """Plot the position error after the move with all effects on: a limit cycle, a stable loop."""
     drawn = Figure(figsize=(8.4, 2.8), layout="constrained")
     for axes, (name, ran) in zip(drawn.subplots(1, 2), section.loops.items(), strict=True):
-        for column, axis in enumerate("xyz"):
-            axes.plot(1e3 * ran.time, 1e3 * ran.error[:, column], label=axis, lw=0.8)
+        axes.plot(1e3 * ran.time, 1e3 * ran.error[:, :3], label=[*"xyz"], lw=0.8)
         axes.set(xlabel="time (ms)", ylabel="position error (mm)", xlim=(0, 1e3 * ran.time[-1]))
         axes.set_title(name, size=9)
         axes.axvline(200, color="0.6", lw=0.8, ls=":")
-    handles = drawn.axes[0].get_legend_handles_labels()
-    drawn.legend(*handles, loc="outside upper center", ncols=3, fontsize=9, frameon=False)
-    return drawn
+    return _with_legend(drawn, 3)
+
+
+def _with_legend(figure: Figure, columns: int, **more: Any) -> Figure:
+    """Return the figure with the legend of its first axes above."""
+    handles = figure.axes[0].get_legend_handles_labels()
+    style: dict[str, Any] = {"ncols": columns, "fontsize": 9, "frameon": False, **more}
+    figure.legend(*handles, loc="outside upper center", **style)
+    return figure

@@ -10,6 +10,7 @@ import numpy as np
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.paper import article, experiment
+from truepose.paper.experiment import CONTROLS, Control
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
@@ -24,14 +25,13 @@ PATHS: dict[str, Path] = {
         poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in _CORNERS], duration=0.4
     ),
 }
-#: The controller's model of one robot, by law and by whether the robot is calibrated.
-Believed = dict[tuple[Law, bool], Robot]
-#: All pairs (law, calibrated), and those of a report without statistics, which are the controls of
-#: :data:`truepose.paper.experiment.CONTROLS`.
-CASES: tuple[tuple[Law, bool], ...] = tuple((law, known) for known in (False, True) for law in LAWS)
-SOME: tuple[tuple[Law, bool], ...] = tuple(
-    (law, control == "self-calibrated") for control, law in experiment.CONTROLS.items()
-)
+#: A law, and whether its robot is calibrated.
+Case = tuple[Law, bool]
+#: The controller's model of one robot.
+Believed = dict[Case, Robot]
+CASES: tuple[Case, ...] = tuple((law, known) for known in (False, True) for law in LAWS)
+#: Control of each case of a report without statistics.
+SOME: dict[Case, Control] = {(law, c == "self-calibrated"): c for c, law in CONTROLS.items()}
 SPEEDS = (1.0, 0.5, 0.1)  #: shares of the motors' limits, as in ISO 9283
 ROBOTS = 4  #: at most, in a report with statistics
 
@@ -70,14 +70,6 @@ def study(
     own. `full`: both paths, all laws, nominal and calibrated, all `SPEEDS`; otherwise the circle at
     half the motors' speed, under the report's controls. `progress` is called after each path
     accuracy.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import following
-    >>> usual, *_, learnt = following.study(tp.load("h4"), robots=1, seed=0, full=False)
-    >>> usual.law, learnt.calibrated, learnt.each[0].AT < usual.each[0].AT / 2
-    ('joint', True, True)
     """
     effects = Effects()
     known = [drawn(robot, effects, seed, number) for number in range(robots)]
@@ -122,9 +114,6 @@ def drawn(robot: Robot, effects: Effects, seed: int, number: int) -> tuple[Robot
     allowed = effects.allowed_for(robot)
     there = effects.geometry(truth, seed=number)
     learnt = experiment.self_calibrated(allowed, there, article.table2(), number)
-    believed: Believed = {}
-    for law in LAWS:
-        weighs = law in ("weighted", "estimated")
-        believed[law, False] = allowed.expected() if weighs else allowed
-        believed[law, True] = learnt
-    return truth, believed
+    expected = dict.fromkeys(("weighted", "estimated"), allowed.expected())
+    believed: Believed = {(law, False): expected.get(law, allowed) for law in LAWS}
+    return truth, believed | {(law, True): learnt for law in LAWS}

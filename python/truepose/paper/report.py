@@ -13,10 +13,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose import files, logs
+from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
-from truepose.paper.experiment import CONTROLS, Control
+from truepose.paper.experiment import CONTROLS
 from truepose.paper.reproduce import Reproduction
 from truepose.show import page
 from truepose.show.plotted import plotted
@@ -25,7 +26,6 @@ from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 11  #: figures of every report; one more with the warm-up
 PAGE = "report.html"
-LEARNT: Control = "self-calibrated"
 #: File endings in the folder.
 _ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
 
@@ -49,21 +49,13 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
         with files.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
             work.mkdir()
             yield work
-            if there:
-                _move(work, out)
-            else:
-                out.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(work, out)
+            out.mkdir(parents=True, exist_ok=True)
+            places = {file: out / file.name for file in sorted(work.iterdir())}
+            files.check([files.Output(p, "report") for p in places.values()], force=True)
+            for file, place in places.items():
+                os.replace(file, place)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
-
-
-def _move(work: Path, out: Path) -> None:
-    """Move all files of a folder into another one, or none of them."""
-    places = {file: out / file.name for file in sorted(work.iterdir())}
-    files.check([files.Output(place, "report") for place in places.values()], force=True)
-    for file, place in places.items():
-        os.replace(file, place)
 
 
 def write(
@@ -93,25 +85,27 @@ def write(
     _raw_numbers(result, out)
     if result.section:
         _logs(result.section, out)
+    found, section = result.experiment, result.section
+    norms = np.sqrt(found.ratio("norm_xyz", "sum_sq"))
     text = page.render(
         "report.html.j2",
         images=images,
         tables={table.name: table for table in numbers},
         robot=result.robot,
-        robots=len(result.experiment.truths),
+        robots=len(found.truths),
         seed=result.seed,
         reasons=tables.REASONS,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
-        ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
-        displaced=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
+        ratio=float(np.median(found.ratio("theta", "sum_sq"))),
+        displaced=float(np.median(experiment.moved_by_tej(found, MOVE_TO))),
         squares={
             "printed": article.table3()["usual"]["theta", "sum_sq"],
-            "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
+            "drawn": float(np.median(found.tables["joint"][:, 3, 2])),
         },
-        norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
-        norms=np.percentile(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")), [5, 95]),
+        norm=float(np.median(norms)),
+        norms=np.percentile(norms, [5, 95]),
         promised=sensor_sets.promised(result.robot, result.sensing[0], result.seed),
-        left=experiment.theta_law(result.robot, result.experiment.poses),
+        left=experiment.theta_law(result.robot, found.poses),
         errors=article.simulation_errors(),
         machined=sensor_sets.MACHINED,
         real=len(result.sensing[0].each["joint"]),
@@ -121,10 +115,10 @@ def write(
         several=len(result.following[0].each),
         moved=len(result.faults[0].alone["joint"]),
         thermal=Effects(),
-        judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
-        learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
-        section=result.section,
-        setup=describe(result.section) if result.section else None,
+        judged=len(found.poses[:: sensor_sets.EVERY]),
+        learnt=float(np.median(np.sqrt(found.ratio("norm_xyz", "sum_sq", "self-calibrated")))),
+        section=section,
+        setup=describe(section.twin) if section else None,
         csv=sorted(file.name for file in out.glob("*.csv")),
         versions=page.versions(),
     )
@@ -142,20 +136,20 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
         yield "warm_up_curves", figures.warm_up(result.warm_up)
     yield "following", figures.following(result.following)
     yield "faults", figures.faults(result.faults)
-    for plant, runs in result.section.runs.items() if result.section else ():
-        yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
-    if result.section and result.section.loops:
+    if result.section:
+        for plant, runs in result.section.runs.items():
+            yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
         yield "loops", figures.loops(result.section)
 
 
-def describe(section: twin.Section) -> dict[str, float]:
-    """Return the properties of the twin's vision system and gear, mm and degrees."""
-    setup = section.twin.setup
+def describe(of: twin.Twin) -> dict[str, float]:
+    """Return the properties of a twin's vision system and gear, mm and degrees."""
+    setup = of.setup
     return {
         "noise": setup.noise,
         "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
         "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
-        "backlash": float(np.degrees(section.twin.effects.tool_backlash)),
+        "backlash": float(np.degrees(of.effects.tool_backlash)),
         "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
         "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
     }
@@ -198,21 +192,24 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
             for statistic, v in zip(article.STATISTICS, row, strict=True)
         ),
     )
-    poses = experiment.in_print_units(result.experiment.poses)
-    names = ["x", "y", "z", "theta"]
-    units = ["mm", "mm", "mm", "deg"]
-    header = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
-    columns = [poses]
+    poses = _columns("{}_{}", experiment.in_print_units(result.experiment.poses))
     for control in CONTROLS:
-        header += [f"error_{control}_{n}_{u}" for n, u in zip(names, units, strict=True)]
-        columns.append(result.experiment.errors[control][0])
-    rows = np.hstack(columns).tolist()
-    _csv(out / "poses.csv", [dict(zip(header, row, strict=True)) for row in rows])
+        poses |= _columns(f"error_{control}_{{}}_{{}}", result.experiment.errors[control][0])
+    _csv(out / "poses.csv", _rows(poses))
     for name, run in result.moves.items():
-        header = ["time_s"]
-        header += [f"{n}_desired_{u}" for n, u in zip(names, units, strict=True)]
-        header += [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
-        header += [f"torque{i + 1}_Nm" for i in range(run.robot.n)]
-        x_d, x = experiment.in_print_units(run.x_d), experiment.in_print_units(run.x)
-        rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
-        _csv(out / f"{name}.csv", [dict(zip(header, row, strict=True)) for row in rows])
+        columns = {"time_s": run.time}
+        columns |= _columns("{}_desired_{}", experiment.in_print_units(run.x_d))
+        columns |= _columns("{}_{}", experiment.in_print_units(run.x))
+        columns |= {f"torque{i}_Nm": torque for i, torque in enumerate(run.torque.T, 1)}
+        _csv(out / f"{name}.csv", _rows(columns))
+
+
+def _columns(name: str, values: Array) -> dict[str, Array]:
+    """Return coordinates, (N, 4), mm and degrees, by `name` filled with their names and units."""
+    axes = {"x": "mm", "y": "mm", "z": "mm", "theta": "deg"}
+    return {name.format(*axis): v for axis, v in zip(axes.items(), values.T, strict=True)}
+
+
+def _rows(columns: dict[str, Array]) -> list[dict[str, object]]:
+    rows = np.column_stack([*columns.values()]).tolist()
+    return [dict(zip(columns, row, strict=True)) for row in rows]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from truepose.arguments import Array
 from truepose.paper import article, experiment, forgotten, twin
 from truepose.paper import faulty as lying
 from truepose.paper import following as paths
-from truepose.paper.experiment import Control
+from truepose.paper.experiment import LABELS, Control
 from truepose.paper.reproduce import MOVES, Reproduction
 from truepose.paper.sensor_sets import Line
 from truepose.paper.virtual_experiment import READINGS, Reading, Run
@@ -18,26 +18,16 @@ from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import LAWS
 from truepose.show.table import Cell, Table, fixed, number
+from truepose.show.units import PRINT
 from truepose.simulation.moves import MOVE_TO
 
-QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
-STATISTIC_NAMES = {
-    "average": "average",
-    "peak_to_peak": "peak-peak",
-    "sum_sq": "Σ squares",
-    "average_abs": "average abs",
-}
-
+#: Names for people of :data:`article.QUANTITIES` and :data:`article.STATISTICS`.
+QUANTITY_NAMES = ("x", "y", "z", "θ", "norm")
+STATISTIC_NAMES = ("average", "peak-peak", "Σ squares", "average abs")
 
 UNITS = "error (mm, °)"
 
-#: Labels of controls that the paper did not run.
-FURTHER: dict[Control, str] = {
-    "weighted": "weighted",
-    "cartesian": "Cartesian",
-    "self-calibrated": "self-calibrated",
-}
-TWIN_NAMES = {"joint": "usual", "tej": "redundant", **FURTHER}
+TWIN_NAMES = LABELS | {"tej": "redundant"}
 READING_NAMES: dict[Reading, str] = {
     "estimated": "estimated − measured",
     "desired": "desired − measured",
@@ -56,7 +46,7 @@ def cells() -> Iterator[tuple[tuple[int, int], tuple[str, str], Cell]]:
         for s, statistic in enumerate(article.STATISTICS):
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
                 continue  # a norm is never negative; the paper leaves this entry blank
-            label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
+            label = f"{QUANTITY_NAMES[q]} {STATISTIC_NAMES[s]}"
             data = {"error": label, "unit": unit(quantity, statistic)}
             yield (q, s), (quantity, statistic), Cell(label, data)
 
@@ -84,29 +74,23 @@ def verdicts(result: Reproduction) -> Table:
     printed, found = article.table3(), result.experiment
     displaced = float(np.median(experiment.moved_by_tej(found, MOVE_TO)))
     share = experiment.theta_law(result.robot, found.poses)
-    average = printed["redundant"]["theta", "average"] / printed["usual"]["theta", "average"]
+    average = abs(printed["redundant"]["theta", "average"] / printed["usual"]["theta", "average"])
     removed = float(np.abs(found.errors["cartesian"][..., 3]).max())
-
-    def ratio(quantity: str) -> float:
-        return printed["redundant"][quantity, "sum_sq"] / printed["usual"][quantity, "sum_sq"]
-
-    def robots(values: Array, value: float) -> tuple[Cell, str, bool]:
-        low, median, high = np.percentile(values, [5, 50, 95])
-        data = {"found": float(median), "found 5 %": float(low), "found 95 %": float(high)}
-        text = f"{number(median)} [{number(low, 2)}, {number(high, 2)}]"
-        return Cell(text, data), f"{value:.3g}", bool(low <= value <= high)
-
-    norm, printed_norm, norm_holds = robots(found.ratio("norm_xyz", "sum_sq"), ratio("norm_xyz"))
-    size, printed_size, size_holds = robots(
-        found.tables["joint"][:, 4, 0], printed["usual"]["norm_xyz", "average"]
-    )
-    squares, printed_squares, _ = robots(
-        found.tables["joint"][:, 3, 2], printed["usual"]["theta", "sum_sq"]
-    )
-    cut, printed_cut, cut_holds = robots(found.ratio("theta", "sum_sq"), ratio("theta"))
     holds = {True: "holds", False: "differs"}
-    few = len(found.truths) < FEW
-    spread = dict.fromkeys(holds, "few robots") if few else holds
+    spread = dict.fromkeys(holds, "few robots") if len(found.truths) < FEW else holds
+
+    def robots(values: Array, value: float, words: dict[bool, str]) -> tuple[str, Cell, str]:
+        low, high = np.percentile(values, [5, 95])
+        return f"{value:.3g}", _spread(values, "found"), words[bool(low <= value <= high)]
+
+    def ratio(quantity: str, words: dict[bool, str]) -> tuple[str, Cell, str]:
+        value = printed["redundant"][quantity, "sum_sq"] / printed["usual"][quantity, "sum_sq"]
+        return robots(found.ratio(quantity, "sum_sq"), value, words)
+
+    def usual_control(q: int, s: int, words: dict[bool, str]) -> tuple[str, Cell, str]:
+        key = article.QUANTITIES[q], article.STATISTICS[s]
+        return robots(found.tables["joint"][:, q, s], printed["usual"][key], words)
+
     rows = [
         ("Fig. 11: ideal robot, no error", "0", f"{position[ideal]:.2f} mm, "
          f"{theta[ideal]:.3f}°", holds[position[ideal] < 0.1 and theta[ideal] < 0.01],
@@ -120,17 +104,16 @@ def verdicts(result: Reproduction) -> Table:
         ("Fig. 13: same position error", "0 mm", f"moves {displaced:.2f} mm",
          "holds" if displaced < 0.1 else "differs [1]",
          "test_statics.py::test_at_rest_the_motors_give_way_by_w_j_times_the_error_of_theta"),
-        ("θ average, TEJ / usual", f"{abs(average):.2f}", f"{share.min():.2f} to "
-         f"{share.max():.2f}", holds[bool(share.min() <= abs(average) <= share.max())],
+        ("θ average, TEJ / usual", f"{average:.2f}", f"{share.min():.2f} to {share.max():.2f}",
+         holds[bool(share.min() <= average <= share.max())],
          "test_statics.py::test_the_tej_leaves_of_a_small_theta_error_what_the_law_predicts"),
-        ("θ Σ squares, TEJ / usual", printed_cut, cut,
-         "holds" if cut_holds else "differs [2]",
+        ("θ Σ squares, TEJ / usual", *ratio("theta", holds | {False: "differs [2]"}),
          "test_statistics.py::test_the_published_scatter_of_theta_is_what_the_derivation_says"),
-        ("position Σ squares, TEJ / usual", printed_norm, norm, spread[norm_holds],
+        ("position Σ squares, TEJ / usual", *ratio("norm_xyz", spread),
          "test_experiment.py::test_the_redundant_law_leaves_the_position_as_it_was"),
-        ("position average, usual (mm)", printed_size, size, spread[size_holds],
+        ("position average, usual (mm)", *usual_control(4, 0, spread),
          "test_experiment.py::test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was"),
-        ("θ Σ squares, usual (°²)", printed_squares, squares, "open [3]",
+        ("θ Σ squares, usual (°²)", *usual_control(3, 2, dict.fromkeys(holds, "open [3]")),
          "test_experiment.py::test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was"),
         ("Cartesian law: no error of θ", "0", f"{removed:.4f}°", holds[removed < 1e-3],
          "test_statics.py::test_a_trusted_theta_leaves_no_error_of_theta"),
@@ -144,53 +127,51 @@ def verdicts(result: Reproduction) -> Table:
 
 def one_robot(result: Reproduction) -> Table:
     """Return Table 3 for the first sampled robot."""
-    tables, printed = result.experiment.tables, article.table3_as_printed()
-    rows = []
-    for at, key, label in cells():
-        row = [label, printed["usual"][key], number(tables["joint"][0][at])]
-        row += [printed["redundant"][key], number(tables["tej"][0][at])]
-        rows.append(row + [number(tables[control][0][at]) for control in FURTHER])
-    header = [UNITS, "usual, paper", "usual, truepose", "TEJ, paper", "TEJ, truepose"]
-    header += [f"{name}, truepose" for name in FURTHER.values()]
-    return Table("table3_one_robot", "Table 3 for one robot", header, rows)
+    return _table3(
+        result, "table3_one_robot", "Table 3 for one robot", lambda each, _: number(each[0])
+    )
 
 
 def many_robots(result: Reproduction) -> Table:
     """Return Table 3 for all sampled robots: median and 5-95 % of each statistic."""
+    title = f"Table 3 over {len(result.experiment.truths)} robots: median [5 %, 95 %]"
+    return _table3(result, "table3_robots", title, _spread)
+
+
+def _table3(
+    result: Reproduction, name: str, title: str, cell: Callable[[Array, str], Cell]
+) -> Table:
+    """Return Table 3: printed values, and a cell of each statistic of all robots, (robots,)."""
     tables, printed = result.experiment.tables, article.table3_as_printed()
-    rows = []
-    for at, key, label in cells():
-        row: list[str] = [label]
-        controls: list[Control] = ["joint", "tej", *FURTHER]
-        for control in controls:
-            paper = {"joint": "usual", "tej": "redundant"}.get(control, "")
-            low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
-            row += [printed[paper][key]] if paper else []
-            name = f"{FURTHER.get(control, paper)}, truepose"
-            data = {name: median, f"{name} 5 %": low, f"{name} 95 %": high}
-            text = f"{number(median)} [{number(low, 2)}, {number(high, 2)}]"
-            row.append(Cell(text, {k: float(v) for k, v in data.items()}))
-        rows.append(row)
-    count = len(result.experiment.truths)
-    header = [UNITS, "usual, paper", "usual, truepose", "TEJ, paper", "TEJ, truepose"]
-    header += [f"{name}, truepose" for name in FURTHER.values()]
-    title = f"Table 3 over {count} robots: median [5 %, 95 %]"
-    return Table("table3_robots", title, header, rows)
+    header = [UNITS]
+    columns: list[list[str]] = [[label for _, _, label in cells()]]
+    for control, label in LABELS.items():
+        law = {"joint": "usual", "tej": "redundant"}.get(control, label)
+        if law in printed:
+            header.append(f"{label}, paper")
+            columns.append([printed[law][key] for _, key, _ in cells()])
+        header.append(f"{label}, truepose")
+        every = np.moveaxis(tables[control], 0, -1)
+        columns.append([cell(every[at], f"{law}, truepose") for at, _, _ in cells()])
+    return Table(name, title, header, list(zip(*columns, strict=True)))
+
+
+def _spread(each: Array, name: str) -> Cell:
+    """Return median and 5-95 % over the robots; `name` is that of the data."""
+    low, median, high = np.percentile(each, [5, 50, 95]).tolist()
+    text = f"{number(median)} [{number(low, 2)}, {number(high, 2)}]"
+    return Cell(text, {name: median, f"{name} 5 %": low, f"{name} 95 %": high})
 
 
 def gains(result: Reproduction) -> Table:
     """Return each control's errors divided by joint control's, over the robots."""
     rows = []
-    controls: list[Control] = ["tej", *FURTHER]
-    for control in controls:
-        for quantity, statistic, root, label in (
-            ("theta", "sum_sq", False, "θ Σ squares"),
-            ("norm_xyz", "sum_sq", True, "norm rms"),
-        ):
-            ratio = result.experiment.ratio(quantity, statistic, control)
-            ratio = np.sqrt(ratio) if root else ratio
+    for control in list(LABELS)[1:]:
+        name = "tej" if control == "tej" else LABELS[control]
+        theta = result.experiment.ratio("theta", "sum_sq", control)
+        norm = np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", control))
+        for label, ratio in (("θ Σ squares", theta), ("norm rms", norm)):
             cells = np.percentile(ratio, [0, 5, 50, 95, 100])
-            name = FURTHER.get(control, control)
             rows.append([f"{label}, {name}", *map(number, cells)])
     header = ["ratio to usual control", "minimum", "5 %", "median", "95 %", "maximum"]
     return Table("gains", "Errors relative to usual control, over the robots", header, rows)
@@ -203,29 +184,31 @@ def moves(result: Reproduction) -> Table:
         error = experiment.in_print_units(run.error)
         cells = [*np.abs(error).max(axis=0), *error[-1]]
         rows.append([MOVES[name][0], *map(fixed, cells)])
-    units = {"x": "mm", "y": "mm", "z": "mm", "θ": "°"}
-    header = ["robot, control", *(f"max |{c}| ({u})" for c, u in units.items())]
-    header += [f"final {c} ({u})" for c, u in units.items()]
+    axes = [(c, "°" if c == "θ" else "mm") for c in "xyzθ"]
+    header = ["robot, control", *(f"max |{c}| ({unit})" for c, unit in axes)]
+    header += [f"final {c} ({unit})" for c, unit in axes]
     return Table("moves", "Errors of the 0.2 s move", header, rows)
+
+
+def _bracketed(cell: Cell, ends: tuple[float, float], decimals: int, name: str) -> Cell:
+    """Add an interval to a cell; `name` is that of the data."""
+    low, high = ends
+    data = {name: cell.data, f"{name} 5 %": low, f"{name} 95 %": high}
+    return Cell(f"{cell} [{low:.{decimals}f}, {high:.{decimals}f}]", data)
 
 
 def sensing(lines: list[Line]) -> Table:
     """Return the accuracy of sensor sets under each control, and the bound."""
     rows = []
     for line in lines:
-        *others, own = line.rms.values()
-        gain = line.gain
-        self_calibrated, gained = fixed(own), Cell(f"{gain:.1f}", gain)
+        *others, own = map(fixed, line.rms.values())
+        gain = fixed(line.gain, 1)
         if len(line.each["joint"]) > 1:
-            (low, high), (least, most) = line.interval, line.gain_interval
-            ends = {"self-calibrated": own, "self-calibrated 5 %": low}
-            ends["self-calibrated 95 %"] = high
-            self_calibrated = Cell(f"{own:.2f} [{low:.2f}, {high:.2f}]", ends)
-            ends = {"gain": gain, "gain 5 %": least, "gain 95 %": most}
-            gained = Cell(f"{gain:.1f} [{least:.1f}, {most:.1f}]", ends)
+            own = _bracketed(own, line.interval, 2, "self-calibrated")
+            gain = _bracketed(gain, line.gain_interval, 1, "gain")
         data = {"tolerances": line.tolerances, "sensors": line.sensors, "unit": "mm"}
         named = Cell(f"{line.tolerances}: {line.sensors}", data)
-        rows.append([named, *map(fixed, others), self_calibrated, fixed(line.bound), gained])
+        rows.append([named, *others, own, fixed(line.bound), gain])
     header = ["position rms (mm)", "usual", "TEJ", "weighted TEJ", "self-calibrated"]
     header += ["bound", "gain"]
     count = len(lines[0].each["joint"])
@@ -274,39 +257,36 @@ def check(result: Reproduction) -> Table:
     return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
 
 
+#: Quantities of path accuracy: attribute, column and SI unit.
+FOLLOWED = (
+    ("AT", "AT", "m"),
+    ("RT", "RT", "m"),
+    ("AT_angle", "AT θ", "rad"),
+    ("RT_angle", "RT θ", "rad"),
+    ("contour", "contouring", "m"),
+    ("contour_max", "largest", "m"),
+    ("tracking", "tracking", "m"),
+    ("tracking_max", "largest tracking", "m"),
+)
+
+
 def following(lines: list[paths.Line]) -> list[Table]:
     """Return ISO 9283's path accuracy and repeatability, contouring and tracking, per path."""
-    units = {"": ("mm", 1e3), "_angle": ("°", 180 / np.pi)}
-    names = {
-        "AT": "AT",
-        "RT": "RT",
-        "AT_angle": "AT θ",
-        "RT_angle": "RT θ",
-        "contour": "contouring",
-    }
-    names |= {"contour_max": "largest", "tracking": "tracking", "tracking_max": "largest tracking"}
-    header = ["speed, law"]
-    for key, name in names.items():
-        header.append(f"{name} ({units['_angle' if key.endswith('_angle') else ''][0]})")
+    header = ["speed, law", *(f"{name} ({PRINT[unit][1]})" for _, name, unit in FOLLOWED)]
     header.append("saturated (%)")
-    found = []
-    for path in dict.fromkeys(line.path for line in lines):
-        rows = []
-        for line in (line for line in lines if line.path == path):
-            known = "calibrated" if line.calibrated else "nominal"
-            speed = f"{100 * line.speed:.0f} % ({line.median('speed'):.2g} m/s)"
-            data: dict[str, object] = {"speed": line.speed, "speed_m_s": line.median("speed")}
-            data |= {"law": line.law, "robot": known}
-            row = [Cell(f"{speed}, {line.law}, {known}", data)]
-            for key in names:
-                scale = units["_angle" if key.endswith("_angle") else ""][1]
-                row.append(number(scale * line.median(key)))
-            rows.append([*row, fixed(100 * line.median("saturated"), 1)])
-        robots = len(lines[0].each)
-        of = f"{robots} robots: medians" if robots > 1 else "one robot"
-        title = f"A {path} followed ten times, {of}"
-        found.append(Table(f"following_{path}", title, header, rows))
-    return found
+    robots = len(lines[0].each)
+    of = f"{robots} robots: medians" if robots > 1 else "one robot"
+    rows: dict[str, list[list[Cell]]] = {line.path: [] for line in lines}
+    for line in lines:
+        known, speed = "calibrated" if line.calibrated else "nominal", line.median("speed")
+        data = {"speed": line.speed, "speed_m_s": speed, "law": line.law, "robot": known}
+        row = [Cell(f"{100 * line.speed:.0f} % ({speed:.2g} m/s), {line.law}, {known}", data)]
+        row += [number(PRINT[unit][0] * line.median(key)) for key, _, unit in FOLLOWED]
+        rows[line.path].append([*row, fixed(100 * line.median("saturated"), 1)])
+    return [
+        Table(f"following_{path}", f"A {path} followed ten times, {of}", header, of_path)
+        for path, of_path in rows.items()
+    ]
 
 
 def faults(lines: list[lying.Line]) -> Table:
@@ -434,13 +414,8 @@ def effects(lines: list[forgotten.Line]) -> Table:
 
 def twin_tables(section: twin.Section) -> list[Table]:
     """Return the section's tables in order."""
-    of_plants = [
-        table
-        for plant, runs in section.runs.items()
-        for table in (
-            *(twin_table3(runs, plant, r) for r in READINGS),
-            twin_changes(runs, plant),
-            twin_gains(runs, plant),
-        )
-    ]
-    return [*of_plants, *([effects(section.forgotten)] if section.forgotten else [])]
+    found = []
+    for plant, runs in section.runs.items():
+        found += [twin_table3(runs, plant, reading) for reading in READINGS]
+        found += [twin_changes(runs, plant), twin_gains(runs, plant)]
+    return [*found, effects(section.forgotten)]

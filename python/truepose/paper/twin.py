@@ -1,7 +1,4 @@
-"""The shipped twin of the paper's robot, and its experiment under every control on every plant.
-
-tools/twin_search.py searched for it; the printed numbers do not determine a unique robot.
-"""
+"""The shipped twin of the paper's robot, and its experiment under every control on every plant."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ import functools
 import importlib.util
 import tomllib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +15,7 @@ import numpy as np
 from truepose import robotfile
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.exceptions import RobotFileError, TrueposeError
+from truepose.exceptions import TrueposeError
 from truepose.paper import article, forgotten, virtual_experiment
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.forgotten import Line
@@ -50,16 +47,11 @@ class Twin:
         """Return the robot in exact statics, each rod on its own."""
         return ExactPlant(self.truth, self.effects, level="full", seed=self.seed)
 
-    def run(
-        self,
-        robot: Robot,
-        controls: tuple[Control, ...] = LAWS,
-        progress: Callable[[], None] = lambda: None,
-    ) -> dict[Control, Run]:
+    def run(self, robot: Robot, controls: tuple[Control, ...] = LAWS) -> dict[Control, Run]:
         """Carry out the experiment on the twin; `robot` is the nominal one."""
         vision = Vision(self.setup, self.seed)
         return virtual_experiment.run(
-            self.plant(), robot, vision, None, controls, self.seed, progress
+            self.plant(), robot, vision, controls=controls, seed=self.seed
         )
 
 
@@ -87,10 +79,7 @@ def printed() -> tuple[Array, Array]:
 
 def shipped() -> Twin:
     """Load the shipped twin, robots/h4-lirmm-twin."""
-    known = robotfile.loadable()
-    if NAME not in known:
-        raise RobotFileError(f"{NAME}: not among the shipped robots: {', '.join(known)}")
-    return read(known[NAME])
+    return read(robotfile.path_of(NAME))
 
 
 def read(path: Path) -> Twin:
@@ -110,6 +99,11 @@ def _tuples(value: Any) -> Any:
 
 
 MUJOCO = "MuJoCo is not installed: pip install 'truepose[mujoco]'; only the exact plant was used"
+#: Controls of the twin on each plant; a simulated plant takes a minute per control.
+PLANTS: dict[str, tuple[Control, ...]] = {
+    "exact": tuple(CONTROLS),
+    "MuJoCo": ("joint", "tej", "self-calibrated"),
+}
 
 
 @dataclass(frozen=True)
@@ -119,33 +113,8 @@ class Section:
     twin: Twin
     runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
     notes: list[str]  #: missing packages, one line each
-    forgotten: list[Line] = field(default_factory=list)  #: effects on calibration
-    loops: dict[str, Simulation] = field(default_factory=dict)  #: moves with all effects
-
-
-#: Controls of the twin on each plant; a simulated plant takes a minute per control.
-PLANTS: dict[str, tuple[Control, ...]] = {
-    "exact": tuple(CONTROLS),
-    "MuJoCo": ("joint", "tej", "self-calibrated"),
-}
-
-
-def plants(of: Twin, names: Iterable[str]) -> tuple[dict[str, Plant], list[str]]:
-    """Return the twin's plants by name, and the reasons why others are missing."""
-    found: dict[str, Plant] = {}
-    for name in names:
-        if name == "exact":
-            found[name] = of.plant()
-            continue
-        try:
-            from truepose.integrations.mujoco.plant import MujocoPlant
-
-            found[name] = MujocoPlant(of.truth, of.effects, seed=of.seed)
-        except ImportError:
-            return found, [MUJOCO]
-        except TrueposeError as error:
-            return found, [str(error)]
-    return found, []
+    forgotten: list[Line]  #: effects on calibration
+    loops: dict[str, Simulation]  #: moves with all effects
 
 
 def total_steps(robots: int) -> int:
@@ -155,42 +124,36 @@ def total_steps(robots: int) -> int:
     return steps + forgotten.total_steps(min(robots, forgotten.ROBOTS))
 
 
-def run(
-    progress: Callable[[str], None] = lambda _: None,
-    robots: int = 0,
-    seed: int = 0,
-    on: Iterable[str] | None = None,
-) -> Section:
-    """Carry out the experiment on the shipped twin under every control.
+def run(progress: Callable[[str], None], robots: int, seed: int) -> Section:
+    """Carry out the experiment on the shipped twin under every control, on all installed plants.
 
     `progress` is called with the name of the present task after each step, see :func:`total_steps`.
     :func:`truepose.paper.forgotten.study` has `robots` robots of this `seed`, at most
-    `forgotten.ROBOTS`; 0 skips it. `on` is some of `PLANTS`, default all installed.
-
-    Examples
-    --------
-    >>> from truepose.paper import twin
-    >>> section = twin.run(on=["exact"])
-    >>> sorted(section.runs["exact"]) == sorted(twin.CONTROLS)
-    True
+    `forgotten.ROBOTS`.
     """
     robot, of = load("h4"), shipped()
+    plants: dict[str, Plant] = {"exact": of.plant()}
+    notes = []
+    try:
+        from truepose.integrations.mujoco.plant import MujocoPlant
+
+        plants["MuJoCo"] = MujocoPlant(of.truth, of.effects, seed=of.seed)
+    except ImportError:
+        notes.append(MUJOCO)
+    except TrueposeError as error:
+        notes.append(str(error))
     vision = Vision(of.setup, of.seed)
-    there, notes = plants(of, PLANTS if on is None else on)
-    runs = {}
-    for name, plant in there.items():
-        runs[name] = virtual_experiment.run(
+    runs = {
+        name: virtual_experiment.run(
             plant,
             robot,
             vision,
-            None,
-            PLANTS[name],
-            of.seed,
-            functools.partial(progress, f"experiment, {name} plant"),
+            controls=PLANTS[name],
+            seed=of.seed,
+            progress=functools.partial(progress, f"experiment, {name} plant"),
         )
-    section = Section(of, runs, notes)
-    if robots == 0:
-        return section
+        for name, plant in plants.items()
+    }
     few = min(robots, forgotten.ROBOTS)
     lines = forgotten.study(robot, few, seed, lambda: progress("effects that the model omits"))
-    return replace(section, forgotten=lines, loops=forgotten.loops(robot))
+    return Section(of, runs, notes, lines, forgotten.loops(robot))

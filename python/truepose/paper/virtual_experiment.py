@@ -1,9 +1,4 @@
-"""The paper's section 4 with a simulated robot and vision system.
-
-The robot settles at each pose of Table 2. The pose estimated from its encoders is compared with the
-one that the vision system measures, and the errors are summed up as in Table 3. Only the vision
-system has access to the plant's true pose.
-"""
+"""The paper's section 4 with a simulated robot and vision system."""
 
 from __future__ import annotations
 
@@ -18,7 +13,6 @@ from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.writing import Column, numbered, pose, readings
 from truepose.paper import article, experiment
-from truepose.paper.article import JITTER
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.vision import Seen, Vision
 from truepose.robot.frames import coordinates
@@ -100,77 +94,47 @@ def run(
 ) -> dict[Control, Run]:
     """Carry out the experiment under some controls.
 
-    `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
-    `poses` (P, 4) are desired, default Table 2's 625. `controls` are some of
-    :data:`truepose.paper.experiment.CONTROLS`; "self-calibrated" first visits the poses under joint
-    control and calibrates on these readings. `seed` is that of the vision system's noise and of the
-    calibration poses' offsets. `progress` is called after each pose, see :func:`total_steps`.
+    The robot settles at each pose. The pose estimated from its encoders is compared with the one
+    that the vision system measures; only that has access to the plant's true pose.
 
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
-    >>> from truepose.paper import virtual_experiment
-    >>> from truepose.simulation.plants.exact import ExactPlant
-    >>> from truepose.paper.vision import Setup, Vision
-    >>> h4 = tp.load("h4")
-    >>> plant = ExactPlant(with_paper_errors(h4, seed=1))
-    >>> runs = virtual_experiment.run(plant, h4, Vision(Setup.facing(h4)))
-    >>> usual, redundant = (runs[control].table() for control in ("joint", "tej"))
-    >>> bool(redundant[3, 2] < usual[3, 2] / 20)  # θ's sum of squares
-    True
+    `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
+    `poses` (P, 4) are desired, default Table 2's 625. "self-calibrated" first visits them under
+    joint control, with offsets, and calibrates on these readings. `seed` is that of the vision
+    system's noise and of the offsets. `progress` is called after each pose.
     """
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: mobility must be schoenflies (x, y, z and θ)")
     require_sensors(robot, "tej")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
+
+    def learnt() -> Robot:
+        taught = plant.visit(robot, article.offset(poses, seed), article.control("joint"), progress)
+        return calibrate(robot, taught.q_e[taught.status == "ok"], loss="squares").robot
+
     result: dict[Control, Run] = {}
     for control in controls:
         if control not in CONTROLS:
             raise InputError(choose("control", control, CONTROLS))
-        believed = robot
-        if control == "weighted":
-            believed = robot.expected()
-        if control == "self-calibrated":
-            believed = learnt(plant, robot, poses, seed, progress)
+        believed = experiment.believed(control, robot, learnt)
         visit = plant.visit(believed, poses, article.control(CONTROLS[control]), progress)
-        result[control] = observe(control, believed, poses, visit, vision, seed)
+        result[control] = observe(
+            control, believed, poses, visit, vision.measure(visit.frame, seed)
+        )
     return result
 
 
-def learnt(
-    plant: Plant,
-    robot: Robot,
-    poses: Array,
-    seed: int = 0,
-    progress: Callable[[], None] = lambda: None,
-) -> Robot:
-    """Return the robot calibrated from its own readings at these poses under joint control.
-
-    The poses are offset as in :func:`truepose.paper.experiment.self_calibrated`.
-    """
-    beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, poses.shape)
-    visit = plant.visit(robot, poses + beside, article.control("joint"), progress)
-    return calibrate(robot, visit.q_e[visit.status == "ok"], loss="squares").robot
-
-
-def observe(
-    control: Control, believed: Robot, poses: Array, visit: Visit, vision: Vision, seed: int
-) -> Run:
-    """Measure the plant's poses, and estimate them from its readings."""
-    seen: Seen = vision.measure(visit.frame, seed)
-    measured = coordinates(believed, seen.frame)
+def observe(control: Control, believed: Robot, poses: Array, visit: Visit, seen: Seen) -> Run:
+    """Compare the measured poses with those estimated from the plant's readings."""
     estimated = estimate(control, believed, poses, visit.q_e)
     status = np.where(visit.status == "ok", seen.status, visit.status).astype(object)
-    lost = (status == "ok") & ~np.isfinite(estimated).all(axis=1)
-    status[lost] = "no pose fits the readings"
+    status[(status == "ok") & ~np.isfinite(estimated).all(axis=1)] = "no pose fits the readings"
     return Run(
         control,
         believed,
         poses,
         visit.q_e,
         estimated,
-        measured,
+        coordinates(believed, seen.frame),
         seen.covariance,
         status.astype(str),
         visit,

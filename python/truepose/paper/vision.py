@@ -1,27 +1,17 @@
-"""The paper's vision system: three line cameras, four LEDs, and their covariance.
-
-A line camera (a linear CCD behind a cylindrical lens) at c, with optical axis n and line direction
-a, measures one coordinate of an LED at p, in pixels:
-
-    u = f a·(p − c) / n·(p − c) + u0
-
-Each reading is thus a plane through the LED. The LEDs light one after the other, so their identity
-is known. The cameras are calibrated on an artefact, never on the robot's own poses.
-"""
+"""The paper's vision system: three line cameras, four LEDs, and their covariance."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from functools import cached_property
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError
-from truepose.robot.frames import rotation
+from truepose.robot.frames import frames, rotation
 from truepose.robot.robot import Robot
 
 CAMERAS = 3
@@ -29,13 +19,9 @@ _ITERATIONS = 30
 #: Of each camera: rotation vector, shifts along line and axis (a shift along the third direction is
 #: unobservable), logarithm of the focal length, centre of the line.
 _PARAMETERS = 7
-
-
-def frame_of(rotation: Array, position: Array) -> Array:
-    """Return homogeneous matrices (..., 4, 4)."""
-    frame = np.zeros((*np.shape(position)[:-1], 4, 4))
-    frame[..., :3, :3], frame[..., :3, 3], frame[..., 3, 3] = rotation, position, 1
-    return frame
+#: Dimensions and tolerances of a :class:`Setup` that are greater than 0.
+_POSITIVE = {"distance", "focal_length", "pixel", "pixels", "across", "artefact", "noise"}
+_POSITIVE |= {"placing", "aiming", "lens", "centring", "artefact_tolerance"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +30,6 @@ class Setup:
 
     The paper names three linear CCD cameras and four LEDs only. These values give a pose noise of
     about 0.05 mm and 0.035° (1σ).
-
-    Examples
-    --------
-    >>> from truepose.paper.vision import Setup
-    >>> Setup(noise=0.1).pixels
-    2048
     """
 
     centre: tuple[float, float, float] = (0.0, 0.0, -0.4)  #: point that the cameras face, m
@@ -78,41 +58,37 @@ class Setup:
     centring: float = 10.0  #: σ of the centre of its line, pixels
     #: Registration error of the vision frame: rotation vector (rad), then shift (m) of a point of
     #: the base as measured by the vision system. It is not corrected here.
-    registration: tuple[float, ...] = field(default=(0.0,) * 6)
+    registration: tuple[float, ...] = (0.0,) * 6
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            values = np.asarray(getattr(self, f.name), dtype=float)
-            if not np.isfinite(values).all():
-                raise InputError(f"{f.name} = {getattr(self, f.name)}: must be finite")
-        optics = ("distance", "focal_length", "pixel", "pixels", "across", "artefact")
-        errors = ("noise", "placing", "aiming", "lens", "centring", "artefact_tolerance")
-        for name in optics + errors:
-            if getattr(self, name) <= 0:
-                raise InputError(f"{name} = {getattr(self, name)}: must be greater than 0")
-        if self.led_tolerance < 0:
-            raise InputError(f"led_tolerance = {self.led_tolerance}: must be at least 0")
+        for name, value in vars(self).items():
+            if not np.isfinite(np.asarray(value, dtype=float)).all():
+                raise InputError(f"{name} = {value}: must be finite")
+            if name in _POSITIVE and value <= 0:
+                raise InputError(f"{name} = {value}: must be greater than 0")
+        for name, least in (("led_tolerance", 0), ("artefact_points", 2)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} = {getattr(self, name)}: must be at least {least}")
         if np.shape(self.leds)[1:] != (3,) or len(self.leds) < 3:
             raise InputError(f"leds: shape {np.shape(self.leds)}, must be (3 or more, 3)")
         if np.linalg.matrix_rank(np.array(self.leds) - np.mean(self.leds, axis=0), 1e-6) < 2:
             raise InputError("leds: all on one line; the pose cannot be measured")
         if len(self.registration) != 6:
             raise InputError(f"registration: {len(self.registration)} values, must be 6")
-        if self.artefact_points < 2:
-            raise InputError(f"artefact_points = {self.artefact_points}: must be at least 2")
 
     @classmethod
-    def facing(cls, robot: Robot, **changes: Any) -> Setup:
+    def facing(cls, robot: Robot) -> Setup:
         """Return a setup whose cameras face a robot's home pose."""
-        home = np.zeros(3)
-        for k, (name, _) in enumerate(robot.coordinates):
-            if name in "xyz":
-                home["xyz".index(name)] = robot.home[k]
-        return cls(**({"centre": tuple(home.tolist())} | changes))
+        x, y, z = frames(robot, robot.home)[:3, 3].tolist()
+        return cls(centre=(x, y, z))
 
 
 class Cameras(NamedTuple):
-    """Parameters of K line cameras, true or estimated."""
+    """Parameters of K line cameras, true or estimated.
+
+    A line camera (a linear CCD behind a cylindrical lens) at c, with optical axis n and line
+    direction a, measures one coordinate of a point p: u = f a·(p − c) / n·(p − c) + u0, pixels.
+    """
 
     position: Array  #: (K, 3) m
     axis: Array  #: (K, 3) unit
@@ -170,7 +146,6 @@ class CameraCalibration(NamedTuple):
     covariance: Array  #: (7 K, 7 K)
     residuals: Array  #: (seen points,) of u, pixels
     freedoms: float  #: degrees of freedom of their sum of squares over noise²
-    points: Array  #: (P, 3) of the artefact, estimated, m
 
 
 class Seen(NamedTuple):
@@ -182,7 +157,7 @@ class Seen(NamedTuple):
 
 
 class Vision:
-    """A vision system of sampled cameras, calibrated on the artefact on first use.
+    """A vision system of sampled cameras, calibrated on the artefact.
 
     Parameters
     ----------
@@ -204,20 +179,13 @@ class Vision:
 
     def __init__(self, setup: Setup | None = None, seed: int = 0):
         self.setup = setup = Setup() if setup is None else setup
-        self._rng = rng = np.random.default_rng(check_seed(seed))
-        self.drawn = drawn = _drawn(setup)
-        sigma = self._prior = np.array(
-            [setup.aiming] * 3 + [setup.placing] * 2 + [setup.lens, setup.centring]
-        )
-        self.true = drawn.moved(rng.normal(size=(CAMERAS, _PARAMETERS)) * sigma)
+        rng = np.random.default_rng(check_seed(seed))
+        self.drawn = _nominal(setup)
+        sigma = np.array([setup.aiming] * 3 + [setup.placing] * 2 + [setup.lens, setup.centring])
+        self.true = self.drawn.moved(rng.normal(size=(CAMERAS, _PARAMETERS)) * sigma)
         leds = np.array(setup.leds)
         self.true_leds = leds + rng.normal(size=leds.shape) * setup.led_tolerance
-        self._calibration_seed = int(rng.integers(2**63))
-
-    @cached_property
-    def calibration(self) -> CameraCalibration:
-        """Maximum a posteriori estimate of cameras and artefact points."""
-        setup, rng = self.setup, np.random.default_rng(self._calibration_seed)
+        rng = np.random.default_rng(int(rng.integers(2**63)))
         edge = np.linspace(-0.5, 0.5, setup.artefact_points) * setup.artefact
         grid = np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), -1).reshape(-1, 3)
         nominal = grid + setup.centre
@@ -229,7 +197,7 @@ class Vision:
                 f"artefact = {setup.artefact} m: a camera sees {seen.sum(axis=0).min()} of its "
                 f"points, must see {_PARAMETERS} or more"
             )
-        return _calibrate(self.drawn, self._prior, nominal, u, seen, setup)
+        self.calibration = _calibrate(self.drawn, sigma, nominal, u, seen, setup)
 
     def measure(self, frame: ArrayLike, seed: int = 0) -> Seen:
         """Measure true nacelle poses in the base frame, (N, 4, 4), m; NaN for missing ones.
@@ -239,44 +207,33 @@ class Vision:
         setup, frame = self.setup, np.asarray(frame, dtype=float)
         if frame.ndim != 3 or frame.shape[1:] != (4, 4):
             raise InputError(f"frame: shape {frame.shape}, must be (N, 4, 4)")
-        there = np.isfinite(frame).all(axis=(1, 2))
         R = rotation(setup.registration[:3])
         leds = self.true_leds @ np.swapaxes(frame[:, :3, :3], 1, 2) + frame[:, None, :3, 3]
         leds = leds @ R.T + np.array(setup.registration[3:])
         with np.errstate(invalid="ignore"):
-            visible = self.true.sees(leds, setup)
-            u = self.true.project(leds)
+            visible, u = self.true.sees(leds, setup), self.true.project(leds)
         noise = np.random.default_rng(check_seed(seed)).normal(size=u.shape)
-        return self.locate(u + setup.noise * noise, visible & there[:, None, None], there)
+        seen = self.locate(u + setup.noise * noise, visible)
+        there = np.isfinite(frame).all(axis=(1, 2))
+        return seen._replace(status=np.where(there, seen.status, "no pose"))
 
-    def locate(self, u: Array, visible: Array, there: Array | None = None) -> Seen:
+    def locate(self, u: Array, visible: Array) -> Seen:
         """Compute poses by least squares on SE(3) from the cameras' readings.
 
         Iterations start from the linear triangulation of at least three LEDs seen by all cameras.
 
-        `u` (N, LEDs, K) are pixels, `visible` (N, LEDs, K) tells which LED each camera sees,
-        `there` (N,) is False for missing poses.
+        `u` (N, LEDs, K) are pixels, `visible` (N, LEDs, K) tells which LED each camera sees.
         """
-        setup, cameras = self.setup, self.calibration.cameras
-        body, whole = np.array(setup.leds), np.asarray(visible.all(axis=2))
-        count = len(u)
-        frame = np.full((count, 4, 4), np.nan)
-        covariance = np.full((count, 6, 6), np.nan)
-        status = np.array(
-            [
-                f"{k} of {len(body)} LEDs in view of all cameras, 3 needed"
-                for k in whole.sum(axis=1)
-            ],
-            dtype=object,
-        )
-        if there is not None:
-            status[~there] = "no pose"
-        at = np.flatnonzero(whole.sum(axis=1) >= 3)
-        if at.size == 0:
-            return Seen(frame, covariance, status.astype(str))
+        cameras, body = self.calibration.cameras, np.array(self.setup.leds)
+        whole = np.asarray(visible.all(axis=2))
+        count = whole.sum(axis=1)
+        frame = np.full((len(u), 4, 4), np.nan)
+        covariance = np.full((len(u), 6, 6), np.nan)
+        few = [f"{k} of {len(body)} LEDs in view of all cameras, 3 needed" for k in count]
+        status = np.array(few, dtype=object)
+        at = np.flatnonzero(count >= 3)
         u, weight = np.where(visible, u, 0.0)[at], visible[at].astype(float)
         R, t = _fitted(body, _triangulated(cameras, u), whole[at].astype(float))
-        converged = np.zeros(len(at), dtype=bool)
         for _ in range(_ITERATIONS):
             arms = body @ np.swapaxes(R, 1, 2)
             points = arms + t[:, None]
@@ -284,15 +241,15 @@ class Vision:
             J = np.concatenate([by_point, np.cross(arms[:, :, None], by_point)], axis=-1)
             residual = (u - cameras.project(points)) * weight
             normal = np.einsum("nlk,nlki,nlkj->nij", weight, J, J)
-            step = np.linalg.solve(normal, np.einsum("nlki,nlk->ni", J, residual)[..., None])[
-                ..., 0
-            ]
+            downhill = np.einsum("nlki,nlk->ni", J, residual)
+            step = np.linalg.solve(normal, downhill[..., None])[..., 0]
             R, t = rotation(step[:, 3:]) @ R, t + step[:, :3]
             converged = np.abs(step).max(axis=1) < 1e-11
             if converged.all():
                 break
         good = at[converged]
-        frame[good] = frame_of(R, t)[converged]
+        frame[good] = np.eye(4)
+        frame[good, :3, :3], frame[good, :3, 3] = R[converged], t[converged]
         covariance[good] = self._covariance(R, points, J, normal, weight)[converged]
         status[at] = np.where(converged, "ok", "no pose fits the cameras' readings")
         return Seen(frame, covariance, status.astype(str))
@@ -303,9 +260,9 @@ class Vision:
         inverse = np.linalg.inv(normal)
         gain = np.einsum("nij,nlkj,nlk->nilk", inverse, J, weight)
         by_camera = np.einsum("nilk,nlkp->nikp", gain, cameras.by_parameter(points))
-        by_camera = by_camera.reshape(len(points), 6, -1)
+        by_camera = by_camera.reshape(len(points), 6, CAMERAS * _PARAMETERS)
         by_led = np.einsum("nilk,nlkx,nxy->nily", gain, cameras.by_point(points), R)
-        by_led = by_led.reshape(len(points), 6, -1)
+        by_led = by_led.reshape(len(points), 6, 3 * len(setup.leds))
         return (
             setup.noise**2 * inverse
             + by_camera @ self.calibration.covariance @ np.swapaxes(by_camera, 1, 2)
@@ -313,7 +270,7 @@ class Vision:
         )
 
 
-def _drawn(setup: Setup) -> Cameras:
+def _nominal(setup: Setup) -> Cameras:
     """Return the nominal cameras: evenly around the centre, looking up at it."""
     azimuth = 2 * np.pi * np.arange(CAMERAS) / CAMERAS
     c, s = math.cos(setup.elevation), math.sin(setup.elevation)
@@ -327,47 +284,36 @@ def _drawn(setup: Setup) -> Cameras:
 
 
 def _calibrate(
-    cameras: Cameras, prior: Array, nominal: Array, u: Array, seen: Array, setup: Setup
+    start: Cameras, sigma: Array, nominal: Array, u: Array, seen: Array, setup: Setup
 ) -> CameraCalibration:
     """Bundle adjustment by Gauss-Newton: cameras and the artefact's points, each with its prior.
 
-    Unknowns are in units of their priors' σ, readings in units of the noise. Cameras alone couple
-    the points, so the points' blocks are eliminated one by one.
+    Unknowns are in units of their priors' σ, readings in units of the noise.
     """
-    change, points, start = np.zeros((CAMERAS, _PARAMETERS)), nominal.copy(), cameras
-    sigma = np.tile(prior, CAMERAS)
+    count, own = len(nominal), CAMERAS * _PARAMETERS
+    unknown = np.zeros(own + 3 * count)
+    J = np.zeros((count, CAMERAS, unknown.size))
     for _ in range(_ITERATIONS):
-        residual = np.where(seen, u - cameras.project(points), 0.0) / setup.noise
-        own = cameras.by_parameter(points) * (seen[..., None] * prior / setup.noise)
-        by_camera: Array = np.zeros((len(points), CAMERAS, CAMERAS, _PARAMETERS))
-        by_camera[:, range(CAMERAS), range(CAMERAS)] = own
-        by_camera = by_camera.reshape(len(points), CAMERAS, -1)
-        by_point = cameras.by_point(points) * seen[..., None]
-        by_point = by_point * (setup.artefact_tolerance / setup.noise)
-        across = np.swapaxes(by_camera, 1, 2) @ by_point
-        inner = np.linalg.inv(np.swapaxes(by_point, 1, 2) @ by_point + np.eye(3))
-        downhill = np.einsum("pkc,pk->c", by_camera, residual) - change.ravel() / sigma
-        beside = np.einsum("pkx,pk->px", by_point, residual)
-        beside = beside - (points - nominal) / setup.artefact_tolerance
-        information = np.einsum("pkc,pkd->cd", by_camera, by_camera) + np.eye(len(sigma))
-        shared = information - np.einsum("pcx,pxy,pdy->cd", across, inner, across, optimize=True)
-        step = np.linalg.solve(
-            shared, downhill - np.einsum("pcx,pxy,py->c", across, inner, beside, optimize=True)
-        )
-        moved = np.einsum("pxy,py->px", inner, beside - np.einsum("pcx,c->px", across, step))
-        change = change + (step * sigma).reshape(CAMERAS, _PARAMETERS)
-        points = points + moved * setup.artefact_tolerance
-        cameras = start.moved(change)
-        if max(np.abs(step).max(), np.abs(moved).max()) < 1e-8:
+        cameras = start.moved(unknown[:own].reshape(CAMERAS, -1) * sigma)
+        points = nominal + unknown[own:].reshape(-1, 3) * setup.artefact_tolerance
+        by_camera, by_point = cameras.by_parameter(points) * sigma, cameras.by_point(points)
+        for k in range(CAMERAS):
+            J[:, k, _PARAMETERS * k : _PARAMETERS * (k + 1)] = by_camera[:, k]
+        for p in range(count):
+            J[p, :, own + 3 * p : own + 3 * p + 3] = by_point[p] * setup.artefact_tolerance
+        residual = (u - cameras.project(points))[seen]
+        rows = J[seen] / setup.noise
+        information = rows.T @ rows + np.eye(unknown.size)
+        step = np.linalg.solve(information, rows.T @ residual / setup.noise - unknown)
+        unknown += step
+        if np.abs(step).max() < 1e-8:
             break
-    inverse = np.linalg.inv(shared)
+    inverse = np.linalg.inv(information)
     # Degrees of freedom: readings − the trace of each unknown's information, 1 - posterior/prior.
-    back = np.einsum("pyx,pcx->pyc", inner, across)
-    left = np.einsum("pxx->", inner) + np.einsum("pyc,cd,pyd->", back, inverse, back, optimize=True)
-    unknown = len(sigma) + 3 * len(points)
-    freedoms = float(seen.sum() - (unknown - np.trace(inverse) - left))
-    residual = (u - cameras.project(points))[seen]
-    return CameraCalibration(cameras, inverse * np.outer(sigma, sigma), residual, freedoms, points)
+    freedoms = float(seen.sum() - (unknown.size - np.trace(inverse)))
+    every = np.tile(sigma, CAMERAS)
+    covariance = inverse[:own, :own] * np.outer(every, every)
+    return CameraCalibration(cameras, covariance, residual, freedoms)
 
 
 def _triangulated(cameras: Cameras, u: Array) -> Array:

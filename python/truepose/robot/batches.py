@@ -36,19 +36,12 @@ def flattened(
         bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
         raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
     rows = np.ascontiguousarray(array.reshape(-1, width))
-    if name.startswith("x") and np.abs(rows).max(initial=0) > 2 * np.pi:
-        _warn_of_degrees(robot, rows, name)
+    largest = np.abs(rows).max(axis=0, initial=0) if name.startswith("x") else ()
+    for most, (coordinate, unit) in zip(largest, robot.coordinates, strict=False):
+        if unit == "rad" and most > 2 * np.pi:
+            said = f"{name}: {coordinate} = {most:.6g} rad is more than a turn; is it in degrees?"
+            warnings.warn(f"{robot.name}: {said}", stacklevel=3)
     return rows, array.shape[:-1]
-
-
-def _warn_of_degrees(robot: Description, rows: Array, name: str) -> None:
-    for k, (coordinate, unit) in enumerate(robot.coordinates):
-        if unit == "rad" and (most := float(np.abs(rows[:, k]).max())) > 2 * np.pi:
-            warnings.warn(
-                f"{robot.name}: {name}: {coordinate} = {most:.6g} rad is more than a turn; "
-                "is it in degrees?",
-                stacklevel=4,
-            )
 
 
 def _by_name(
@@ -79,22 +72,15 @@ def require_answers(
         return
     k = int(np.flatnonzero(status > 0)[0])
     index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
-    guilty = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
-    beyond = ""
+    reason = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
+    reason += _core.describe(int(status[k]))
     if status[k] == _core.joint_limit:
-        full = robot.is_full(level)
-        beyond = (", " if chain[k] >= 0 else " ") + explain.beyond(
-            robot.core, robot.spec, rows[k], int(chain[k]), full
-        )
-    raise PoseError(
-        f"{robot.name}: {what}{index} {name} = {_list(rows[k])}: "
-        f"{guilty}{_core.describe(int(status[k]))}{beyond}{_in_other_units(rows[k])}"
-    )
-
-
-def _in_other_units(row: Array) -> str:
-    """Return a hint at wrong units for a row that no robot reaches, else nothing."""
-    return "; is it in mm or degrees instead of m and rad?" if np.abs(row).max() > _MUCH else ""
+        full, motor = robot.is_full(level), int(chain[k])
+        reason += ", " if motor >= 0 else " "
+        reason += explain.beyond(robot.core, robot.spec, rows[k], motor, full)
+    if np.abs(rows[k]).max() > _MUCH:
+        reason += "; is it in mm or degrees instead of m and rad?"
+    raise PoseError(f"{robot.name}: {what}{index} {name} = {_list(rows[k])}: {reason}")
 
 
 def at_poses(
@@ -111,6 +97,19 @@ def at_poses(
     *results, status, chain = function(core or robot.core, rows, *arguments)
     require_answers(robot, "pose", rows, lead, status, chain, errors, level=level)
     return [of.reshape(*lead, *of.shape[1:]) for of in results]
+
+
+def together(robot: Description, errors: Errors, **values: ArrayLike) -> list[Array]:
+    """Check arrays (..., n) by name and broadcast their leading shapes."""
+    arrays = [
+        rows.reshape(*lead, robot.n)
+        for rows, lead in (flattened(robot, v, robot.n, n, errors) for n, v in values.items())
+    ]
+    try:
+        return list(np.broadcast_arrays(*arrays))
+    except ValueError:
+        shapes = ", ".join(f"{n} {a.shape}" for n, a in zip(values, arrays, strict=True))
+        raise InputError(f"{shapes}: leading shapes must broadcast") from None
 
 
 def _list(values: Array) -> str:

@@ -7,22 +7,20 @@ load. Kinematics and estimates in Python include it; code for controllers does n
 
 from __future__ import annotations
 
-import functools
 import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, numbers_of
+from truepose.arguments import Array, numbers_of
 from truepose.exceptions import InputError
-from truepose.robot.batches import flattened, require_answers
 from truepose.robot.description import Description
-from truepose.robotfile.schema import COMMON, Compliance, is_compliance
+from truepose.robotfile.base import COMMON, is_compliance
 from truepose.robotfile.to_core import padded
 
 #: Maximum fixed-point steps; each shrinks by about the strain and the tension's rate of change.
@@ -90,69 +88,8 @@ class UnderLoad(NamedTuple):
     chain: Array  #: (N,)
 
 
-class Loaded(Description):
-    """Rod forces and compliance of a :class:`truepose.Robot`."""
-
-    @functools.cached_property
-    def compliance(self) -> Array:
-        """Strain of each chain's rods per newton of tension, own and common, 1/N, shape (n,)."""
-        common = self._values.get(COMMON, 0.0)
-        own = [self._values.get(f"chain{i + 1}.compliance", 0.0) for i in range(self.n)]
-        return common + np.array(own)
-
-    @functools.cached_property
-    def is_compliant(self) -> bool:
-        """Whether any chain is compliant."""
-        return bool(self.compliance.any())
-
-    @functools.cached_property
-    def stiff(self) -> Self:
-        """The robot with stiff rods, as controllers model it."""
-        return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
-
-    def with_payload(self, force: ArrayLike) -> Self:
-        """Return a copy with another load, N, on the platform's reference point, base frame.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> robot = tp.load("stewart").with_payload((0, 0, -500))
-        >>> robot = robot.replace({"compliance.all_chains": 1e-7})
-        >>> lower = robot.fkm(robot.stiff.ikm(robot.home))[2] - robot.home[2]
-        >>> print(f"{1e6 * lower:.1f} µm")
-        -24.0 µm
-        """
-        given = np.asarray(force, dtype=float)
-        if given.shape != (3,) or not np.isfinite(given).all():
-            raise InputError(f"load = {given.tolist()}: must be three finite numbers, N")
-        table = (self._spec.compliance or Compliance()).model_copy(
-            update={"load": tuple(given.tolist())}
-        )
-        return self._with(compliance=table)
-
-    def rod_forces(
-        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
-    ) -> Array:
-        """Compute the static tension of every chain at x, all its rods together, N, shape (..., n).
-
-        It carries the platform's weight, half of every rod's, and the file's load; negative is
-        compression. Parameters as for :meth:`Robot.ikm`.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> delta = tp.load("delta")
-        >>> print(delta.with_payload((0, 0, -30)).rod_forces(delta.home).round(2))
-        [18.13 18.13 18.13]
-        """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        at = under_load(self, rows, self.is_full(level))
-        require_answers(self, "pose", rows, lead, at.status, at.chain, errors)
-        return at.tension.reshape(*lead, self.n)
-
-
 def under_load(
-    robot: Loaded,
+    robot: Description,
     x: Array,
     full: bool,
     *,
@@ -165,61 +102,50 @@ def under_load(
     `compliance`, (n,), is by default the robot's; `force`, (N, 3), N, is added to the file's load;
     `tension`, (N, n), N, holds measured values, NaN where there is none.
     """
-    given = robot.compliance if compliance is None else compliance
     load = robot.spec.compliance.load if robot.spec.compliance else (0.0, 0.0, 0.0)
-    beside = np.zeros((len(x), 3)) if force is None else force
-    measured = np.full((len(x), robot.n), np.nan) if tension is None else tension
-    return UnderLoad(
-        *_core.under_load(
-            robot.core,
-            np.ascontiguousarray(x),
-            padded(given),
-            np.ascontiguousarray(beside + load),
-            np.ascontiguousarray(measured),
-            full,
-        )
-    )
+    force = np.tile(load, (len(x), 1)) + (0.0 if force is None else force)
+    tension = np.full((len(x), robot.n), np.nan) if tension is None else tension
+    strains = padded(robot.compliance if compliance is None else compliance)
+    x, tension = np.ascontiguousarray(x), np.ascontiguousarray(tension)
+    return UnderLoad(*_core.under_load(robot.core, x, strains, force, tension, full))
 
 
-def given_way(robot: Loaded, x: Array, full: bool, **loads: Array) -> UnderLoad:
+def given_way(robot: Description, x: Array, full: bool, **loads: Array) -> UnderLoad:
     """Return the readings' change due to compliance, exactly; the rest as :func:`under_load`."""
     at = under_load(robot, x, full, **loads)
     stiff = under_load(robot, x, full, compliance=np.zeros(robot.n), **loads)
     return at._replace(readings=at.readings - stiff.readings)
 
 
-def taken_as_stiff(robot: Loaded, what: str) -> str | None:
+def taken_as_stiff(robot: Description, what: str) -> str | None:
     """Return the warning that `what` ignores a robot's compliance; None where it has none."""
-    if not robot.is_compliant:
-        return None
-    left_out = "compliance and load are ignored"
-    return f"{robot.name}: {what} assumes stiff rods: {left_out}"
+    said = f"{robot.name}: {what} assumes stiff rods: compliance and load are ignored"
+    return said if robot.is_compliant else None
 
 
-def warn_if_stiff(robot: Loaded, what: str) -> None:
+def warn_if_stiff(robot: Description, what: str) -> None:
     """Issue the warning of :func:`taken_as_stiff` at the caller's caller."""
     if said := taken_as_stiff(robot, what):
         warnings.warn(said, stacklevel=3)
 
 
-def unknown(robot: Loaded) -> list[str]:
+def unknown(robot: Description) -> list[str]:
     """Return the names of the uncertain compliances (σ > 0)."""
     known = robot.parameters
     return [n for n, p in known.items() if is_compliance(n) and p.sigma > 0]
 
 
-def columns(robot: Loaded, names: Sequence[str], by_compliance: Array) -> Array:
+def columns(robot: Description, names: Sequence[str], by_compliance: Array) -> Array:
     """Select derivatives by these compliances, (N, n + r, len(names)), from all chains'."""
     of_chain = {f"chain{i + 1}.compliance": by_compliance[..., i] for i in range(robot.n)}
     of_chain[COMMON] = by_compliance.sum(axis=-1)
-    empty = np.zeros((*by_compliance.shape[:2], 0))
-    return np.stack([of_chain[name] for name in names], axis=-1) if names else empty
+    chosen = [of_chain[name] for name in names]
+    return np.stack(chosen, axis=-1) if chosen else by_compliance[..., :0]
 
 
-def acting(robot: Loaded, x: Array, full: bool) -> Array | None:
+def acting(robot: Description, x: Array, full: bool) -> Array | None:
     """Return the columns of the uncertain compliances, as the core's bounds take them."""
-    names = unknown(robot)
-    if not names:
+    if not (names := unknown(robot)):
         return None
     by = columns(robot, names, under_load(robot, x, full).by_compliance)
     return np.ascontiguousarray(by.reshape(len(x), -1))
@@ -229,7 +155,7 @@ Answer = tuple[Array, Array, Array]  #: poses, status, chain
 
 
 def at_rest(
-    robot: Loaded,
+    robot: Description,
     readings: Array,
     full: bool,
     answer: Callable[[Array, Array | None], Answer],

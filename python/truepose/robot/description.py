@@ -6,27 +6,19 @@ import functools
 import math
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
-from truepose.robotfile.schema import CalibrationSection, RobotFile
-from truepose.robotfile.to_core import build, columns, drawn, encoder_step, parameterised
-
-#: Names and units of each mobility's coordinates; a rotational platform's are in its file.
-COORDINATES = {
-    "planar_translation": (("x", "m"), ("y", "m")),
-    "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
-    "translation": (("x", "m"), ("y", "m"), ("z", "m")),
-    "schoenflies": (("x", "m"), ("y", "m"), ("z", "m"), ("theta", "rad")),
-    "spatial": tuple((c, "m") for c in "xyz") + tuple((c, "rad") for c in ("rx", "ry", "rz")),
-}
+from truepose.robotfile.base import COMMON, is_compliance
+from truepose.robotfile.schema import CalibrationSection, Compliance, RobotFile, Tolerance
+from truepose.robotfile.to_core import build, columns, drawn, encoder_step
 
 
 class Parameter(NamedTuple):
@@ -37,19 +29,8 @@ class Parameter(NamedTuple):
     sigma: float  #: prior standard deviation
 
 
-@dataclass(frozen=True)
-class FullLevel:
-    """Whether a model of every rod, the full level, exists; true if it does."""
-
-    exists: bool
-    reason: str  #: rods and degrees of freedom, or why the level does not exist
-
-    def __bool__(self) -> bool:
-        return self.exists
-
-
 class Description:
-    """A robot and its sensors, as data. Immutable; the base of :class:`truepose.Robot`.
+    """A robot and its sensors as data: what a :class:`truepose.Robot` is without a pose.
 
     Attributes
     ----------
@@ -70,11 +51,13 @@ class Description:
         self.core_drawn = build(spec)
         self.core_drawn.level = getattr(_core.Level, self.level)
         self.core_drawn.finish()
-        self.core = parameterised(self.core_drawn, columns(spec), self._values)
-        failure = self.core.finish()
-        if failure[0]:
-            names = [name for name, _ in self.coordinates]
-            why = explain.at_home(self.core, spec, names, failure)
+        xi = np.asarray(self.core_drawn.drawn_parameters())
+        for name, column in columns(spec):
+            xi[column] = self._values.get(name, xi[column])
+        self.core = self.core_drawn.with_parameters(xi)
+        status, chain = self.core.finish()
+        if status:
+            why = explain.at_home(self.core, spec, (status, chain))
             raise RobotFileError(f"{spec.name}: {why}")
         if self.level == "full" and not self.full:
             raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
@@ -92,7 +75,7 @@ class Description:
         return hash((self._spec.name, self._spec.sensors, *self._values.values()))
 
     def __reduce__(self) -> tuple:
-        return type(self), (self._spec, self._values)  # the core's structs are built anew
+        return type(self), (self._spec, self._values)
 
     @property
     def name(self) -> str:
@@ -130,7 +113,7 @@ class Description:
         return np.array(self._spec.home)
 
     @property
-    def full(self) -> FullLevel:
+    def full(self) -> explain.FullLevel:
         """Whether ``level="full"``, a model of every rod, exists; its `reason` says why.
 
         Examples
@@ -140,19 +123,7 @@ class Description:
         >>> bool(full), full.reason
         (True, '8 rods, 8 freedoms')
         """
-        full, kinds = self.core.full, _core.FullKind
-        count = f"{full.rods} rods, {full.unknowns} freedoms"
-        reasons = {
-            kinds.same: f"{count}: the ideal level itself",
-            kinds.exists: count,
-            kinds.elastic: f"{count}: overconstrained by 1, closed by the rods' stretch",
-            kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
-            kinds.loose: f"underconstrained by {full.excess}: {count}; "
-            + (explain.not_held(self.core) if self.loose else ""),
-            kinds.undescribed: "its rods are not described one by one",
-        }
-        exists = full.kind in (kinds.same, kinds.exists, kinds.elastic)
-        return FullLevel(exists, reasons[full.kind])
+        return explain.full_level(self.core)
 
     @property
     def level(self) -> Level:
@@ -163,8 +134,7 @@ class Description:
     def highest_level(self) -> Level:
         """Default level of estimates, calibrations, predictions and weighting laws.
 
-        The robot's own level where one is set; otherwise full where that exists, since it models
-        every rod.
+        The robot's own level where one is set; otherwise full where that exists.
 
         Examples
         --------
@@ -186,8 +156,7 @@ class Description:
         >>> bool(abs(real.fkm(real.ikm(x)) - x).max() < 1e-12)
         True
         """
-        if level is not None:
-            self.is_full(level)
+        self.is_full(level)
         return self if level == self._spec.level else self._with(level=level)
 
     @functools.cached_property
@@ -216,9 +185,7 @@ class Description:
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each coordinate of x."""
-        if self._spec.mobility == "rotational":
-            return tuple((axis.name, "rad") for axis in self._spec.passive_axis)
-        return COORDINATES[self._spec.mobility]
+        return self._spec.coordinates
 
     @property
     def resolution(self) -> Array:
@@ -238,7 +205,7 @@ class Description:
         >>> bool(np.allclose(h4.reading_sigma, h4.resolution / np.sqrt(12)))
         True
         """
-        noise = [chain.encoder_noise for chain in self._spec.chain]
+        noise = [part.encoder_noise for part in self._spec.chain]
         noise += [sensor.noise for sensor in self._spec.used]
         return np.sqrt(np.square(noise) + self.resolution**2 / 12)
 
@@ -257,18 +224,34 @@ class Description:
 
     @functools.cached_property
     def _parameters(self) -> dict[str, Parameter]:
-        result = {}
         learnt = self._spec.calibration
-        means = dict(zip(learnt.parameters, learnt.mean, strict=True)) if learnt else {}
-        sigmas = learnt.sigma if learnt else {}
-        for name, value in self._values.items():
-            if name in means:
-                result[name] = Parameter(value, means[name], sigmas[name])
-                continue
-            tolerance = self._spec.tolerance(name)
-            mean = self._nominal[name] + (tolerance.mean if tolerance else 0.0)
-            result[name] = Parameter(value, mean, tolerance.deviation if tolerance else 0.0)
-        return result
+        known = (
+            zip(learnt.parameters, learnt.mean, learnt.sigma.values(), strict=True)
+            if learnt
+            else ()
+        )
+        priors = {name: (mean, sigma) for name, mean, sigma in known}
+        for name, nominal in self._nominal.items():
+            tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
+            priors.setdefault(name, (nominal + tolerance.mean, tolerance.deviation))
+        return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
+
+    @functools.cached_property
+    def compliance(self) -> Array:
+        """Strain of each chain's rods per newton of tension, own and common, 1/N, shape (n,)."""
+        names = [f"chain{i + 1}.compliance" for i in range(self.n)]
+        own = np.array([self._values.get(name, 0.0) for name in names])
+        return own + self._values.get(COMMON, 0.0)
+
+    @property
+    def is_compliant(self) -> bool:
+        """Whether any chain is compliant."""
+        return bool(self.compliance.any())
+
+    @functools.cached_property
+    def stiff(self) -> Self:
+        """The robot with stiff rods, as controllers model it."""
+        return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
     def replace(self, values: dict[str, float]) -> Self:
         """Return a copy with other parameter values.
@@ -287,15 +270,15 @@ class Description:
                 raise InputError(choose("parameter", name, self._values))
             if not (isinstance(value, numbers.Real) and math.isfinite(value)):
                 raise InputError(f"{name} = {value!r}: must be a finite number")
-            if wrong := robotfile.wrong_value(name, value):
+            if wrong := robotfile.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
         return type(self)(self._spec, self._values | {k: float(v) for k, v in values.items()})
 
     def expected(self) -> Self:
         """Return the robot with every parameter at its prior mean.
 
-        It differs from the nominal robot where tolerances are not centered: the H4's rods are on
-        average 3.5 mm longer than nominal. A calibrated robot is already at its mean.
+        It differs from the nominal robot where tolerances are not centered. A calibrated robot is
+        already at its mean.
 
         Examples
         --------
@@ -306,9 +289,7 @@ class Description:
         return self.replace({name: p.mean for name, p in self.parameters.items()})
 
     def with_mounting(self, places: Mapping[str, float]) -> Self:
-        """Return a copy with other nominal mountings of sensors.
-
-        `places` maps the names of sensor points' coordinates to m; tolerances are then about these.
+        """Return a copy with other nominal mountings of sensors, m, by the coordinates' names.
 
         Examples
         --------
@@ -317,15 +298,16 @@ class Description:
         >>> robot.parameters["wire1.origin.x"].mean
         0.1
         """
-        sensors = list(self._spec.sensor)
-        for k, sensor in enumerate(sensors):
-            vectors = {}
-            for key in sensor.mounting.values():
-                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
-                if not places.keys().isdisjoint(names):
-                    drawn = zip(names, getattr(sensor, key), strict=True)
-                    vectors[key] = tuple(places.get(name, value) for name, value in drawn)
-            sensors[k] = sensor.model_copy(update=vectors)
+        sensors = []
+        for sensor in self._spec.sensor:
+            vectors = {
+                key: tuple(
+                    places.get(f"{sensor.name}.{key}.{axis}", value)
+                    for axis, value in zip("xyz", getattr(sensor, key), strict=True)
+                )
+                for key in sensor.mounting.values()
+            }
+            sensors.append(sensor.model_copy(update=vectors))
         own = {name: v for name, v in self._values.items() if v != self._nominal[name]}
         return type(self)(self._spec.model_copy(update={"sensor": tuple(sensors)}), own)
 
@@ -333,18 +315,12 @@ class Description:
         """Return a copy with a calibration's parameter covariance, or with the prior's (None)."""
         if calibration is not None:
             require(calibration, CalibrationSection, "calibration", "fit.robot has one")
-        values = (
-            {}
-            if calibration is None
-            else dict(zip(calibration.parameters, calibration.mean, strict=True))
-        )
+        learnt = calibration and zip(calibration.parameters, calibration.mean, strict=True)
         spec = self._spec.model_copy(update={"calibration": calibration})
-        return type(self)(spec, self._values | values)
+        return type(self)(spec, self._values | dict(learnt or ()))
 
     def with_sensors(self, *names: str) -> Self:
-        """Return a copy that uses these sensors of its file, in this order.
-
-        `names` are names or globs, "all", or "none"; or one list of them.
+        """Return a copy that uses these sensors, in this order: names, globs, "all" or "none".
 
         Examples
         --------
@@ -360,14 +336,24 @@ class Description:
         return self._with(sensors=chosen)
 
     def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
-        """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off.
+        """Return a copy under another gravity, m/s², base frame; for inclinometers 0 is along z."""
+        return self._with(gravity=_vector("gravity", gravity, "m/s²"))
 
-        Inclinometers measure relative to gravity, or relative to z where it is off.
+    def with_payload(self, force: ArrayLike) -> Self:
+        """Return a copy with another load, N, on the platform's reference point, base frame.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("stewart").with_payload((0, 0, -500))
+        >>> robot = robot.replace({"compliance.all_chains": 1e-7})
+        >>> lower = robot.fkm(robot.stiff.ikm(robot.home))[2] - robot.home[2]
+        >>> print(f"{1e6 * lower:.1f} µm")
+        -24.0 µm
         """
-        numbers_of(gravity, "gravity")
-        if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
-            raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
-        return self._with(gravity=tuple(gravity))
+        table = self._spec.compliance or Compliance()
+        load = {"load": _vector("load", force, "N")}
+        return self._with(compliance=table.model_copy(update=load))
 
     def without_quantization(self) -> Self:
         """Return a copy with unquantized encoders and sensors."""
@@ -376,10 +362,8 @@ class Description:
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.
 
-        Keeps the order and comments of the original. Parameters that differ from nominal go into
-        the table [parameters]; tolerances stay about the nominal values. An interrupted save leaves
-        the old file unchanged. `force` replaces an existing file, but never one that is read-only
-        or no regular file.
+        Keeps the order and comments of the original. An interrupted save leaves the old file
+        unchanged. `force` replaces an existing file, but never one that is read-only or special.
 
         Raises
         ------
@@ -397,3 +381,10 @@ class Description:
         """
         text = robotfile.to_toml(self._spec, self._values)
         files.write({robotfile.output(path): text}, force=force)
+
+
+def _vector(name: str, values: Any, unit: str) -> tuple[float, ...]:
+    vector = numbers_of(values, name)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"{name} = {values}: must be three finite numbers, {unit}")
+    return tuple(vector.tolist())

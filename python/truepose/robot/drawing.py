@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
@@ -14,24 +15,14 @@ from truepose.robot.kinematics import Kinematics
 from truepose.robot.parts import Part, parts_of
 from truepose.show.colours import COLOURS
 
-if TYPE_CHECKING:
-    from matplotlib.ticker import MaxNLocator
-
-
 _MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
 
 
 def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> None:
     """Draw a robot's motors or rails, arms, rods (in pairs where they are), platform, sensors.
 
-    Planar robots are drawn in their plane.
-
-    Parameters
-    ----------
-    figure : Figure or SubFigure
-    robot : Robot
-    x : array_like, shape (n,), optional
-        Pose; home by default.
+    Planar robots are drawn in their plane. `figure` is a matplotlib Figure or SubFigure; x, (n,),
+    is the pose, home by default.
     """
     x = robot.home if x is None else numbers_of(x, "x")
     points = robot.skeleton(x)
@@ -41,24 +32,19 @@ def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> N
         figure.set_layout_engine("none")
         figure.set_size_inches(6.4 if planar else 7.2, 5.0)
     if planar:
-        axes = figure.add_axes((0.12, 0.12, 0.66, 0.83))
-        _show_plane(axes, parts)
+        axes: Any = figure.add_axes((0.12, 0.12, 0.66, 0.83))
+        axes.set_aspect("equal")
+        axes.margins(0.12)
+        axes.grid(alpha=0.3)
     else:
         axes = figure.add_axes((-0.02, 0.0, 0.92, 1.0), projection="3d")
-        _show_space(axes, parts)
-    size = max(float(np.ptp(np.vstack([p for _, p, _ in parts]), axis=0).max()), 1e-9)
-    for number, (base, chain) in enumerate(zip(points[:, 0], robot.spec.chain, strict=True), 1):
-        place = _label(base, points[:, 0], number - 1, size, planar)
-        if chain.actuator == "revolute" and not planar:  # opposite to the arm
-            place = base - 0.12 * size * np.array(chain.arm_zero)
-        if chain.actuator == "prismatic":  # at an end of the rail that no rod hides
-            rail = next(p for part, p, _ in parts if part == "rail" and _on(p, base))
-            end, beyond = (rail[1], 1) if chain.axis[2] > 0 else (rail[0], -1)
-            stagger = 0.04 + 0.06 * (number % 2)
-            place = end + beyond * stagger * size * np.array(chain.axis)
+        _frame(axes, 1e3 * np.vstack([where for _, where, _ in parts]))
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    _show(axes, parts, planar)
+    for k, place in enumerate(_places(robot, points, parts, planar)):
         axes.text(
-            *(1e3 * place[: 2 if planar else 3]),  # type: ignore[call-arg]
-            str(number),
+            *(1e3 * place[: 2 if planar else 3]),
+            str(k + 1),
             fontsize=11,
             ha="center",
             va="center",
@@ -70,84 +56,69 @@ def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> N
     figure.legend(handles, labels, loc="upper right", fontsize=9, frameon=False, handlelength=1.6)
 
 
-def _on(rail: Array, base: Array) -> bool:
-    along = rail[1] - rail[0]
-    off = np.cross(base - rail[0], along / np.linalg.norm(along))
-    return float(np.linalg.norm(off)) < 1e-9
-
-
-def _label(base: Array, bases: Array, k: int, size: float, planar: bool) -> Array:
-    """Where a motor's number stands: outside of it, apart from a motor at the same place."""
-    centre = bases.mean(axis=0)
-    outward = base - centre
-    outward = outward / max(float(np.linalg.norm(outward)), 1e-9)
-    place = base + (0.08 if planar else 0.13) * size * outward
-    same = [i for i, other in enumerate(bases) if np.allclose(other, base, atol=0.02 * size)]
-    if len(same) > 1:
+def _places(robot: Kinematics, points: Array, parts: list[Part], planar: bool) -> list[Array]:
+    """Return where the motors' numbers stand: outside, apart from others at the same place."""
+    bases = points[:, 0]
+    size = max(float(np.ptp(np.vstack([where for _, where, _ in parts]), axis=0).max()), 1e-9)
+    rails = [where for part, where, _ in parts if part == "rail"]
+    places = []
+    for k, (base, chain) in enumerate(zip(bases, robot.spec.chain, strict=True)):
+        outward = base - bases.mean(axis=0)
+        outward = outward / max(float(np.linalg.norm(outward)), 1e-9)
+        same = np.flatnonzero((np.abs(bases - base) <= 0.02 * size).all(axis=1))
+        aside = 0.05 * (np.searchsorted(same, k) - (len(same) - 1) / 2)
         across = np.cross([0.0, 0.0, 1.0], outward)
-        place = place + 0.05 * size * (same.index(k) - (len(same) - 1) / 2) * across
-    return place
+        place = base + size * ((0.08 if planar else 0.13) * outward + aside * across)
+        if chain.actuator == "revolute" and not planar:  # opposite to the arm
+            place = base - 0.12 * size * np.array(chain.arm_zero)
+        if chain.actuator == "prismatic":  # at an end of its rail that no rod hides
+            low, high = rails.pop(0)
+            beyond = (0.04 + 0.06 * ((k + 1) % 2)) * size * np.array(chain.axis)
+            place = high + beyond if chain.axis[2] > 0 else low - beyond
+        places.append(place)
+    return places
 
 
-def _show_plane(axes: Any, parts: list[Part]) -> None:
+def _show(axes: Any, parts: list[Part], planar: bool) -> None:
     seen: set[str] = set()
     for part, where, width in parts:
-        label = None if part in seen else part
+        line = 1e3 * where[:, : 2 if planar else 3]
+        style: dict[str, Any] = {"color": COLOURS[part], "label": None if part in seen else part}
         seen.add(part)
-        x, y = 1e3 * where[:, 0], 1e3 * where[:, 1]
-        joint = "o" if part in ("arm", "rod", "leg") or len(where) == 1 else None
+        spot = np.allclose(where[0], where[-1])
         if part == "nacelle" and len(where) > 3:
-            axes.fill(x, y, color=COLOURS[part], alpha=0.18, lw=0)
-        if part in _MARKS:
+            _fill(axes, line, planar)
+        if part == "sensor" or (part == "motor" and (planar or spot)):
             mark, size = _MARKS[part]
-            at = 1 if np.allclose(where[0], where[-1]) or part == "motor" else 2
-            style = {"marker": mark, "ms": 1.6 * size, "ls": ":", "zorder": 5}
-            axes.plot(x[:at], y[:at], color=COLOURS[part], label=label, **style)
+            style |= {"marker": mark, "ms": 1.6 * size if planar else size, "ls": ":"}
+            line = line[: 1 if spot or part == "motor" else 2]
+            axes.plot(*line.T, zorder=5 if planar else 15, **style)
             continue
-        style = {"ls": "--"} if part == "base" else {"solid_capstyle": "round"}
-        marker = "o" if part == "nacelle" and len(where) == 1 else joint
-        axes.plot(x, y, color=COLOURS[part], lw=width, marker=marker, ms=6, label=label, **style)
-    axes.set_aspect("equal")
-    axes.margins(0.12)
-    axes.grid(alpha=0.3)
-    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+        if planar and (part in ("arm", "rod", "leg") or len(where) == 1):
+            style |= {"marker": "o", "ms": 6}
+        style |= {"ls": "--"} if planar and part == "base" else {"solid_capstyle": "round"}
+        axes.plot(*line.T, lw=width, **style)
 
 
-def _show_space(axes: Any, parts: list[Part]) -> None:
+def _fill(axes: Any, corners: Array, planar: bool) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    seen: set[str] = set()
-    for part, where, width in parts:
-        label = None if part in seen else part
-        seen.add(part)
-        xyz = 1e3 * where
-        if part == "nacelle" and len(where) > 3:
-            axes.add_collection3d(
-                Poly3DCollection([xyz], facecolor=COLOURS[part], alpha=0.25, edgecolor="none")
-            )
-        if part == "sensor" or (part == "motor" and np.allclose(where[0], where[-1])):
-            mark, size = _MARKS[part]
-            at = 1 if np.allclose(where[0], where[-1]) else 2
-            style = {"marker": mark, "ms": size, "ls": ":", "zorder": 15}
-            axes.plot(*xyz[:at].T, color=COLOURS[part], label=label, **style)
-            continue
-        colour = COLOURS[part]
-        axes.plot(*xyz.T, color=colour, lw=width, label=label, solid_capstyle="round")
-    corners = 1e3 * np.vstack([where for _, where, _ in parts])
+    if planar:
+        axes.fill(*corners.T, color=COLOURS["nacelle"], alpha=0.18, lw=0)
+    else:
+        style = {"facecolor": COLOURS["nacelle"], "alpha": 0.25, "edgecolor": "none"}
+        axes.add_collection3d(Poly3DCollection([corners], **style))
+
+
+def _frame(axes: Any, corners: Array) -> None:
+    """Set limits, ticks and the view of a drawing in space."""
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     span = np.ptp(corners, axis=0)
     span = np.maximum(span, 0.35 * span.max())  # not flat
     limits = np.array([middle - span / 2, middle + span / 2]).T
-    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
+    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], zlabel="z (mm)")
     tall = span[2] > 1.1 * span[:2].max()
     axes.set_box_aspect(span, zoom=0.82 if tall else 0.93)  # room for labels and legend
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(_few_ticks())
-    axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     axes.view_init(elev=28, azim=35)
-
-
-def _few_ticks() -> MaxNLocator:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(4, steps=[1, 2, 5, 10])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +18,34 @@ _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
 _HELD = 1e-6  # of the largest singular value; the core's bound for a rank
 
 
-def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
+@dataclass(frozen=True)
+class FullLevel:
+    """Whether a model of every rod, the full level, exists; true if it does."""
+
+    exists: bool
+    reason: str  #: rods and degrees of freedom, or why the level does not exist
+
+    def __bool__(self) -> bool:
+        return self.exists
+
+
+def full_level(robot: _core.Robot) -> FullLevel:
+    """Return whether the full level exists, and why."""
+    full, kinds = robot.full, _core.FullKind
+    count = f"{full.rods} rods, {full.unknowns} freedoms"
+    free = _not_held_at_home(robot) if full.kind == kinds.loose else ""
+    exists, reason = {
+        kinds.same: (True, f"{count}: the ideal level itself"),
+        kinds.exists: (True, count),
+        kinds.elastic: (True, f"{count}: overconstrained by 1, closed by the rods' stretch"),
+        kinds.overconstrained: (False, f"overconstrained by {full.excess}: {count}"),
+        kinds.loose: (False, f"underconstrained by {full.excess}: {count}; {free}"),
+        kinds.undescribed: (False, "its rods are not described one by one"),
+    }[full.kind]
+    return FullLevel(exists, reason)
+
+
+def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
     """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
     status, chain = failure
     home = padded(spec.home)
@@ -36,6 +64,7 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
         words += f": {_not_turned(robot, spec, home)}"
     elif status == _core.singular:
         rows, _ = _core.rod_rows(robot, home)
+        coordinates = [name for name, _ in spec.coordinates]
         twists = np.zeros((spec.n, 6))
         twists[:, [_TWIST[name] for name in coordinates]] = _not_held(rows, coordinates)
         words += f": the chains do not constrain the platform against {_motions(twists)}"
@@ -73,7 +102,7 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     return f"the motors do not constrain the platform against turning by {' : '.join(turned)}"
 
 
-def not_held(robot: _core.Robot) -> str:
+def _not_held_at_home(robot: _core.Robot) -> str:
     """Say which motions at home the rods leave free, where the full level is underconstrained."""
     rows = np.asarray(_core.full_rod_rows(robot))
     names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
@@ -90,13 +119,10 @@ def _not_held(rows: Array, names: list[str]) -> Array:
     values = np.append(values, np.zeros(len(names) - len(values)))
     free = motions[values <= max(_HELD * values[0], values[-1])]
     for k in range(len(free)):  # reduced echelon form
-        column = int(np.abs(free[k:]).max(axis=0).argmax())
-        row = k + int(np.abs(free[k:, column]).argmax())
-        free[[k, row]] = free[[row, k]]
+        row, column = np.unravel_index(np.abs(free[k:]).argmax(), free[k:].shape)
+        free[[k, k + row]] = free[[k + row, k]]
         free[k] /= free[k, column]
-        for other in range(len(free)):
-            if other != k:
-                free[other] -= free[other, column] * free[k]
+        free -= np.outer(free[:, column] * (np.arange(len(free)) != k), free[k])
     free = np.where(np.abs(free) < _HELD, 0.0, free) / scale
     return np.vstack([free, np.zeros((len(names) - len(free), len(names)))])
 

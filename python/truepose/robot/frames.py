@@ -17,14 +17,7 @@ def rotation(vector: ArrayLike) -> Array:
 
 
 def rotation_vector(R: ArrayLike) -> Array:
-    """Invert :func:`rotation`, with an angle of at most π: shape (..., 3).
-
-    Examples
-    --------
-    >>> from truepose.robot.frames import rotation, rotation_vector
-    >>> print(rotation_vector(rotation([0.1, 2.0, -1.0])).round(12))
-    [ 0.1  2.  -1. ]
-    """
+    """Invert :func:`rotation`, with an angle of at most π: shape (..., 3)."""
     R = np.asarray(R, dtype=float)
     return np.asarray(_core.rotation_vectors(_rows(R, 9))).reshape(R.shape[:-1])
 
@@ -52,9 +45,7 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
 
 
 def coordinates(robot: Description, frame: ArrayLike) -> Array:
-    """Compute coordinates (..., n) of platform frames (..., 4, 4), without what x omits.
-
-    θ is atan2(R_10, R_00), from -π to π. NaN stays NaN.
+    """Invert :func:`frames`: θ is atan2(R_10, R_00), from -π to π; NaN stays NaN; (..., n).
 
     Examples
     --------

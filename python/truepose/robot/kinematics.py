@@ -1,4 +1,4 @@
-"""Kinematics: IKM, FKM, RKM and their Jacobians, in batches."""
+"""Kinematics and forces in batches: IKM, FKM, RKM, their Jacobians, torques, rod forces."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import compliance
-from truepose.robot.batches import at_poses, flattened, require_answers
-from truepose.robot.compliance import Loaded
-from truepose.robotfile.schema import is_compliance
+from truepose.robot.batches import at_poses, flattened, require_answers, together
+from truepose.robot.description import Description
+from truepose.robotfile.base import is_compliance
 from truepose.robotfile.to_core import columns, padded
 
 
@@ -24,12 +24,12 @@ class Conditioning(NamedTuple):
     serial: Array  #: (..., n) share of B's motion along the rod; 0: type 1, arm and rod in line
 
 
-class Kinematics(Loaded):
-    """The kinematic models of a :class:`truepose.Robot`.
+class Kinematics(Description):
+    """The models of a :class:`truepose.Robot` that need no redundant reading.
 
     All methods take any leading shape and run in C++. For compliant rods (:attr:`compliance`) poses
-    and readings are those under load. Jacobians along the pose neglect the tension's change with
-    it: a fraction of the strain.
+    and readings are those under load; Jacobians neglect the tension's change with the pose, a
+    fraction of the strain.
     """
 
     def ikm(
@@ -41,9 +41,9 @@ class Kinematics(Loaded):
     ) -> Array:
         """Inverse kinematic model: compute the motor positions q of the pose x, shape (..., n).
 
-        Each chain closes in its own working mode; the pose may be in any assembly mode unless
-        `own_mode` is set. Set it before commanding a machine: the motors do not hold the platform
-        on the way to a pose of another sign of det J_x. (Controllers always check.)
+        Each chain closes in its own working mode; the pose may be in any assembly mode. Set
+        `own_mode` before commanding a machine: the motors do not hold the platform on the way to a
+        pose of another sign of det J_x. (Controllers always check.)
 
         Parameters
         ----------
@@ -88,14 +88,16 @@ class Kinematics(Loaded):
     ) -> Array:
         full = self.is_full(level)
         (q,) = at_poses(self, x, errors, _core.ikm, full, own_mode, core=core, level=level)
-        return q + self._given_way(x, errors, full)[..., : self.n] if self.is_compliant else q
+        return self._under_load(q, x, errors, full, slice(self.n))
 
-    def _given_way(self, x: ArrayLike, errors: Errors, full: bool) -> Array:
-        """Return the change of the readings under load, (..., n + r)."""
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        by = compliance.given_way(self, rows, full)
-        require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
-        return by.readings.reshape(*lead, self.n + self.r)
+    def _under_load(
+        self, readings: Array, x: ArrayLike, errors: Errors, full: bool, part: slice
+    ) -> Array:
+        """Add the deflection to stiff rods' readings, `part` of q_e."""
+        if not self.is_compliant:
+            return readings
+        by, *_ = at_poses(self, x, errors, lambda _, rows: compliance.given_way(self, rows, full))
+        return readings + by[..., part]
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Redundant kinematic model: compute the readings of the sensors in use, (..., r), at x.
@@ -105,7 +107,7 @@ class Kinematics(Loaded):
         """
         full = self.is_full(level)
         (r,) = at_poses(self, x, errors, _core.rkm, full)
-        return r + self._given_way(x, errors, full)[..., self.n :] if self.is_compliant else r
+        return self._under_load(r, x, errors, full, slice(self.n, None))
 
     def extended_positions(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -138,8 +140,7 @@ class Kinematics(Loaded):
         """
         exact = self.extended_positions(x, errors, level)
         rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
-        spoilt = np.asarray(_core.spoil(self.core, rows, check_seed(seed)))
-        return spoilt.reshape(exact.shape)
+        return np.asarray(_core.spoil(self.core, rows, check_seed(seed))).reshape(exact.shape)
 
     def residual_motion(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Compute the rotations of platform and bars that the ideal level excludes, rad.
@@ -166,9 +167,8 @@ class Kinematics(Loaded):
     ) -> Array:
         """Forward kinematic model: compute the poses, (..., n), from the motor encoders alone.
 
-        Newton's method in the tangent space of the pose, with bounded iterations. If it finds no
-        pose of the robot's own mode from the guess, it restarts from home and moves the motors in
-        four stages (ideal level).
+        Newton's method with bounded iterations. If it finds no pose of the robot's own mode from
+        the guess, it restarts from home and moves the motors in four stages (ideal level).
 
         Parameters
         ----------
@@ -176,18 +176,15 @@ class Kinematics(Loaded):
             Motor positions, rad or m.
         guess : array_like, shape (n,) or (..., n), optional
             Start of the iteration; the file's home pose by default.
-        errors : {"raise", "nan"}
-            Action where no pose is found.
-        level : {"ideal", "full"}, optional
+        errors, level
             As for :meth:`ikm`.
 
         Raises
         ------
         PoseError
-            unreachable: certainly no pose closes the loops (two rods cannot be joined, the spheres
-            of a translation robot do not meet, a leg has no length); not converged: none found, but
-            one may exist; singular: the motors do not determine the pose; branch lost: it closes in
-            another working or assembly mode than the robot's.
+            unreachable: certainly no pose closes the loops; not converged: none found, but one may
+            exist; singular: the motors do not determine the pose; branch lost: it closes in another
+            working or assembly mode than the robot's.
 
         Examples
         --------
@@ -198,16 +195,23 @@ class Kinematics(Loaded):
         [ 0.05 -0.02 -0.42  0.3 ]
         """
         rows, lead = flattened(self, q, self.n, "q", errors)
-        start = self._guesses(guess, lead, errors)
-        full = self.is_full(level)
+        start, full = self._guesses(guess, lead, errors), self.is_full(level)
 
         def answer(q: Array, near: Array | None) -> compliance.Answer:
-            begin = start if near is None else np.ascontiguousarray(near)
-            return _core.fkm(self.core, np.ascontiguousarray(q), begin, full)[:3]
+            return _core.fkm(self.core, q, start if near is None else near, full)[:3]
 
         x, status, chain = compliance.at_rest(self, rows, full, answer)
         require_answers(self, "motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
+
+    def _guesses(self, guess: ArrayLike | None, lead: tuple[int, ...], errors: Errors) -> Array:
+        start = self.home if guess is None else numbers_of(guess, "guess")
+        try:
+            start = np.broadcast_to(start, (*lead, self.n))
+        except ValueError:
+            shapes = f"({self.n},) or {(*lead, self.n)}, one for each reading"
+            raise InputError(f"guess: wrong shape, must be {shapes}") from None
+        return flattened(self, start, self.n, "guess", errors)[0]
 
     def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Compute J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
@@ -222,10 +226,8 @@ class Kinematics(Loaded):
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import truepose as tp
-        >>> ankle = tp.load("g1-ankle")
-        >>> W = ankle.gyro([0.2, 0.1])
+        >>> import numpy as np, truepose as tp
+        >>> W = tp.load("g1-ankle").gyro([0.2, 0.1])
         >>> omega = W @ [0.5, -0.3]  # pitch and roll at 0.5 and -0.3 rad/s
         >>> (np.linalg.pinv(W) @ omega).round(6).tolist()
         [0.5, -0.3]
@@ -238,14 +240,8 @@ class Kinematics(Loaded):
         """Compute a rotational platform's joint torques, (..., n): Γ = J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
 
         For other mobilities: the force and moment of the motors on the platform, along its free
-        twist.
-
-        Parameters
-        ----------
-        x, errors, level
-            As for :meth:`ikm`.
-        torque : array_like, shape (..., n)
-            Motor torques, N·m or N; leading shapes broadcast.
+        twist. x, errors and level as for :meth:`ikm`; motor torques (..., n), N·m or N. Leading
+        shapes broadcast.
 
         Examples
         --------
@@ -254,8 +250,9 @@ class Kinematics(Loaded):
         >>> print(ankle.joint_torque([0.1, 0.05], [10, 10]).round(2))  # pitch, roll
         [ 0.81 19.17]
         """
-        J, given = self._mapping(x, torque, errors, level)
-        return np.linalg.solve(J.swapaxes(-1, -2), given)[..., 0]
+        x, torque = together(self, errors, x=x, torque=torque)
+        J = self.jacobian(x, errors, level)
+        return np.linalg.solve(J.swapaxes(-1, -2), torque[..., None])[..., 0]
 
     def motor_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -271,22 +268,28 @@ class Kinematics(Loaded):
         >>> print(ankle.motor_torque([0.1, 0.05], [30.0, 0.0]).round(2))  # toes down
         [-11.36  10.07]
         """
-        J, given = self._mapping(x, torque, errors, level)
-        return (J.swapaxes(-1, -2) @ given)[..., 0]
+        x, torque = together(self, errors, x=x, torque=torque)
+        return (self.jacobian(x, errors, level).swapaxes(-1, -2) @ torque[..., None])[..., 0]
 
-    def _mapping(
-        self, x: ArrayLike, torque: ArrayLike, errors: Errors, level: Level | None
-    ) -> tuple[Array, Array]:
-        """Return J and the torques to be mapped, (..., n, 1), with a common leading shape."""
-        J = self.jacobian(x, errors, level)
-        values, other = flattened(self, torque, self.n, "torque", errors)
-        try:
-            lead = np.broadcast_shapes(J.shape[:-2], other)
-        except ValueError:
-            shapes = f"x {J.shape[:-1]}, torque {(*other, self.n)}"
-            raise InputError(f"{shapes}: leading shapes must broadcast") from None
-        values = np.broadcast_to(values.reshape(*other, self.n), (*lead, self.n))
-        return np.broadcast_to(J, (*lead, self.n, self.n)), values[..., None]
+    def rod_forces(
+        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
+    ) -> Array:
+        """Compute the static tension of every chain at x, all its rods together, N, shape (..., n).
+
+        It carries the platform's weight, half of every rod's, and the file's load; negative is
+        compression. Parameters as for :meth:`ikm`.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> delta = tp.load("delta")
+        >>> print(delta.with_payload((0, 0, -30)).rod_forces(delta.home).round(2))
+        [18.13 18.13 18.13]
+        """
+        return self._under_load_at(x, errors, self.is_full(level))[2]
+
+    def _under_load_at(self, x: ArrayLike, errors: Errors, full: bool) -> list[Array]:
+        return at_poses(self, x, errors, lambda _, rows: compliance.under_load(self, rows, full))
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
         """Compute the distance from singularities at x, independent of size and units, 0 to 1.
@@ -314,15 +317,6 @@ class Kinematics(Loaded):
         require_answers(self, "pose", rows, (), np.array([status]), np.array([chain]), "raise")
         return points
 
-    def _guesses(self, guess: ArrayLike | None, lead: tuple[int, ...], errors: Errors) -> Array:
-        start = self.home if guess is None else numbers_of(guess, "guess")
-        try:
-            start = np.broadcast_to(start, (*lead, self.n))
-        except ValueError:
-            shapes = f"({self.n},) or {(*lead, self.n)}, one for each reading"
-            raise InputError(f"guess: wrong shape, must be {shapes}") from None
-        return flattened(self, start, self.n, "guess", errors)[0]
-
     def linearize(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> tuple[Array, Array]:
@@ -348,19 +342,15 @@ class Kinematics(Loaded):
         >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
         True
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        H_x, core, status, chain = _core.linearise(self.core, rows, self.is_full(level))
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        names = list(self._values)
-        H = np.zeros((*core.shape[:2], len(names)))
-        for name, column in columns(self._spec):
-            if name in self._values:
-                H[..., names.index(name)] = core[..., column]
-        if self._spec.stretches:
-            by = compliance.under_load(self, rows, self.is_full(level))
-            require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
-            of_load = [name for name in names if is_compliance(name)]
-            at = [names.index(name) for name in of_load]
-            H[..., at] = compliance.columns(self, of_load, by.by_compliance)
-        size = self.n + self.r
-        return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))
+        full = self.is_full(level)
+        H_x, core = at_poses(self, x, errors, _core.linearise, full)
+        at = {name: k for k, name in enumerate(self._values)}
+        H = np.zeros((*core.shape[:-1], len(at)))
+        for name, column in columns(self.spec):
+            if name in at:
+                H[..., at[name]] = core[..., column]
+        if self.spec.stretches:
+            _, by, _ = self._under_load_at(x, errors, full)
+            names = [name for name in at if is_compliance(name)]
+            H[..., [at[name] for name in names]] = compliance.columns(self, names, by)
+        return H_x, H

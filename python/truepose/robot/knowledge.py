@@ -38,8 +38,7 @@ def root(robot: Kinematics, names: list[str]) -> Array:
     if learnt is None:
         return np.diag(sigma)
     full = np.zeros((len(learnt.root), len(learnt.root)))
-    for k, row in enumerate(learnt.root):
-        full[k, : k + 1] = row
+    full[np.tril_indices(len(full))] = np.concatenate(learnt.root or [()])
     if list(learnt.parameters) == names:
         return full
     # The calibration used other sensors: combine rows of its S with the tolerances.
@@ -70,10 +69,7 @@ LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
 
 
 def left_out(robot: Kinematics) -> dict[str, float]:
-    """Return σ of the file's axis errors that the ideal level neglects, by parameter.
-
-    Empty where the full level equals the ideal one, or does not exist.
-    """
+    """Return σ of the file's axis errors that the ideal level neglects, by parameter, if any."""
     kinds = _core.FullKind
     if robot.core.full.kind not in (kinds.exists, kinds.elastic):
         return {}
@@ -84,10 +80,7 @@ def left_out(robot: Kinematics) -> dict[str, float]:
 
 
 def stated_error(robot: Kinematics) -> Array:
-    """Return σ of the ideal level's model error in each reading, (n + r,), by calibration or prior.
-
-    Zero after a calibration without model error (``model_error="off"``).
-    """
+    """Return σ of the ideal level's model error in each reading, by calibration or prior."""
     learnt = robot.spec.calibration
     if learnt is None:
         return model_error(robot)
@@ -106,10 +99,7 @@ def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
 
 
 def model_error(robot: Kinematics) -> Array:
-    """Return the rms difference of readings between full and ideal level, shape (n + r,).
-
-    Over the workspace, to first order in the axis errors that the file's tolerances allow.
-    """
+    """Return the rms difference of readings between the levels over the workspace, (n + r,)."""
     errors = left_out(robot)
     box = robot.spec.workspace
     if not errors or box is None:
@@ -124,55 +114,29 @@ def model_error(robot: Kinematics) -> Array:
 
 def knowledge(
     robot: Kinematics,
-    posterior: Array | None = None,
+    posterior: Array | None = None,  #: (p, p) covariance root instead of the robot's
     *,
-    guarded: bool = False,
-    level: Level | None = None,
-    error: bool = True,
-    beside: Array | None = None,
-    stretches: bool = False,
-    sigma_scale: int = 1,
+    guarded: bool = False,  #: add the ideal level's neglected errors as nuisances, last of all
+    level: Level | None = None,  #: of the readings' model; by default the robot's highest
+    error: bool = True,  #: add the ideal level's model error to the readings, unless guarded
+    beside: Array | None = None,  #: (k,) σ of auxiliary unknowns on which no reading depends
+    stretches: bool = False,  #: add the compliances, after those; last in `posterior`
+    sigma_scale: int = 1,  #: factor on the readings' σ
 ) -> Known:
-    """Build the core's struct of parameter and reading covariances.
-
-    Parameters
-    ----------
-    posterior : ndarray, shape (p, p), optional
-        Covariance root in place of the robot's own, compliances last.
-    guarded : bool
-        Add the ideal level's neglected errors as nuisance parameters, behind all others.
-    level : {"ideal", "full"}, optional
-        Model level of the readings; by default the robot's highest.
-    error : bool
-        Add the model error of the ideal level, as the calibration states or the tolerances allow
-        it, to the readings. Has no effect with `guarded`.
-    beside : ndarray, shape (k,), optional
-        σ of auxiliary unknowns on which no reading depends: frames, differences.
-    stretches : bool
-        Add the compliances, behind those; the core evaluates their columns.
-    sigma_scale : int
-        Factor on the readings' σ.
-    """
-    names = uncertain(robot)
+    """Build the core's struct of parameter and reading covariances."""
+    names, column = uncertain(robot), dict(columns(robot.spec))
     more = compliance.unknown(robot) if stretches else []
-    column = dict(columns(robot.spec))
-    at = [column[name] for name in names]
-    p, last = len(names), len(more)
-    lower = root(robot, names + more) if posterior is None else posterior[: p + last, : p + last]
     errors = left_out(robot) if guarded else {}
     others = [] if beside is None else beside.tolist()
-    if errors or others:
-        at += [-1] * (len(others) + last)
-        at += [column[name] for name in errors]
-        whole = np.diag([0.0] * p + others + [0.0] * last + list(errors.values()))
-        own = [*range(p), *range(p + len(others), p + len(others) + last)]
-        whole[np.ix_(own, own)] = lower
-        lower = whole
-    else:
-        at += [-1] * last
+    p, k, last = len(names), len(others), len(more)
+    at = [column[name] for name in names] + [-1] * (k + last) + [column[name] for name in errors]
+    whole = np.diag([0.0] * p + others + [0.0] * last + list(errors.values()))
+    own = [*range(p), *range(p + k, p + k + last)]
+    lower = root(robot, names + more) if posterior is None else posterior[: p + last, : p + last]
+    whole[np.ix_(own, own)] = lower
     counts = error and not guarded
     sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
-    return Known(_core.Knowledge(at, lower, sigma.tolist()), p, len(errors), last)
+    return Known(_core.Knowledge(at, whole, sigma.tolist()), p, len(errors), last)
 
 
 class Known(NamedTuple):
@@ -195,11 +159,7 @@ class Known(NamedTuple):
 def for_law(
     robot: AnyRobot, law: str, sigma_scale: int = 1
 ) -> tuple[AnyRobot, _core.Knowledge | None]:
-    """Return the robot at the model level of a law, and the covariances it weights by.
-
-    The paper's laws, without weights, keep the robot's level. `sigma_scale` is a factor on the
-    readings' σ; a controller's settings have their own.
-    """
+    """Return the robot at a law's model level, and the covariances it weights by, if it does."""
     if not _core.laws[law].weighs:
         return robot, None
     return robot.at_highest_level, knowledge(robot, sigma_scale=sigma_scale).core

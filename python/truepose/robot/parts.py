@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.frames import frames
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.passive import passive_axes
+from truepose.robotfile.schema import Chain
+from truepose.robotfile.to_core import PAIRED
 
 Part = tuple[str, Array, float]  #: name, points (k, 3) in metres, line width
 
@@ -15,119 +19,106 @@ Part = tuple[str, Array, float]  #: name, points (k, 3) in metres, line width
 def parts_of(robot: Kinematics, points: Array, x: Array) -> list[Part]:
     """Motors or rails, arms, rods (in pairs where they are), bars, axes, nacelle, tool, sensors.
 
-    Parameters
-    ----------
-    robot : Robot
-    points : ndarray, shape (n, 4, 3)
-        Of its chains, see :meth:`Robot.skeleton`.
-    x : ndarray, shape (n,)
-        The pose where they stand.
+    `points`, (n, 4, 3), are those of :meth:`Robot.skeleton` at the pose x, (n,).
     """
-    planar = robot.spec.mobility.startswith("planar")
     axes = passive_axes(robot.core, x)
-    carried = _nacelle(robot, points, planar, axes)
-    return [*_driven(robot, points, planar), *carried, *_sensors(robot, points, axes, x)]
-
-
-def _driven(robot: Kinematics, points: Array, planar: bool) -> list[Part]:
-    """The parts from the base to the nacelle: rails, carriages, motors, arms, legs, rods."""
-    spec = robot.spec
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
-    paired = spec.mobility in ("translation", "schoenflies")
-    spacing = 0.09 * size if paired else 0.0  # of the two rods of a parallelogram; only drawn
-    parts: list[Part] = []
-    for (P, end, A, _), chain in zip(points, spec.chain, strict=True):
-        telescopic = chain.actuator == "telescopic"
-        B = P + 0.55 * (A - P) if telescopic else end  # the leg's thick part; the rod slides in it
-        u = np.array(chain.axis)
-        side = u
-        if chain.actuator == "prismatic":
-            side = np.cross(u, P - A)
-            side = side / max(float(np.linalg.norm(side)), 1e-9)
-            reach = u @ (points[:, 1] - P).T
-            margin = 0.15 * size
-            ends = [P + u * (reach.min() - margin), P + u * (reach.max() + margin)]
-            if reach.min() > 0:
-                ends[0] = P
-            parts.append(("rail", np.array(ends), 3.0))
-            parts.append(("carriage", np.array([B - 0.03 * size * u, B + 0.03 * size * u]), 9.0))
-        elif telescopic:
-            parts.append(("leg", np.array([P, B]), 6.0))
-            parts.append(("motor", np.array([P, P]), 9.0))
-        else:
-            half = 0.0 if planar else 0.045 * size
-            parts.append(("motor", np.array([P - half * u, P + half * u]), 9.0))
-            parts.append(("arm", np.array([P, B]), 5.0))
-        for half in (-spacing / 2, spacing / 2) if paired else (0.0,):
-            parts.append(("rod", np.array([B + half * side, A + half * side]), 2.0))
-        if paired:
-            apart = spacing / 2 * side
-            on_arm = "arm" if chain.actuator == "revolute" else "carriage"
-            parts.append((on_arm, np.array([B - apart, B + apart]), 3.0))
-            on_nacelle = "lateral bar" if chain.bar else "nacelle"
-            parts.append((on_nacelle, np.array([A - apart, A + apart]), 3.0))
-    if all(chain.actuator != "prismatic" for chain in spec.chain):
+    chains = zip(points, robot.spec.chain, strict=True)
+    parts = [part for at, chain in chains for part in _chain(robot, points, at, chain, size)]
+    if all(chain.actuator != "prismatic" for chain in robot.spec.chain):
         parts.insert(0, ("base", _ring(points[:, 0]), 1.5))
-    return parts
+    return [*parts, *_nacelle(robot, points, size, axes), *_sensors(robot, points, axes, x)]
 
 
-def _nacelle(robot: Kinematics, points: Array, planar: bool, axes: Array) -> list[Part]:
+def _chain(
+    robot: Kinematics, points: Array, own: Array, chain: Chain, size: float
+) -> Iterator[Part]:
+    """The parts from the base to the nacelle: rail, carriage, motor, arm, leg, rods."""
+    (P, B, A, _), u = own, np.array(chain.axis)
+    side, on_arm = u, "arm"
+    if chain.actuator == "prismatic":
+        side, on_arm = np.cross(u, P - A), "carriage"
+        side = side / max(float(np.linalg.norm(side)), 1e-9)
+        reach = u @ (points[:, 1] - P).T
+        low = reach.min() - 0.15 * size if reach.min() <= 0 else 0.0
+        yield _line("rail", P + u * low, P + u * (reach.max() + 0.15 * size), 3.0)
+        yield _line("carriage", B - 0.03 * size * u, B + 0.03 * size * u, 9.0)
+    elif chain.actuator == "telescopic":
+        B = P + 0.55 * (A - P)  # the leg's thick part; the rod slides in it
+        yield _line("leg", P, B, 6.0)
+        yield _line("motor", P, P, 9.0)
+    else:
+        half = 0.0 if robot.spec.mobility.startswith("planar") else 0.045 * size
+        yield _line("motor", P - half * u, P + half * u, 9.0)
+        yield _line("arm", P, B, 5.0)
+    if robot.spec.mobility not in PAIRED:
+        yield _line("rod", B, A, 2.0)
+        return
+    apart = 0.045 * size * side  # half the pair's spacing; only drawn
+    yield _line("rod", B - apart, A - apart, 2.0)
+    yield _line("rod", B + apart, A + apart, 2.0)
+    yield _line(on_arm, B - apart, B + apart, 3.0)
+    yield _line("lateral bar" if chain.bar else "nacelle", A - apart, A + apart, 3.0)
+
+
+def _line(name: str, start: Array, end: Array, width: float) -> Part:
+    return name, np.array([start, end]), width
+
+
+def _nacelle(robot: Kinematics, points: Array, size: float, axes: Array) -> Iterator[Part]:
     """Bars where the nacelle is articulated, else a polygon through the rods' ends; and a tool.
 
     The polygon of a rotational platform has a corner on its last axis.
     """
-    spec = robot.spec
-    size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
-    parts: list[Part] = []
-    ends, pivots = points[:, 2], points[:, 3]
+    spec, ends = robot.spec, points[:, 2]
+    centre = ends.mean(axis=0)
     if spec.bar:
         for bar in range(1, len(spec.bar) + 1):
-            carried = [i for i, chain in enumerate(spec.chain) if chain.bar == bar]
-            parts.append(("lateral bar", points[carried, 2], 5.0))
-        distinct = np.unique(pivots.round(9), axis=0)
+            yield "lateral bar", ends[[chain.bar == bar for chain in spec.chain]], 5.0
+        distinct = np.unique(points[:, 3].round(9), axis=0)
         centre = distinct.mean(axis=0)
-        parts += [("central bar", np.array([centre, pivot]), 6.0) for pivot in distinct]
+        for pivot in distinct:
+            yield _line("central bar", centre, pivot, 6.0)
     else:
-        corners = np.vstack([ends, axes[-1:, 0]])
-        centre = ends.mean(axis=0)
         for place, along in axes:
             reach = 0.12 * size * along
-            parts.append(("passive axis", np.array([place - reach, place + reach]), 3.0))
-        parts.append(("nacelle", _ring(corners), 4.0))
-    if not planar:
+            yield _line("passive axis", place - reach, place + reach, 3.0)
+        yield "nacelle", _ring(np.vstack([ends, axes[-1:, 0]])), 4.0
+    if not spec.mobility.startswith("planar"):
         stands = spec.mobility in ("spatial", "rotational") and centre[2] > points[:, 0, 2].max()
-        away = np.array([0.0, 0.0, 1.0 if stands else -1.0])
-        parts.append(("tool", np.array([centre, centre + 0.14 * size * away]), 4.0))
-    return parts
+        tip = centre + np.array([0.0, 0.0, 0.14 * size * (1 if stands else -1)])
+        yield _line("tool", centre, tip, 4.0)
 
 
-def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> list[Part]:
+def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> Iterator[Part]:
     """Sensors in use: what they measure along, or the joint in which they are."""
     frame = frames(robot, x)
     R, place = frame[:3, :3], frame[:3, 3]
-    parts: list[Part] = []
     for sensor in robot.spec.used:
         mounted = {core: np.array(getattr(sensor, key)) for core, key in sensor.mounting.items()}
-        line = [points[:, 2].mean(axis=0)]  # the platform: an angle of it
+        start = end = points[:, 2].mean(axis=0)  # the platform: an angle of it
         if "origin" in mounted:
-            origin, line = mounted["origin"], [place + R @ mounted["target"]]
-            if sensor.kind == "distance":
-                line = [origin, *line]
-            else:
+            origin, end = mounted["origin"], place + R @ mounted["target"]
+            start = origin
+            if sensor.kind != "distance":
                 u = mounted["direction"] / np.linalg.norm(mounted["direction"])
                 across = R @ mounted["normal"] if "normal" in mounted else u
-                far = (line[0] - origin) @ across / (u @ across)
-                line = [line[0] - far * u, *line] if across is u else [origin, origin + far * u]
+                far = (end - origin) @ across / (u @ across)
+                start, end = (
+                    (origin, origin + far * u) if "normal" in mounted else (end - far * u, end)
+                )
         elif (chain := getattr(sensor, "chain", None)) is not None:
             P, B, A, _ = points[chain - 1]
-            at = A if getattr(sensor, "side", "base") == "platform" else B
-            line = {"rod_length": [B, A], "motor_encoder": [P]}.get(sensor.kind, [at])
-        elif (axis := getattr(sensor, "axis", None)) is not None and sensor.kind == "axis_angle":
-            line = [axes[axis - 1, 0]]
+            joint = A if getattr(sensor, "side", "base") == "platform" else B
+            ends = {"rod_length": (B, A), "motor_encoder": (P, P)}
+            start, end = ends.get(sensor.kind, (joint, joint))
+        elif sensor.kind == "axis_angle":
+            start = end = axes[sensor.axis - 1, 0]
         elif bar := getattr(sensor, "bar", None):
-            line = [next(points[k, 3] for k, c in enumerate(robot.spec.chain) if c.bar == bar)]
-        parts.append(("sensor", np.array([line[0], line[-1]]), 2.0))
-    return parts
+            start = end = next(
+                points[k, 3] for k, chain in enumerate(robot.spec.chain) if chain.bar == bar
+            )
+        yield _line("sensor", start, end, 2.0)
 
 
 def _ring(corners: Array) -> Array:

@@ -10,15 +10,7 @@ from truepose.arguments import Array
 
 
 def passive_axes(core: _core.Robot, x: ArrayLike) -> Array:
-    """Return a point and the direction of each passive axis at angles x, (axes, 2, 3), m, base.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> print(passive_axes(tp.load("g1-ankle").core, [0.5, 0.1]).round(3)[1])
-    [[-0.008  0.    -0.015]
-     [ 0.878  0.    -0.479]]
-    """
+    """Return a point and the direction of each passive axis at angles x, (axes, 2, 3), m, base."""
     place, R, found = np.zeros(3), np.eye(3), []
     for j in range(core.axes):
         axis = core.axis(j)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from truepose import _core, files, robotfile
-from truepose.arguments import Array, check_seed
-from truepose.exceptions import InputError, RobotFileError
-from truepose.robot.batches import flattened
-from truepose.robot.dynamics import Dynamics
-from truepose.robot.redundancy import Redundancy
+from truepose.arguments import Array, Errors, Level, check_seed, fraction
+from truepose.exceptions import InputError, RobotFileError, choose
+from truepose.robot import compliance, knowledge
+from truepose.robot.batches import at_poses, flattened, require_answers, together
+from truepose.robot.kinematics import Kinematics
+from truepose.robot.laws import no_sensor, require_sensors
+from truepose.robot.redundancy import AssemblyModes, Estimate
 from truepose.robot.units import parameter_table
 from truepose.robotfile.to_core import padded
 from truepose.show.page import as_uri
@@ -27,42 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
-class AssemblyModes:
-    """Poses that close every loop at the same motor positions; `len()` of them."""
-
-    x: Array  #: (m, n), nearest to home first; angles within ±π
-    seen: NDArray[np.intc]  #: (m,) number of searches that ended in each
-
-    def __len__(self) -> int:
-        return len(self.x)
-
-    def __iter__(self) -> Iterator[Array]:
-        return iter(self.x)
-
-    @property
-    def unseen(self) -> float:
-        """Probability that one more closing search ends in a mode not found yet.
-
-        Good and Turing's estimate: the share of searches whose mode no other search reached.
-        """
-        return float((self.seen == 1).sum() / max(self.seen.sum(), 1))
-
-    @property
-    def expected(self) -> float:
-        """Estimated number of modes from those seen once and twice (Chao 1984, a lower bound).
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> AssemblyModes(np.zeros((5, 2)), np.array([9, 4, 1, 1, 2])).expected
-        5.5
-        """
-        once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
-        return len(self) + once * (once - 1) / (2 * (twice + 1))
-
-
-class Robot(Redundancy, Dynamics, Shown):
+class Robot(Kinematics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
     Coordinates x follow the file's mobility (m, rad), motor positions q are readings of the motor
@@ -118,22 +84,19 @@ class Robot(Redundancy, Dynamics, Shown):
         sampled, robot = {}, self.with_calibration(None)
         for name, parameter in robot.parameters.items():
             tolerance = robot.spec.tolerance(name)
-            if tolerance is None:
-                continue
-            if tolerance.interval is not None:
-                error = generator.uniform(*tolerance.interval) - tolerance.mean
-            else:
-                error = generator.normal(scale=tolerance.deviation)
-            sampled[name] = parameter.mean + float(error)
+            if tolerance and tolerance.interval is not None:
+                drawn = generator.uniform(*tolerance.interval) - tolerance.mean
+                sampled[name] = parameter.mean + drawn
+            elif tolerance:
+                sampled[name] = parameter.mean + generator.normal(scale=tolerance.deviation)
         return robot.replace(sampled)
 
     def assembly_modes(self, q: ArrayLike, starts: int = 50_000, seed: int = 0) -> AssemblyModes:
         """Find all poses of given motor positions by Newton iteration from many starts.
 
         The robot's own pose is one of them; the others differ in the sign of det J_x or of an entry
-        of J_q, or in neither. Every path between modes of different signs of det J_x passes a
-        singular pose; between modes of one sign a cuspidal robot passes none. More starts may find
-        more modes, never fewer. Raises InputError for a wrong shape or values that are not finite.
+        of J_q, or in neither. More starts may find more modes, never fewer. Raises InputError for a
+        wrong shape or values that are not finite.
 
         Parameters
         ----------
@@ -160,6 +123,240 @@ class Robot(Redundancy, Dynamics, Shown):
             raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
         motors = padded(rows[0])
         return AssemblyModes(*_core.assembly_modes(self.core, motors, starts, check_seed(seed)))
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the file's masses give every motion at home an inertia, as torques require."""
+        return bool(np.linalg.eigvalsh(self.mass_matrix(self.home)).min() > 0)
+
+    def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Compute the mass matrix M(x) of the free twist, (..., n, n); kg, kg·m and kg·m².
+
+        It is symmetric; the kinetic energy is ẋᵀM ẋ/2 and the motors' joint inertia JᵀM J, see
+        :meth:`jacobian`. Parameters as for :meth:`ikm`.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> J, M = h4.jacobian(h4.home), h4.mass_matrix(h4.home)
+        >>> print((J.T @ M @ J).round(3)[0])  # of motor 1: its own inertia, and its pull at others
+        [ 0.108  0.04  -0.023 -0.023]
+        """
+        return at_poses(self, x, errors, _core.mass_matrix)[0]
+
+    def inverse_dynamics(
+        self, x: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, errors: Errors = "raise"
+    ) -> Array:
+        """Compute the motor torques, N·m (slides: N), of a motion, friction included; (..., n).
+
+        x, rate and acceleration, (..., n), are poses, free twists and their derivatives; leading
+        shapes broadcast. Torque limits are not checked. Errors as for :meth:`ikm`.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> print(h4.inverse_dynamics(h4.home, [0] * 4, [0] * 4).round(3))  # what holds its weight
+        [-2.655 -2.655 -0.467 -0.467]
+        """
+        x, *motion = together(self, errors, x=x, rate=rate, acceleration=acceleration)
+        return self._dynamics(_core.inverse_dynamics, x, motion, errors)
+
+    def acceleration(
+        self, x: ArrayLike, rate: ArrayLike, torque: ArrayLike, errors: Errors = "raise"
+    ) -> Array:
+        """Compute the acceleration under motor torques, m/s² and rad/s², shape (..., n).
+
+        The inverse of :meth:`inverse_dynamics`. Torques (..., n) are in N·m (slides: N).
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> falling = h4.acceleration(h4.home, [0] * 4, [0] * 4)
+        >>> print((falling / 9.81).round(3)[2])  # no motor holds it; rotors and arms brake
+        -0.972
+        """
+        x, *motion = together(self, errors, x=x, rate=rate, torque=torque)
+        return self._dynamics(_core.acceleration, x, motion, errors)
+
+    def _dynamics(
+        self, function: Callable[..., Any], x: Array, motion: list[Array], errors: Errors
+    ) -> Array:
+        rows = [np.ascontiguousarray(each.reshape(-1, self.n)) for each in motion]
+        return at_poses(self, x, errors, function, *rows)[0]
+
+    def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
+        """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).
+
+        Uses the paper's closed form, θ from its sensor and the position from all n spheres, where
+        θ's sensor alone is in use, or none on a robot that cannot rotate. Otherwise a least-squares
+        fit weights the readings as the paper's TEJ: motors by 1, sensors by the file's ``weight``.
+        """
+        rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
+        if not self.r and self._spec.mobility != "translation":
+            raise no_sensor(self, "the redundant FKM")
+        x, status, chain = _core.redundant_fkm(self.core, rows)
+        require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
+        return x.reshape(*lead, self.n)
+
+    def estimate(
+        self,
+        q_e: ArrayLike,
+        guess: ArrayLike | None = None,
+        errors: Errors = "raise",
+        level: Level | None = None,
+    ) -> Estimate:
+        """Estimate the pose from all readings, weighted by their covariance: an :class:`Estimate`.
+
+        x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
+        (or a calibration's covariance) and the readings' own errors. The covariance holds for true
+        geometries spread about this robot's, see :meth:`expected`.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+        guess : array_like, shape (n,) or (..., n), optional
+            Start of the iteration; the file's home pose by default.
+        errors : {"raise", "nan"}
+            Action where no pose is found.
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod; by default :attr:`Robot.highest_level`. The ideal level
+            adds its model error to the readings.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
+        >>> est = robot.estimate(robot.extended_positions([0.05, 0.01, -0.4, 0.2]))
+        >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
+        [ 0.05  0.01 -0.4   0.2 ] 0.000204 ok
+        """
+        rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
+        start = self._guesses(guess, lead, errors)
+        level = self.highest_level if level is None else level
+        known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
+        found: list[Array] = []  #: covariance and χ² of the last call
+
+        def answer(q_e: Array, near: Array | None) -> compliance.Answer:
+            begin = start if near is None else near
+            x, *found[:], status, chain = _core.estimate(self.core, known, q_e, begin, full)
+            return x, status, chain
+
+        x, status, chain = compliance.at_rest(self, rows, full, answer)
+        if self.is_compliant:
+            by = compliance.given_way(self, x, full)
+            answer(rows - by.readings, x)
+        covariance, chi2 = found
+        if compliance.unknown(self):
+            covariance = self._not_knowing_compliance(x, level)
+        require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
+        words = np.array([_core.describe(int(s)) for s in status])
+        x, covariance = x.reshape(*lead, self.n), covariance.reshape(*lead, self.n, self.n)
+        return Estimate(self, x, covariance, chi2.reshape(lead)[()], words.reshape(lead)[()])
+
+    def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
+        """Return the covariance of estimates whose weights neglect uncertain compliances."""
+        names, every = knowledge.learnable(self), list(self.parameters)
+        known = knowledge.knowledge(self, level=level).core
+        gain, *_ = _core.gain(self.core, known, x, self.is_full(level))
+        H_xi = self.linearize(x, "nan", level)[1][..., [every.index(name) for name in names]]
+        half = gain @ H_xi @ knowledge.root(self, names)
+        own = gain * knowledge.stated_sigma(self, level)
+        return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))
+
+    def tej(
+        self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Compute the paper's extended-to-joint matrix at x.
+
+        Parameters
+        ----------
+        x, errors
+            As for :meth:`ikm`.
+        damped_below : float
+            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): bounded even
+            at a singularity, and equal to the paper's to the last bit elsewhere.
+
+        Returns
+        -------
+        M : ndarray, shape (..., n + r, n)
+            dq_e = M dq, M = [I; J_r J].
+        M_plus : ndarray, shape (..., n, n + r)
+            TEJ: the pseudo-inverse of M under the sensors' weights (1 in the paper).
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> M, M_plus = tp.load("h4").tej([0.05, 0, -0.4, 0.2])
+        >>> bool(np.allclose(M_plus @ M, np.eye(4), atol=1e-12))
+        True
+        """
+        fraction("damped_below", damped_below)
+        M, M_plus = at_poses(self, x, errors, _core.tej, damped_below)
+        return M, M_plus
+
+    def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Compute the TEJ, (..., n, n + r), weighted by the readings' covariance, at x.
+
+        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ with C as in :meth:`estimate`, at :attr:`Robot.highest_level`.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
+        >>> M, M_plus = robot.tej(x)
+        >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
+        True
+        """
+        believed, known = knowledge.for_law(self, "weighted")
+
+        def gain(core: _core.Robot, rows: Array) -> tuple:
+            return _core.gain(core, known, rows, believed.level == "full")  # type: ignore[arg-type]
+
+        return at_poses(self, x, errors, gain, core=believed.core)[1]
+
+    def cross_sensitivity(
+        self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
+    ) -> Array:
+        """Compute the sensitivity of the steady-state pose to an error of each reading.
+
+        To first order, δx = result @ δq_e: -[J 0] under the joint law, -J M⁺ under a TEJ,
+        -∂x̂/∂q_e under a law of the pose.
+
+        Parameters
+        ----------
+        x, errors
+            Desired poses, (..., n), m and rad; action at an unreachable or singular pose.
+        law, sigma_scale
+            As for :class:`truepose.Controller`; built-in laws only.
+
+        Returns
+        -------
+        ndarray, shape (..., n, n + r)
+            δx along the free twist (spatial: rotation vector in the base frame).
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
+        >>> for law in ("joint", "tej", "weighted"):  # of motor 3, and of θ's sensor, into θ
+        ...     print(law, robot.cross_sensitivity(x, law)[3, [2, 4]].round(3) + 0.0)
+        joint [2.546 0.   ]
+        tej [ 0.186 -0.927]
+        weighted [ 0.001 -0.999]
+        """
+        if law not in _core.laws:
+            raise InputError(choose("law", law, _core.laws))
+        require_sensors(self, law)
+        believed, known = knowledge.for_law(self, law, sigma_scale)
+
+        def leakage(core: _core.Robot, rows: Array) -> tuple:
+            return _core.leakage(core, _core.laws[law].law, known, rows)
+
+        return at_poses(self, x, errors, leakage, core=believed.core)[0]
 
 
 def list_robots() -> list[str]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description, Parameter
-from truepose.robotfile.schema import is_compliance
+from truepose.robotfile.base import is_compliance
 from truepose.robotfile.to_core import file_key
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, SI, printed
@@ -26,16 +26,15 @@ def reading_units(robot: Description) -> list[str]:
 def unit_of(robot: Description, name: str) -> str:
     """Return the unit of a sensor, an externally measured coordinate or a parameter; "": none."""
     part, _, key = name.partition(".")
+    kind = part.rstrip("0123456789") if part[-1:].isdigit() else ""
+    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
     coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
     if name in coordinates:
         return coordinates[name]
-    if part.startswith("axis") and part.removeprefix("axis").isdigit():
-        return dict(_core.axis_parameters)[key]
     if is_compliance(name):
         return "1/N"
-    if part.startswith("bar") and part.removeprefix("bar").isdigit():
-        return "m"
-    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
+    if kind in ("axis", "bar"):
+        return dict(_core.axis_parameters)[key] if kind == "axis" else "m"
     if sensor is None:
         units = dict(_core.chain_parameters)
         own = _motor(robot.spec.chain[int(part.removeprefix("chain")) - 1].actuator)
@@ -99,6 +98,12 @@ def summed(robot: Description) -> Summed:
     return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])
 
 
+def label_axes(axes: Any, names: Sequence[Axis]) -> None:
+    """Label a picture over two coordinates; equal scales where they have one unit."""
+    equal = "equal" if names[0].unit == names[1].unit else "auto"
+    axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect=equal)
+
+
 def by_unit(axes: Sequence[Axis], values: Array, what: str) -> dict[str, dict[str, Array]]:
     """Columns as people read them, by the label of their axis and their name."""
     panels: dict[str, dict[str, Array]] = {}
@@ -112,28 +117,13 @@ def _motor(actuator: str) -> str:
 
 
 def tolerance(robot: Description, group: str, sigma: float) -> str:
-    """Write to what parameters, a name or a glob, are machined.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> tolerance(tp.load("h4"), "chain*.rod", 1e-4)
-    'rod 0.1 mm'
-    """
+    """Write to what parameters, a name or a glob, are machined: rod 0.1 mm."""
     unit = unit_of(robot, fnmatch.filter(robot.parameters, group)[0])
     return f"{group.removeprefix('chain*.')} {printed(sigma, unit, '.3g')}"
 
 
 def in_print(robot: Description, name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a column's or a parameter's value.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
-    ['mm', '°', '°', '']
-    """
+    """Factor and unit in which people read a column's or a parameter's value."""
     return PRINT[unit_of(robot, name)]
 
 
@@ -145,11 +135,11 @@ def label(robot: Description, names: Sequence[str]) -> str:
     if len(every) > 2 and sorted(names) == sorted(every):
         return f"all {len(every)}"
     short = list(names)
-    for kind in {sensor.kind: None for sensor in robot.spec.sensor}:
+    for kind in {sensor.kind for sensor in robot.spec.sensor}:
         group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
         glob = group[0].rstrip("0123456789") + "*"
         if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
-            short = [glob if name == group[0] else name for name in short]
+            short[short.index(group[0])] = glob
             short = [name for name in short if name not in group]
     return ", ".join(short)
 
@@ -173,7 +163,7 @@ def coordinate_table(
     total = summed(robot)
     for k, (coordinate, unit) in enumerate([*robot.coordinates, (total.name, total.unit)]):
         factor, shown = PRINT[unit]
-        values = [factor * float(column[k]) for column in columns.values()]
+        values = factor * np.array([column[k] for column in columns.values()], dtype=float)
         label = Cell(f"{coordinate} ({shown})", {what: coordinate, "unit": shown})
-        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values)])
+        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values.tolist())])
     return Table(name, title, [what, *columns], rows)

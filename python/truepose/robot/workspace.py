@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.description import Description
+from truepose.robot.robot import Robot
+from truepose.robot.units import angles
 from truepose.robotfile.schema import Workspace
+
+LENGTH = 0.1  #: m; makes platform angles comparable to lengths in a condition number
 
 
 def workspace(robot: Description) -> Workspace:
@@ -19,17 +26,16 @@ def workspace(robot: Description) -> Workspace:
     return robot.spec.workspace
 
 
+def workspace_samples(robot: Description, count: int, rng: np.random.Generator) -> Array:
+    """Return poses drawn evenly from the workspace box, (count, n)."""
+    box = workspace(robot)
+    return rng.uniform(box.minimum, box.maximum, (count, robot.n))
+
+
 def workspace_grid(robot: Description, points: int | None = None) -> Array:
-    """Return the poses of a grid over the workspace box, faces included.
+    """Return the poses of a grid over the workspace box, faces included, (N, n).
 
-    By default five values per coordinate (for the H4 Table 2 of the paper), three for six
-    coordinates.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> workspace_grid(tp.load("h4")).shape, workspace_grid(tp.load("hexa")).shape
-    ((625, 4), (729, 6))
+    By default five values per coordinate (for the H4 Table 2 of the paper), three for six.
     """
     box = workspace(robot)
     points = points or (5 if robot.n < 6 else 3)
@@ -37,3 +43,178 @@ def workspace_grid(robot: Description, points: int | None = None) -> Array:
         np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
     ]
     return np.array(list(itertools.product(*axes)))
+
+
+def regular_grid(robot: Robot) -> tuple[Array, int]:
+    """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not."""
+    grid, model = workspace_grid(robot), robot.expected()
+    answers = [
+        model.cross_sensitivity(grid, "joint", "nan"),
+        model.linearize(grid, "nan", "ideal")[0],
+    ]
+    good = np.isfinite([values.sum(axis=(1, 2)) for values in answers]).all(axis=0)
+    if not good.any():
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    return grid[good], int((~good).sum())
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Largest speed of any motor while the platform moves at 1 m/s or turns at 1 rad/s."""
+
+    value: float  #: rad/s or m/s
+    motor: int  #: from 1
+    pose: Array
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Results of :func:`measure` over a workspace box."""
+
+    samples: int
+    seed: int
+    length: float  #: m, see `LENGTH`
+    reachable: float  #: fraction of the poses, within the joint limits
+    regular: float  #: fraction of the poses that are reachable and not singular
+    refused: dict[str, int]  #: number of other poses by reason and chain
+    q_min: Array
+    q_max: Array
+    condition: tuple[float, float, float]  #: least, median, greatest condition number of J
+    moving: Speed | None  #: at 1 m/s, in the worst direction; None if it only turns
+    turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the platform cannot turn
+    full_less_ideal: Array | None  #: (n,), see :func:`level_difference`
+
+
+def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
+    """Evaluate a robot at poses sampled from its workspace box.
+
+    Parameters
+    ----------
+    robot : Robot
+    samples, seed : int
+        Number of poses; the same seed gives the same ones.
+    length : float
+        Factor of the platform's angles in condition numbers, m.
+
+    Raises
+    ------
+    InputError
+        The file has no workspace, or no pose of it is regular.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> figures = measure(tp.load("delta"), samples=1000)
+    >>> figures.reachable, [round(c, 1) for c in figures.condition]
+    (1.0, [1.0, 1.3, 1.9])
+    """
+    x = workspace_samples(robot, samples, np.random.default_rng(seed))
+    found = reach(robot, x)
+    regular, refused = found.regular, found.refused
+    if not regular.any():
+        raise InputError(
+            f"{robot.name}: no pose of its workspace is reachable and regular: {told(refused)}"
+        )
+    x, J, q = x[regular], found.J[regular], found.q[found.reached]
+    condition = condition_numbers(robot, J, length)
+    K = np.linalg.inv(J)  # q̇ = K ẋ
+    turns = angles(robot)
+    return Figures(
+        samples=samples,
+        seed=seed,
+        length=length,
+        reachable=float(found.reached.mean()),
+        regular=float(regular.mean()),
+        refused=refused,
+        q_min=q.min(axis=0),
+        q_max=q.max(axis=0),
+        condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
+        moving=None if turns.all() else _fastest(K[:, :, ~turns], x),
+        turning=_fastest(K[:, :, turns], x) if turns.any() else None,
+        full_less_ideal=level_difference(robot, x[:100], seed),
+    )
+
+
+class Reach(NamedTuple):
+    """Solutions at N poses, and how many have none."""
+
+    q: Array  #: (N, n)
+    J: Array  #: (N, n, n)
+    reached: Array  #: (N,) bool: within the joint limits
+    regular: Array  #: (N,) bool: reached and not singular
+    refused: dict[str, int]  #: number of other poses by reason and chain, most frequent first
+
+
+def reach(robot: Robot, x: Array) -> Reach:
+    """Solve the inverse kinematics and the Jacobian at poses (N, n)."""
+    q, status, chain = _core.ikm(robot.core, x, False)
+    J, rank, lost = _core.jacobian(robot.core, x, False)
+    reached = status == 0
+    of = np.column_stack([np.where(reached, rank, status), np.where(reached, lost, chain)])
+    pairs, counts = np.unique(of, axis=0, return_counts=True)
+    counted = zip(counts, pairs.tolist(), strict=True)
+    refused = {
+        _core.describe(what) + (f" (chain {who + 1})" if who >= 0 else ""): int(count)
+        for count, (what, who) in sorted(counted, key=lambda pair: -pair[0])
+        if what
+    }
+    return Reach(q, J, reached, reached & (rank == 0), refused)
+
+
+def told(refused: dict[str, int]) -> str:
+    """Format counts of :func:`reach` as one line."""
+    return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
+
+
+def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
+    """Root mean square of full − ideal under the file's axis tolerances.
+
+    Samples `count` robots with yaw and tilt of every motor's axis, normal with the file's σ, and
+    compares at each pose the platform poses of both levels for the same motor positions.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        m and rad; None where the full level equals the ideal one or does not exist, the file has
+        no tolerance of an axis, or no pose is reachable with them (lengths in mm, for example).
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.paper import article
+    >>> robot = tp.load("h4")
+    >>> rms = level_difference(robot, article.table2()[::25])
+    >>> bool((abs(rms[:3] * 1e3 - [0.11, 0.20, 0.14]) < 0.03).all())
+    True
+    """
+    sigma = {
+        name: parameter.sigma
+        for name, parameter in robot.parameters.items()
+        if name.endswith((".yaw", ".tilt")) and parameter.sigma > 0
+    }
+    paired = any(name.endswith(".rod_difference") for name in robot.parameters)
+    if not (robot.full and paired and sigma):
+        return None
+    names, spread = list(sigma), list(sigma.values())
+    nominal = np.array([robot.parameters[name].value for name in names])
+    squares = []
+    for draw in np.random.default_rng(seed).normal(size=(count, len(names))):
+        real = robot.replace(dict(zip(names, (nominal + spread * draw).tolist(), strict=True)))
+        q = real.ikm(poses, errors="nan", level="full")
+        squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
+    if not np.isfinite(squares).any():
+        return None
+    return np.sqrt(np.nanmean(squares, axis=(0, 1)))
+
+
+def condition_numbers(robot: Robot, J: Array, length: float) -> Array:
+    """Return condition numbers of Jacobians (..., n, n), angles times a length, m."""
+    scale = np.where(angles(robot), length, 1.0)
+    return np.linalg.cond(J * scale[:, None])
+
+
+def _fastest(K: Array, x: Array) -> Speed:
+    """Find the fastest motor; its worst platform velocity is along its row of K."""
+    speeds = np.linalg.norm(K, axis=2)
+    pose, motor = np.unravel_index(int(speeds.argmax()), speeds.shape)
+    return Speed(float(speeds[pose, motor]), int(motor) + 1, x[pose])

@@ -1,10 +1,9 @@
 """Robot files: read, checked, completed, written."""
 
-from truepose.robotfile.consistency import taken
+from truepose.robotfile.consistency import Problem, taken
 from truepose.robotfile.reading import (
     LINE,
     MOST_BYTES,
-    Problem,
     examine,
     loadable,
     mechanism_of,

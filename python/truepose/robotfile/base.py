@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -10,11 +11,38 @@ from pydantic.fields import FieldInfo
 
 from truepose.exceptions import controls
 
+#: Names and units of each mobility's coordinates; a rotational platform's are in its file.
+COORDINATES: dict[str, tuple[tuple[str, str], ...]] = {
+    "planar_translation": (("x", "m"), ("y", "m")),
+    "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
+    "translation": (("x", "m"), ("y", "m"), ("z", "m")),
+    "schoenflies": (("x", "m"), ("y", "m"), ("z", "m"), ("theta", "rad")),
+    "spatial": tuple((c, "m") for c in "xyz") + tuple((c, "rad") for c in ("rx", "ry", "rz")),
+}
+#: Parameter name of the compliance that all chains share.
+COMMON = "compliance.all_chains"
+
 #: Number with a finite square; strict, else true would be 1 and "0.26" would be 0.26.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
 Vector = tuple[Number, Number, Number]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
+
+
+def is_compliance(parameter: str) -> bool:
+    """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all."""
+    return parameter.startswith("compliance.") or parameter.endswith("compliance")
+
+
+def not_degrees(what: str, angles: float | Sequence[float]) -> None:
+    """Raise ValueError for an angle of more than a turn, which is likely in degrees."""
+    listed = [angles] if isinstance(angles, float) else list(angles)
+    if max(map(abs, listed), default=0.0) > 2 * math.pi:
+        turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
+        given = ", ".join(f"{angle:g}" for angle in listed)
+        raise ValueError(
+            f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
+        )
 
 
 def unit(name: str) -> FieldInfo:
@@ -27,6 +55,8 @@ def key(meaning: str, default: Any = ...) -> Any:
     return Field(default, description=meaning)
 
 
+#: A pose, or a corner of a box of poses.
+Pose = Annotated[tuple[Number, ...], unit("m, rad")]
 Point = Annotated[Vector, unit("m")]
 Length = Annotated[Positive, unit("m")]
 Angle = Annotated[Number, unit("rad")]

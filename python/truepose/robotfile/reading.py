@@ -10,46 +10,44 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from truepose.exceptions import RobotFileError, choose, shortened
 from truepose.files import contents
 from truepose.robotfile import consistency
+from truepose.robotfile.base import COORDINATES, Section
+from truepose.robotfile.consistency import Problem, tables
 from truepose.robotfile.pattern import expand, misfits
 from truepose.robotfile.schema import (
     ACTUATORS,
-    FREEDOMS,
-    Bar,
-    CalibrationSection,
     Chain,
     Compliance,
-    PassiveAxis,
     Pattern,
-    Platform,
-    PriceStep,
     RobotFile,
     Tolerance,
-    Workspace,
-    speaks_of_compliance,
 )
 from truepose.robotfile.sensors import SENSORS
 from truepose.robotfile.to_core import parameter_names
 
-_SECTIONS: dict[str, type[BaseModel]] = {
+
+def _sections(annotation: Any) -> Iterator[type[Section]]:
+    """Yield the tables in a key's type."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _sections(part)
+
+
+_SECTIONS: dict[str, type[Section]] = {
     "chain_defaults": Chain,
-    "chain": Chain,
-    "bar": Bar,
-    "passive_axis": PassiveAxis,
-    "platform": Platform,
-    "workspace": Workspace,
-    "fkm_region": Workspace,
-    "pattern": Pattern,
-    "compliance": Compliance,
-    "tolerances": Tolerance,
-    "price_steps": PriceStep,
-    "calibration": CalibrationSection,
+    **{
+        key: section
+        for model in (RobotFile, Tolerance)
+        for key, field in model.model_fields.items()
+        for section in _sections(field.annotation)
+    },
     **SENSORS,
 }
 #: Keys that are expanded before the schema's check, and their meaning.
@@ -148,20 +146,13 @@ def validate(data: dict, where: str) -> RobotFile:
     return spec
 
 
-class Problem(NamedTuple):
-    """An error in a robot file: the key's path, and a line of text."""
-
-    path: tuple[str | int, ...]
-    text: str
-
-
 def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     """Return the checked robot file, or None and everything that is wrong."""
     try:
         whole, motif, problems = _resolved(data)
     except _ShorthandError as error:
         return None, [error.problem]
-    problems += itertools.islice(itertools.starmap(Problem, consistency.problems(whole)), _TOLD)
+    problems += itertools.islice(consistency.problems(whole), _TOLD)
     problems += itertools.islice(_unknown_names(whole), _TOLD)
     try:
         spec = RobotFile.model_validate(whole)
@@ -182,40 +173,17 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
     if len(location) < 2 or location[0] != "chain" or not motif:
         return location
     number = location[1] % motif
-    chains = data.get("chain")
-    own = chains[number] if isinstance(chains, list) and isinstance(chains[number], dict) else {}
-    shared = data.get("chain_defaults", {})
-    if location[2:] and location[2] not in own and location[2] in shared:
+    own, shared = tables(data, "chain"), data.get("chain_defaults", {})
+    if location[2:] and not (own and location[2] in own[number]) and location[2] in shared:
         return ("chain_defaults", *location[2:])
     return ("chain", number, *location[2:])
 
 
 def _unknown_names(whole: dict) -> Iterator[Problem]:
     """Yield unknown names of parameters and of sensors in use, even if other keys are wrong."""
-    parts = ("chain", "bar", "sensor", "passive_axis")
-    tables = {key: consistency.tables(whole, key)[:_TOLD] for key in parts}
-    known = [str(sensor.get("name")) for sensor in tables["sensor"]]
-    kinds = [sensor.get("kind") for sensor in tables["sensor"]]
-    listed = isinstance(whole.get("chain"), list) and all(str(kind) in SENSORS for kind in kinds)
-    actuators = [chain.get("actuator") for chain in tables["chain"]]
-    parameters = parameter_names(
-        whole.get("mobility") if whole.get("mobility") in (*FREEDOMS, "rotational") else None,
-        [actuator if actuator in ACTUATORS else None for actuator in actuators],
-        len(tables["bar"]),
-        [(name, SENSORS[str(k)]) for name, k in zip(known, kinds, strict=True)] if listed else [],
-        _stretches(whole),
-        len(tables["passive_axis"]),
-    )
-    for table in ("tolerances", "parameters") if listed else ():
-        entries = whole.get(table)
-        for name, value in entries.items() if isinstance(entries, dict) else ():
-            exact = table == "parameters"
-            if not (name in parameters if exact else fnmatch.filter(parameters, name)):
-                text = f"{table}: " + choose("parameter", name, parameters)
-                yield Problem((table, name), text)
-            elif exact and type(value) in (int, float) and (wrong := wrong_value(name, value)):
-                yield Problem((table, name), f"{table}.{name} = {value}: {wrong}")
-    yield from _wrongly_learnt(whole.get("calibration"), parameters) if listed else ()
+    known = [str(sensor.get("name")) for sensor in tables(whole, "sensor")[:_TOLD]]
+    if parts := _parts(whole):
+        yield from _wrong_parameters(whole, parameter_names(parts))
     used = whole.get("sensors")
     used = [s for s in used if isinstance(s, str)] if isinstance(used, list) else []
     for number, name in enumerate(used):
@@ -225,36 +193,62 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
         yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
 
 
-def _stretches(whole: dict) -> bool:
-    """Return whether compliances are parameters of a file that may be wrong elsewhere."""
-    named = [whole.get(table) for table in ("tolerances", "parameters")]
-    learnt = whole.get("calibration")
-    named.append(learnt.get("parameters") if isinstance(learnt, dict) else None)
-    own = [chain.get("compliance") for chain in consistency.tables(whole, "chain")[:_TOLD]]
-    names = [name for part in named if isinstance(part, (dict, list)) for name in part]
-    return speaks_of_compliance(whole.get("compliance"), own, names)
+def _parts(whole: dict) -> RobotFile | None:
+    """Return the parts that have parameters; None if the kind of one is unknown."""
+    chains, bars, axes, sensors = (
+        tables(whole, key)[:_TOLD] for key in ("chain", "bar", "passive_axis", "sensor")
+    )
+    actuators = [str(chain.get("actuator")) for chain in chains]
+    kinds = [str(sensor.get("kind")) for sensor in sensors]
+    mobility = str(whole.get("mobility"))
+    known = mobility in (*COORDINATES, "rotational")
+    if not (known and set(actuators) <= set(ACTUATORS) and set(kinds) <= set(SENSORS)):
+        return None
+    return RobotFile.model_construct(
+        mobility=mobility,
+        chain=[Chain.model_construct(actuator=actuator) for actuator in actuators],
+        bar=bars,
+        passive_axis=axes,
+        sensor=[
+            SENSORS[kind].model_construct(name=str(sensor.get("name")))
+            for kind, sensor in zip(kinds, sensors, strict=True)
+        ],
+        compliance=Compliance(),  # a file that names a compliance has it
+    )
 
 
-def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Problem]:
-    """Yield parameters of a calibration that are unknown, repeated or have a wrong mean."""
-    table = calibration if isinstance(calibration, dict) else {}
-    names, means = table.get("parameters"), table.get("mean")
-    names, means = (v if isinstance(v, list) else [] for v in (names, means))
-    for number, name in enumerate(names):
-        path = ("calibration", "parameters", number)
-        if name not in parameters:
-            text = "calibration.parameters: " + choose("parameter", name, parameters)
-            yield Problem(path, text)
-        elif name in names[:number]:
+def _wrong_parameters(whole: dict, known: list[str]) -> Iterator[Problem]:
+    """Yield names and values that no parameter has in three tables of a file."""
+    tolerances, values, learnt = (
+        whole[key] if isinstance(whole.get(key), dict) else {}
+        for key in ("tolerances", "parameters", "calibration")
+    )
+    names, means = (
+        learnt[key] if isinstance(learnt.get(key), list) else [] for key in ("parameters", "mean")
+    )
+    entries: list[tuple[tuple[str | int, ...], Any]]
+    entries = [(("tolerances", name), name) for name in tolerances]
+    entries += [(("parameters", name), name) for name in values]
+    entries += [(("calibration", "parameters", k), name) for k, name in enumerate(names)]
+    for path, name in entries:
+        if name not in known and not (path[0] == "tolerances" and fnmatch.filter(known, name)):
+            table = ".".join(map(str, path[:-1]))
+            yield Problem(path, f"{table}: {choose('parameter', name, known)}")
+        elif path[0] == "calibration" and name in names[: path[-1]]:
             yield Problem(path, f"calibration.parameters: {name}: a parameter is listed twice")
-    for number, (name, mean) in enumerate(zip(names, means, strict=False)):
-        if type(mean) in (int, float) and (wrong := wrong_value(str(name), mean)):
+    for name, value in values.items():
+        if wrong := wrong_value(name, value):
+            yield Problem(("parameters", name), f"parameters.{name} = {value}: {wrong}")
+    for k, (name, mean) in enumerate(zip(names, means, strict=False)):
+        if wrong := wrong_value(str(name), mean):
             text = f"calibration.mean of {name} = {mean}: {wrong}"
-            yield Problem(("calibration", "mean", number), text)
+            yield Problem(("calibration", "mean", k), text)
 
 
-def wrong_value(name: str, value: float) -> str | None:
-    """Return what is wrong with a parameter's value, if anything."""
+def wrong_value(name: str, value: object) -> str | None:
+    """Return what is wrong with a parameter's value, if it is a number."""
+    if not isinstance(value, int | float):
+        return None
     if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
         return "must be greater than 0 (m)"
     if name.endswith(".gain") and value == 0:
@@ -271,14 +265,13 @@ def mechanism_of(data: dict) -> RobotFile | None:
         whole, _, _ = _resolved(data)
     except _ShorthandError:
         return None
-    if any(problem[0][0] in _MECHANISM for problem in consistency.problems(whole)):
+    if any(problem.path[0] in _MECHANISM for problem in consistency.problems(whole)):
         return None
     told = itertools.islice(_unknown_names(whole | {"tolerances": {}}), _TOLD)
     values, wrong = whole.get("parameters"), {problem.path for problem in told}
     moving = {key: whole[key] for key in _MECHANISM if key in whole}
     moving["chain"] = [
-        {key: chain[key] for key in chain if key in _MOVES}
-        for chain in consistency.tables(whole, "chain")
+        {key: chain[key] for key in chain if key in _MOVES} for chain in tables(whole, "chain")
     ]
     moving["parameters"] = {
         name: value
@@ -327,9 +320,8 @@ def _based_on(data: dict) -> dict:
         raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
     result = tomllib.loads(files[name].read_text(encoding="utf-8"))
     for key, value in data.items():
-        known = result.get(key)
-        both = isinstance(known, dict) and isinstance(value, dict)
-        result[key] = known | value if both else value
+        both = isinstance(result.get(key), dict) and isinstance(value, dict)
+        result[key] = result[key] | value if both else value
     return result
 
 
@@ -341,16 +333,16 @@ def _describe(problem: dict) -> str:
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
         known = list((_SECTIONS[section] if section else RobotFile).model_fields)
         return f"{key}: " + choose("key", location[-1], known if section else [*known, *SHORTHAND])
-    if kind == "missing":
-        return f"{key}: is missing"
-    if kind == "union_tag_not_found":
-        return f"{key}.kind: is missing (choices: {', '.join(SENSORS)})"
+    reasons = {
+        "missing": ": is missing",
+        "union_tag_not_found": f".kind: is missing (choices: {', '.join(SENSORS)})",
+        "tuple_type": f" = {shortened(repr(value))}: must be a list",
+        **dict.fromkeys(("model_type", "dict_type", "model_attributes_type"), ": must be a table"),
+    }
+    if kind in reasons:
+        return key + reasons[kind]
     if kind == "union_tag_invalid":
         return f"{key}.kind: " + choose("kind", value.get("kind"), SENSORS)
-    if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return f"{key}: must be a table"
-    if kind == "tuple_type":
-        return f"{key} = {shortened(repr(value))}: must be a list"
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):

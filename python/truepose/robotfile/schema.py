@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from truepose.robotfile.base import (
+    COORDINATES,
     Angle,
     Counts,
     Direction,
@@ -22,57 +22,17 @@ from truepose.robotfile.base import (
     NonNegative,
     Number,
     Point,
+    Pose,
     Positive,
     Section,
     Sigma,
     Vector,
+    is_compliance,
     key,
+    not_degrees,
     unit,
 )
 from truepose.robotfile.sensors import Sensor
-
-#: Number of a mobility's angles, its last coordinates.
-ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "rotational": 3}
-#: Degrees of freedom (= chains = motors) of each mobility; rotational: as many as passive axes.
-FREEDOMS = {"planar_translation": 2, "planar": 3, "translation": 3, "schoenflies": 4, "spatial": 6}
-
-
-def not_degrees(what: str, angles: float | Sequence[float]) -> None:
-    """Raise ValueError for an angle of more than a turn, which is likely in degrees."""
-    listed = [angles] if isinstance(angles, float) else list(angles)
-    if max(map(abs, listed)) > 2 * math.pi:
-        turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
-        given = ", ".join(f"{angle:g}" for angle in listed)
-        raise ValueError(
-            f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
-        )
-
-
-#: Parameter name of the compliance that all chains share.
-COMMON = "compliance.all_chains"
-
-
-def is_compliance(parameter: str) -> bool:
-    """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all.
-
-    Examples
-    --------
-    >>> [is_compliance(name) for name in (COMMON, "compliance.*", "chain*.compliance")]
-    [True, True, True]
-    >>> is_compliance("*compliance"), is_compliance("chain*.rod")
-    (True, False)
-    """
-    return parameter.startswith("compliance.") or parameter.endswith("compliance")
-
-
-def speaks_of_compliance(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
-    """Return whether a file has a compliance: its table, a chain's own, or a parameter."""
-    return (
-        table is not None
-        or any(compliance is not None for compliance in own)
-        or any(is_compliance(str(name)) for name in names)
-    )
-
 
 Actuator = Literal["revolute", "prismatic", "telescopic"]
 ACTUATORS: tuple[str, ...] = get_args(Actuator)
@@ -117,9 +77,7 @@ class Chain(Section):
         "1/(EA), beside that of [compliance]",
         None,
     )
-    encoder_counts: Counts | None = key(
-        "per turn, or per m; without it the encoder has no counts", None
-    )
+    encoder_counts: Counts | None = key("per turn, or per m; without it: no counts", None)
     lead: Annotated[Number, unit("m or rad")] | None = key(
         "travel per turn of the motor's shaft, for logs whose column is q1_turns: a "
         "screw's lead, a spool's or pulley's circumference; negative where it turns the other "
@@ -136,7 +94,7 @@ class Chain(Section):
         "stops of the motor, lower and upper: its position before the encoder's offset", None
     )
     torque_limit: Annotated[Positive, unit("N·m or N")] | None = key(
-        "of the motor, either way; without it there is none", None
+        "of the motor, either way", None
     )
     speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = key(
         "of the motor, either way; paths that ask for more are refused", None
@@ -148,11 +106,9 @@ class Chain(Section):
     )
     arm_mass: Mass = key("arm, or carriage", 0.0)
     rod_mass: Mass = key("all rods of the chain together", 0.0)
-    viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key(
-        "friction of the motor, by its speed", 0.0
-    )
+    viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key("of the motor", 0.0)
     coulomb_friction: Annotated[NonNegative, unit("N·m or N")] = key(
-        "friction of the motor, whatever its speed", 0.0
+        "of the motor, at any speed", 0.0
     )
 
     @model_validator(mode="after")
@@ -173,8 +129,8 @@ class Chain(Section):
             raise ValueError("'spool_buildup' is for prismatic and telescopic chains, not revolute")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
             raise ValueError("'limits' must be [lower, upper]")
-        if self.actuator == "revolute" and self.limits is not None:
-            not_degrees("limits", self.limits)
+        if self.actuator == "revolute":
+            not_degrees("limits", self.limits or ())
         not_degrees("yaw", self.yaw)
         not_degrees("tilt", self.tilt)
         self._heavy_enough()
@@ -223,10 +179,9 @@ class PassiveAxis(Section):
 
     @model_validator(mode="after")
     def _ordered(self) -> PassiveAxis:
-        if self.limits is not None:
-            if self.limits[0] >= self.limits[1]:
-                raise ValueError("'limits' must be [lower, upper]")
-            not_degrees("limits", self.limits)
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError("'limits' must be [lower, upper]")
+        not_degrees("limits", self.limits or ())
         return self
 
 
@@ -257,10 +212,8 @@ class Compliance(Section):
 class Workspace(Section):
     """Box of coordinates for which the robot is intended."""
 
-    minimum: Annotated[tuple[Number, ...], unit("m, rad")] = key(
-        "smallest value of each coordinate"
-    )
-    maximum: Annotated[tuple[Number, ...], unit("m, rad")] = key("largest value of each coordinate")
+    minimum: Pose = key("smallest value of each coordinate")
+    maximum: Pose = key("largest value of each coordinate")
 
     @model_validator(mode="after")
     def _ordered(self) -> Workspace:
@@ -274,36 +227,26 @@ class Workspace(Section):
 class Pattern(Section):
     """Repetition of the file's chains, the motif, about an axis of the base frame."""
 
-    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key(
-        "copies of the motif, a full turn together"
-    )
+    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key("copies of the motif in a turn")
     about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
 class PriceStep(Section):
     """A finer tolerance that parts can be machined to, for a price."""
 
-    sigma: Annotated[Positive, unit("the parameter's")] = key(
-        "standard deviation about the expected value"
-    )
-    price: NonNegative = key(
-        "of all parameters of this entry together, in the currency of the sensors'"
-    )
+    sigma: Annotated[Positive, unit("the parameter's")] = key("σ about the expected value")
+    price: NonNegative = key("of all parameters of this entry together, in the sensors' currency")
 
 
 class Tolerance(Section):
     """Uncertainty of a parameter: a σ, or a uniform interval about its value."""
 
-    sigma: Annotated[NonNegative, unit("the parameter's")] | None = key(
-        "standard deviation about the nominal value", None
-    )
+    sigma: Annotated[NonNegative, unit("the parameter's")] | None = key("σ about the nominal", None)
     interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
         "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'",
         None,
     )
-    price_steps: tuple[PriceStep, ...] = key(
-        "finer levels that truepose design may choose, any order", ()
-    )
+    price_steps: tuple[PriceStep, ...] = key("finer levels for truepose design, any order", ())
 
     @model_validator(mode="after")
     def _one(self) -> Tolerance:
@@ -340,13 +283,8 @@ class CalibrationSection(Section):
     source: str = key("readings used", "")
     parameters: tuple[str, ...] = key("names, in the order of 'mean' and 'root'")
     mean: Annotated[tuple[Number, ...], unit("m or rad")] = key("best values")
-    root: tuple[tuple[Number, ...], ...] = key(
-        "lower triangle, row by row: covariance = root · rootᵀ"
-    )
-    model_error: dict[str, Sigma] = Field(
-        default_factory=dict,
-        description="σ of each reading's deviation from the ideal level (q1 … qn, sensors)",
-    )
+    root: tuple[tuple[Number, ...], ...] = key("lower triangle by rows: covariance = root · rootᵀ")
+    model_error: dict[str, Sigma] = key("σ of each reading's deviation from the ideal level", {})
 
     @model_validator(mode="after")
     def _square(self) -> CalibrationSection:
@@ -360,9 +298,7 @@ class CalibrationSection(Section):
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviation of every parameter."""
-        return {
-            name: math.hypot(*row) for name, row in zip(self.parameters, self.root, strict=True)
-        }
+        return dict(zip(self.parameters, (math.hypot(*row) for row in self.root), strict=True))
 
 
 class RobotFile(Section):
@@ -374,9 +310,7 @@ class RobotFile(Section):
     mobility: Literal[
         "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
     ] = key("which freedoms the platform has; as many chains")
-    home: Annotated[tuple[Number, ...], unit("m, rad")] = key(
-        "a pose well inside the workspace, one value a freedom"
-    )
+    home: Pose = key("a pose well inside the workspace, one value a freedom")
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
     workspace: Workspace | None = key("box for which the robot is intended", None)
@@ -391,37 +325,41 @@ class RobotFile(Section):
     chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
     bar: tuple[Bar, ...] = key("lateral bars of an articulated platform, two at most", ())
     passive_axis: tuple[PassiveAxis, ...] = key(
-        "of a rotational platform: one to three, the base's first", ()
+        "of a rotational platform: 1 to 3, base's first", ()
     )
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
-    compliance: Compliance | None = key(
-        "deflection of rods, legs and belts; stiff without it", None
-    )
+    compliance: Compliance | None = key("deflection of rods, legs, belts; without it: stiff", None)
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
-    tolerances: dict[str, Tolerance] = Field(
-        default_factory=dict,
-        description="uncertainty by parameter; of globs the first that fits counts",
+    tolerances: dict[str, Tolerance] = key(
+        "uncertainty by parameter; the first glob that fits counts", {}
     )
-    parameters: Annotated[dict[str, Number], unit("m or rad")] = Field(
-        default_factory=dict,
-        description="values other than nominal; tolerances stay about the nominal ones",
+    parameters: Annotated[dict[str, Number], unit("m or rad")] = key(
+        "values other than nominal; tolerances stay about the nominal ones", {}
     )
     calibration: CalibrationSection | None = key("result of a calibration; written by it", None)
     #: Text of the file, so that saving keeps its order and comments.
     _text: str = PrivateAttr(default="")
 
     @property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each coordinate of the pose."""
+        axes = tuple((axis.name, "rad") for axis in self.passive_axis)
+        return COORDINATES.get(self.mobility, axes)
+
+    @property
     def n(self) -> int:
         """Degrees of freedom."""
-        return len(self.passive_axis) if self.mobility == "rotational" else FREEDOMS[self.mobility]
+        return len(self.coordinates)
 
     @property
     def stretches(self) -> bool:
         """Whether compliances are among its parameters: where the file has any."""
         learnt = self.calibration.parameters if self.calibration else ()
-        named = (*self.tolerances, *self.parameters, *learnt)
-        own = [chain.compliance for chain in self.chain]
-        return speaks_of_compliance(self.compliance, own, named)
+        return (
+            self.compliance is not None
+            or any(chain.compliance is not None for chain in self.chain)
+            or any(map(is_compliance, (*self.tolerances, *self.parameters, *learnt)))
+        )
 
     @property
     def used(self) -> tuple[Sensor, ...]:

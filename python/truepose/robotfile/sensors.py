@@ -53,17 +53,13 @@ class SensorSection(Section):
     weight: NonNegative = key("of its row in the TEJ (paper: 1)", 1.0)
     sample_period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
     latency: Seconds = key("of a sample when it arrives at the controller", 0.0)
-    range: Range | None = key(
-        "[low, high] of its readings: the fault monitor fails any beyond; without it there is no "
-        "limit",
-        None,
-    )
+    range: Range | None = key("of its readings; the fault monitor fails others", None)
     price: NonNegative | None = key("cost in any currency, for truepose design", None)
 
     @property
     def geared(self) -> bool:
         """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
-        return False
+        return isinstance(self, PlatformAngle) and self.gear != 1
 
     @model_validator(mode="after")
     def _usable(self) -> SensorSection:
@@ -105,11 +101,6 @@ class PlatformAngle(Encoder):
 
     kind: Literal["platform_angle"] = key("says which sensor this is")
     bar: Index | None = key("read at this bar's hinge, against the bar; without it, absolute", None)
-
-    @property
-    def geared(self) -> bool:
-        """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
-        return self.gear != 1
 
 
 class PlaneDistance(_Gauge):

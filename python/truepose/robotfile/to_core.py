@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,112 +11,90 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.schema import COMMON, Chain, Compliance, PassiveAxis, RobotFile
-from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
+from truepose.robotfile.base import COMMON, Section
+from truepose.robotfile.schema import Chain, Compliance, RobotFile
+from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
 PAIRED = ("translation", "schoenflies")
 #: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
-HARMONICS = ("c1", "s1", "c2", "s2")
-
-_COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
+_HARMONICS = ("c1", "s1", "c2", "s2")
+_COMPONENTS = {name: k for names in ("xyz", _HARMONICS) for k, name in enumerate(names)}
+_ECCENTRICITY = [f"eccentricity.{harmonic}" for harmonic in _HARMONICS]
 
 #: The core's sensor vectors that are directions, nominally of length 1.
 DIRECTIONS = ("direction", "normal")
 
+#: Members of the core's structs, and the file's keys where these have another name.
+_CHAIN = {
+    **{key: key for key in ("base", "axis", "arm", "rod", "working_mode", "encoder_offset")},
+    **{key: key for key in ("encoder_noise", "torque_limit", "drive_inertia")},
+    **{key: key for key in ("arm_mass", "rod_mass")},
+    "zero": "arm_zero",
+    "encoder_gain": "gain",
+    "encoder_buildup": "spool_buildup",
+    "viscous": "viscous_friction",
+    "coulomb": "coulomb_friction",
+}
 
-def parameter_names(
-    mobility: str | None,
-    actuators: Sequence[str | None],
-    bars: int,
-    sensors: Sequence[tuple[str, type[Any]]],
-    stretches: bool,
-    axes: int = 0,
-) -> list[str]:
-    """Return the names of all geometric parameters, including those of unknown (None) parts.
 
-    `stretches`: whether compliances are among them (the core's control path has none).
-    """
+def _xyz(*vectors: str) -> list[str]:
+    return [f"{vector}.{axis}" for vector in vectors for axis in "xyz"]
+
+
+def parameter_names(spec: RobotFile) -> list[str]:
+    """Return the names of all geometric parameters; of `spec`, only kinds and counts are read."""
     names = []
-    for number, actuator in enumerate(actuators, 1):
-        keys = [f"{vector}.{axis}" for vector in ("base", "anchor") for axis in "xyz"]
-        keys += ["encoder_offset", "yaw", "tilt"]
-        keys += ["rod_difference", "rod_spacing"] * (mobility in (*PAIRED, None))
-        keys += ["arm"] * (actuator in ("revolute", None))
-        keys += ["rod"] * (actuator != "telescopic")
-        keys += harmonics() * (actuator in ("revolute", None))
-        keys += ["gain"]
-        keys += ["spool_buildup"] * (actuator != "revolute")
-        keys += ["compliance"] * stretches
+    for number, chain in enumerate(spec.chain, 1):
+        revolute = chain.actuator == "revolute"
+        keys = [*_xyz("base", "anchor"), "encoder_offset", "yaw", "tilt"]
+        keys += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
+        keys += ["arm"] * revolute + ["rod"] * (chain.actuator != "telescopic")
+        keys += _ECCENTRICITY * revolute + ["gain"] + ["spool_buildup"] * (not revolute)
+        keys += ["compliance"] * spec.stretches
         names += [f"chain{number}.{key}" for key in keys]
-    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
-    names += [COMMON] * stretches
-    for name, kind in sensors:
-        keys = ["offset", "gain"]
-        keys += [f"{vector}.{axis}" for vector in kind.mounting.values() for axis in "xyz"]
-        keys += harmonics() * issubclass(kind, Encoder)
-        names += [f"{name}.{key}" for key in keys]
-    for number in range(1, axes + 1):
-        vectors = ("origin", "direction")
-        names += [f"axis{number}.{vector}.{axis}" for vector in vectors for axis in "xyz"]
+    names += [f"bar{number}.pivot" for number in range(1, len(spec.bar) + 1)]
+    names += [COMMON] * spec.stretches
+    for sensor in spec.sensor:
+        keys = ["offset", "gain", *_xyz(*sensor.mounting.values())]
+        keys += _ECCENTRICITY * isinstance(sensor, Encoder)
+        names += [f"{sensor.name}.{key}" for key in keys]
+    for number in range(1, len(spec.passive_axis) + 1):
+        names += [f"axis{number}.{key}" for key in _xyz("origin", "direction")]
     return names
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
     """Return name and nominal value of every geometric parameter."""
-    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
-    actuators = [chain.actuator for chain in spec.chain]
-    names = parameter_names(
-        spec.mobility, actuators, len(spec.bar), sensors, spec.stretches, len(spec.passive_axis)
-    )
-    parts: dict[str, object] = {
-        f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)
-    }
-    parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
-    parts |= {"compliance": spec.compliance or Compliance()}
+    parts: dict[str, object] = {"compliance": spec.compliance or Compliance()}
+    for kind, of_kind in (("chain", spec.chain), ("bar", spec.bar), ("axis", spec.passive_axis)):
+        parts |= {f"{kind}{number}": part for number, part in enumerate(of_kind, 1)}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
-    parts |= {f"axis{number}": axis for number, axis in enumerate(spec.passive_axis, 1)}
     values = {}
-    for name in names:
+    for name in parameter_names(spec):
         part, key, *component = name.split(".")
-        value = getattr(parts[part], key)
-        if value is None:  # a chain's own compliance
-            value = 0.0
+        value: Any = getattr(parts[part], key) or 0.0  # a chain's own compliance may be None
         values[name] = value[_COMPONENTS[component[0]]] if component else value
     for sensor in spec.sensor:
         for vector in DIRECTIONS:
             if turned := sensor.mounting.get(vector):  # only its direction matters
-                of = [f"{sensor.name}.{turned}.{axis}" for axis in "xyz"]
+                of = [f"{sensor.name}.{key}" for key in _xyz(turned)]
                 length = math.hypot(*(values[name] for name in of))
                 values |= {name: values[name] / length for name in of}
     return values
 
 
-def harmonics() -> list[str]:
-    """Keys of an encoder's eccentricity."""
-    return [f"eccentricity.{harmonic}" for harmonic in HARMONICS]
-
-
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
     """Return the file's name of every parameter that the core has, and its column of H_ξ."""
-    chain, axis = (
-        [key for key, _ in table] for table in (_core.chain_parameters, _core.axis_parameters)
-    )
-    width = len(chain)
-    columns = [
-        (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
-    ]
-    columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
-    start = spec.n * width + _core.max_bars
+    names = [f"chain{i}.{key}" for i in range(1, spec.n + 1) for key, _ in _core.chain_parameters]
+    bars = [f"bar{k}.pivot" for k in range(1, len(spec.bar) + 1)]
+    names += bars + [""] * (_core.max_bars - len(bars))
     for sensor in spec.used:
-        for k, (core, _) in enumerate(_core.sensor_parameters):
-            if key := file_key(type(sensor), core):
-                columns.append((f"{sensor.name}.{key}", start + k))
-        start += len(_core.sensor_parameters)
-    for j in range(len(spec.passive_axis)):
-        columns += [(f"axis{j + 1}.{key}", start + k) for k, key in enumerate(axis)]
-        start += len(axis)
-    return columns
+        keys = [file_key(type(sensor), core) for core, _ in _core.sensor_parameters]
+        names += [key and f"{sensor.name}.{key}" for key in keys]
+    axes = range(1, len(spec.passive_axis) + 1)
+    names += [f"axis{j}.{key}" for j in axes for key, _ in _core.axis_parameters]
+    return [(name, k) for k, name in enumerate(names) if name]
 
 
 def file_key(kind: type[SensorSection], core: str) -> str:
@@ -180,7 +158,8 @@ def build(spec: RobotFile) -> _core.Robot:
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
     for j, axis in enumerate(spec.passive_axis):
-        robot.set_axis(j, _build_axis(axis))
+        built = _filled(_core.PassiveAxis(), axis, {"origin": "origin", "direction": "direction"})
+        robot.set_axis(j, _limited(built, axis.limits))
     for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
@@ -198,13 +177,23 @@ def build(spec: RobotFile) -> _core.Robot:
     return robot
 
 
+def _filled(struct: Any, part: Section, keys: dict[str, str]) -> Any:
+    """Set members of a core's struct to a part's keys; an absent number is 0."""
+    for member, key in keys.items():
+        value = getattr(part, key)
+        setattr(struct, member, np.array(value) if isinstance(value, tuple) else value or 0.0)
+    return struct
+
+
+def _limited(struct: Any, limits: tuple[float, float] | None) -> Any:
+    if limits is not None:
+        struct.low, struct.high = limits
+    return struct
+
+
 def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
-    built = _core.Chain()
+    built = _limited(_filled(_core.Chain(), chain, _CHAIN), chain.limits)
     built.actuator = getattr(_core.Actuator, chain.actuator)
-    for key in ("base", "axis"):
-        setattr(built, key, np.array(getattr(chain, key)))
-    built.zero = np.array(chain.arm_zero)
-    built.arm, built.rod = chain.arm or 0.0, chain.rod or 0.0
     if chain.bar is None:
         built.pivot = np.array(chain.anchor)
     else:
@@ -212,45 +201,24 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.pivot = bar.pivot * np.array(bar.direction)
         built.anchor = np.array(chain.anchor)
         built.bar = chain.bar - 1
-    built.encoder_offset, built.encoder_gain = chain.encoder_offset, chain.gain
-    built.encoder_buildup = chain.spool_buildup
     built.encoder_step = encoder_step(chain) * spec.quantized
-    built.encoder_noise = chain.encoder_noise
     built.set_eccentricity(chain.eccentricity, 1.0)
-    if chain.limits is not None:
-        built.low, built.high = chain.limits
-    built.torque_limit = chain.torque_limit or 0.0
     if spec.mobility in PAIRED:  # two rods
         built.rod_spacing = chain.rod_spacing
         built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
-    for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass"):
-        setattr(built, key, getattr(chain, key))
-    built.viscous, built.coulomb = chain.viscous_friction, chain.coulomb_friction
-    return built
-
-
-def _build_axis(axis: PassiveAxis) -> _core.PassiveAxis:
-    built = _core.PassiveAxis()
-    built.origin, built.direction = np.array(axis.origin), np.array(axis.direction)
-    if axis.limits is not None:
-        built.low, built.high = axis.limits
     return built
 
 
 def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
-    built = _core.Sensor()
+    keys = {key: key for key in ("offset", "gain", "noise", "weight")}
+    built = _filled(_core.Sensor(), sensor, keys | sensor.mounting)
     built.kind = getattr(_core.SensorKind, sensor.kind)
-    built.offset, built.gain = sensor.offset, sensor.gain
     built.step = sensor.step * spec.quantized
-    built.noise = sensor.noise
     if isinstance(sensor, Encoder):
         built.set_eccentricity(sensor.eccentricity, sensor.gear)
-    built.weight = sensor.weight
     built.bar = (getattr(sensor, "bar", None) or 0) - 1
-    if isinstance(sensor, AxisAngle):
+    if sensor.kind == "axis_angle":
         built.axis = sensor.axis - 1
-    for core, key in sensor.mounting.items():
-        setattr(built, core, np.array(getattr(sensor, key)))
     if (number := getattr(sensor, "chain", None)) is not None:
         built.chain = number - 1
         built.at_nacelle = getattr(sensor, "side", "base") == "platform"
@@ -259,14 +227,3 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
         built.direction = np.array(spec.chain[number - 1].axis)
         built.normal = np.array(spec.chain[number - 1].arm_zero)
     return built
-
-
-def parameterised(
-    drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
-) -> _core.Robot:
-    """Return `drawn` with these parameters' values; `known` as from :func:`columns`."""
-    xi = np.asarray(drawn.drawn_parameters())
-    for name, column in known:
-        if name in values:
-            xi[column] = values[name]
-    return drawn.with_parameters(xi)

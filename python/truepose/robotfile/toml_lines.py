@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterator
 
 Path = tuple[str | int, ...]
+Token = tuple[int, str]  #: line, text
 
 _TOKEN = re.compile(
     r"""
@@ -20,15 +22,21 @@ _TOKEN = re.compile(
 
 
 def lines(text: str) -> dict[Path, int]:
-    r"""Return the line (from 1) of every key path and list element (from 0) of a TOML text.
-
-    Examples
-    --------
-    >>> where = lines("name = 'a'\n[[chain]]\narm = 1\n[[chain]]\narm = [1,\n 2]\n")
-    >>> where["chain", 0, "arm"], where["chain", 1, "arm", 1]
-    (3, 6)
-    """
-    return _Scan(text).found
+    """Return the line (from 1) of every key path and list element (from 0) of a TOML text."""
+    found: dict[Path, int] = {}
+    tokens = deque(_tokens(text))
+    table: Path = ()
+    counts: dict[Path, int] = {}  # how many of each [[table]] there are, less one
+    while tokens:
+        line, sign = tokens[0]
+        if sign == "\n":
+            tokens.popleft()
+        elif sign == "[":
+            array = tokens[1][1] == "["
+            table = _header(list(_key(tokens, "\n")), array, line, counts, found)
+        else:
+            _entry(tokens, table, found)
+    return found
 
 
 def nearest(where: dict[Path, int], path: Path) -> int:
@@ -38,94 +46,61 @@ def nearest(where: dict[Path, int], path: Path) -> int:
     return where.get(path, 1)
 
 
-class _Scan:
-    """One pass over the tokens of a text that the parser has accepted."""
+def _tokens(text: str) -> Iterator[Token]:
+    line = 1
+    for match in _TOKEN.finditer(text + "\n"):
+        if match.lastgroup != "comment":
+            yield line, match.group()
+        line += match.group().count("\n")
 
-    def __init__(self, text: str):
-        self.found: dict[Path, int] = {}
-        self.tokens = list(self._tokenise(text))
-        self.at = 0
-        table: Path = ()
-        tables: dict[Path, int] = {}  # how many of each [[table]] there are
-        while (token := self._next()) is not None:
-            if token[1] == "\n":
-                continue
-            if token[1] == "[":
-                array = self._peek() == "["
-                if array:
-                    self._next()
-                table = self._header(self._key(self._next()), array, token[0], tables)
-                for _ in range(2 if array else 1):
-                    self._next()
-            else:
-                self._entry(table, token)
 
-    @staticmethod
-    def _tokenise(text: str) -> Iterator[tuple[int, str]]:
-        line = 1
-        for match in _TOKEN.finditer(text):
-            if match.lastgroup != "comment":
-                yield line, match.group()
-            line += match.group().count("\n")
+def _key(tokens: deque[Token], end: str) -> Iterator[str]:
+    """Yield the parts of a dotted key, without quotes, and skip the token after it."""
+    while (token := tokens.popleft()[1]) != end:
+        if token not in ("[", "]", "."):
+            yield token[1:-1] if token[0] in "'\"" else token
 
-    def _peek(self) -> str | None:
-        return self.tokens[self.at][1] if self.at < len(self.tokens) else None
 
-    def _next(self) -> tuple[int, str] | None:
-        self.at += 1
-        return self.tokens[self.at - 1] if self.at <= len(self.tokens) else None
+def _header(
+    key: list[str], array: bool, line: int, counts: dict[Path, int], found: dict[Path, int]
+) -> Path:
+    """Place a [table] or [[table]]; inside an array of tables it belongs to the last one."""
+    path: Path = ()
+    for number, part in enumerate(key, 1):
+        path += (part,)
+        found.setdefault(path, line)
+        if array and number == len(key):
+            counts[path] = counts.get(path, -1) + 1
+        if path in counts:
+            path += (counts[path],)
+            found.setdefault(path, line)
+    return path
 
-    def _key(self, token: tuple[int, str] | None) -> Path:
-        parts = [token[1] if token else ""]
-        while self._peek() == ".":
-            self._next()
-            part = self._next()
-            parts.append(part[1] if part else "")
-        return tuple(p[1:-1] if p[:1] in ("'", '"') else p for p in parts)
 
-    def _header(self, key: Path, array: bool, line: int, tables: dict[Path, int]) -> Path:
-        """Place a [table] or [[table]]; inside an array of tables it belongs to the last one."""
-        path: Path = ()
-        for number, part in enumerate(key, 1):
-            path += (part,)
-            last = number == len(key)
-            self.found.setdefault(path, line)
-            if last and array:
-                tables[path] = tables.get(path, -1) + 1
-            if path in tables:
-                path += (tables[path],)
-                self.found.setdefault(path, line)
-        return path
+def _entry(tokens: deque[Token], path: Path, found: dict[Path, int]) -> None:
+    line = tokens[0][0]
+    for part in _key(tokens, "="):
+        path += (part,)
+        found.setdefault(path, line)
+    _value(tokens, path, found)
 
-    def _entry(self, table: Path, token: tuple[int, str]) -> None:
-        path = table
-        for part in self._key(token):
-            path += (part,)
-            self.found.setdefault(path, token[0])
-        self._next()  # =
-        self._value(path)
 
-    def _value(self, path: Path) -> None:
-        """Skip a value, but record list elements and keys of inline tables."""
-        opening = self._peek()
-        if opening == "[":
-            self._next()
-            number = 0
-            while (token := self._peek()) not in ("]", None):
-                if token in ("\n", ","):
-                    self._next()
-                    continue
-                self.found[(*path, number)] = self.tokens[self.at][0]
-                self._value((*path, number))
-                number += 1
-            self._next()
+def _value(tokens: deque[Token], path: Path, found: dict[Path, int]) -> None:
+    """Skip a value, but record list elements and keys of inline tables."""
+    opening = tokens[0][1]
+    if opening not in ("[", "{"):
+        while tokens[0][1] not in (",", "]", "}", "\n"):
+            tokens.popleft()
+        return
+    tokens.popleft()
+    number = 0
+    while (token := tokens[0][1]) not in ("]", "}"):
+        if token in (",", "\n"):
+            tokens.popleft()
         elif opening == "{":
-            self._next()
-            while (token := self._peek()) not in ("}", None):
-                first = self._next()
-                if token not in ("\n", ",") and first:
-                    self._entry(path, first)
-            self._next()
+            _entry(tokens, path, found)
         else:
-            while self._peek() not in (",", "]", "}", "\n", None):
-                self._next()
+            found[*path, number] = tokens[0][0]
+            _value(tokens, (*path, number), found)
+            number += 1
+    tokens.popleft()

@@ -23,11 +23,9 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
     before = parse(document.as_string(), spec.name)
     for key in ("sensors", "gravity", "level", "quantized"):
-        if getattr(spec, key) != getattr(before, key):
-            value = getattr(spec, key)
-            if value is None:
-                document.pop(key)
-                continue
+        if (value := getattr(spec, key)) is None:
+            document.pop(key, None)
+        elif value != getattr(before, key):
             document[key] = list(value) if isinstance(value, tuple) else value
     if spec.compliance is not None and spec.compliance != before.compliance:
         document["compliance"] = spec.compliance.model_dump(exclude_defaults=True, mode="json")
@@ -71,9 +69,7 @@ def _calibration(calibration: CalibrationSection) -> tomlkit.items.Table:
 
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
     """Return every key that differs from its default, the pattern's chains expanded."""
-    data = spec.model_dump(
-        exclude_defaults=True, exclude={"pattern", "parameters", "calibration"}, mode="json"
-    )
+    left_out = {"pattern", "parameters", "calibration"}
     document = tomlkit.document()
-    document.update(data)
+    document.update(spec.model_dump(exclude_defaults=True, exclude=left_out, mode="json"))
     return document

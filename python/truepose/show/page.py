@@ -52,17 +52,7 @@ def _template(name: str) -> Template:
 
 
 def _with_contents(page: str) -> str:
-    """Number the sections, and list them below the title.
-
-    Examples
-    --------
-    >>> page = _with_contents("<h1>T</h1><h2>A</h2><h2>B, <em>b</em></h2><h2>C</h2>")
-    >>> print(page.split("<nav", 1)[1].split("</nav>")[0].replace("<li>", chr(10) + "<li>"))
-     aria-label="Contents"><ol>
-    <li><a href="#section-1">A</a></li>
-    <li><a href="#section-2">B, b</a></li>
-    <li><a href="#section-3">C</a></li></ol>
-    """
+    """Number the sections, and list them below the title."""
     titles = [re.sub(r"<[^>]+>", "", title) for title in _HEADING.findall(page)]
     if len(titles) < _FEWEST:
         return page

@@ -93,7 +93,6 @@ def number(value: float | None, significant: int = 3, data: object = None) -> Ce
 
     Examples
     --------
-    >>> from truepose.show.table import number
     >>> [number(v) for v in (52400, 8.8123, 0.0123, 0.0, -0.0321, 2e-9, None)]
     ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
     """

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
+import functools
 import json
 import math
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
+from pathlib import Path
+from typing import Literal
 
+import rich.table
+from rich.align import Align
+from rich.box import Box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
@@ -25,7 +32,9 @@ _PLAIN = {
     **{"│": "|", "━": "-"},
     **{"…": "...", "’": "'", "≤": "<=", "≥": ">=", "µ": "u"},
 }
-_GAP = "  "
+_GAP = 2  # columns between those of a table
+#: Lines of a table: only a rule below the header.
+_RULE = Box("    \n    \n ── \n" + 5 * "    \n")
 _LEAST = 40  # columns; lines exceed a narrower window
 #: Largest number of lines of a command's answer.
 MOST = 20
@@ -62,10 +71,33 @@ def say(text: object, how: Format = Format.table, err: bool = False) -> None:
     print(one_line(text), file=sys.stderr if err or how is not Format.table else sys.stdout)
 
 
-def limit(on: bool) -> None:
-    """Make :func:`show` print at most `MOST` lines, or everything."""
+def wrote(how: Format, *paths: Path | None) -> None:
+    """Print which files were written."""
+    for path in paths:
+        if path is not None:
+            say(f"Wrote {path}", how)
+
+
+@contextlib.contextmanager
+def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
+    """Show a progress bar where standard error is a terminal; yield the function that updates it.
+
+    Its arguments are those of :meth:`rich.progress.Progress.update`.
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+
+    columns = (TextColumn("{task.description:20}"), BarColumn(), MofNCompleteColumn(), Remaining())
+    errors = Console(stderr=True)
+    hidden = not errors.is_terminal
+    with Progress(*columns, console=errors, transient=True, disable=hidden) as bar:
+        yield functools.partial(bar.update, bar.add_task(what, total=total))
+
+
+def limit(everything: bool) -> None:
+    """Make :func:`show` print everything, or at most `MOST` lines."""
     global _limited  # noqa: PLW0603 – state of the one command that runs
-    _limited = on
+    _limited = not everything
 
 
 def show(
@@ -73,59 +105,47 @@ def show(
     how: Format = Format.table,
     answer: Sequence[object] = (),
     notes: Sequence[object] = (),
-    more: int = 0,
+    written: Sequence[Path | None] = (),
 ) -> None:
-    """Print lines of an answer, tables with the most important first, and notes.
-
-    `more` is the number of lines that the command prints afterwards.
-    """
+    """Print lines of an answer, tables with the most important first, notes, and written files."""
     if how is not Format.table:
         _data(tables, how)
         for line in (*answer, *notes):
             say(line, how)
-        return
-    width = max(shutil.get_terminal_size().columns, _LEAST)
-    first, last = (
-        [line for text in texts for line in _wrapped(_printable(str(text)), width)]
-        for texts in (answer, notes)
-    )
-    parts = [first, *(laid_out(table, width) for table in tables), last]
-    lines, left = _joined([part for part in parts if part], MOST - more)
-    if left:
-        lines += ["", f"{left} more lines with --all"]
-    print("\n".join(lines))
+    else:
+        width = max(shutil.get_terminal_size().columns, _LEAST)
+        first, last = (
+            [line for text in texts for line in _wrapped(_printable(str(text)), width)]
+            for texts in (answer, notes)
+        )
+        parts = [first, *(laid_out(table, width) for table in tables), last]
+        most = MOST - sum(path is not None for path in written)
+        print("\n".join(_joined([part for part in parts if part], most)))
+    wrote(how, *written)
 
 
-def _joined(parts: list[list[str]], most: int) -> tuple[list[str], int]:
-    """Return the lines of one screen, and how many are left out."""
+def _joined(parts: list[list[str]], most: int) -> list[str]:
+    """Return the lines of one screen, the last of which counts those left out."""
     every = [line for part in parts for line in ("", *part)][1:]
     if not _limited or len(every) <= most:
-        return every, 0
+        return every
     lines = parts[0][: most - 2]
     for part in parts[1:]:
         room = most - 2 - len(lines) - 1
         if room < min(len(part), _PIECE):
             break
         lines += ["", *part[:room]]
-    return lines, len(every) - len(lines)
+    return [*lines, "", f"{len(every) - len(lines)} more lines with --all"]
 
 
 def _data(tables: list[Table], how: Format) -> None:
     """Print tables as JSON or CSV."""
     if how is Format.json:
         data = {table.name: [_finite(row) for row in table.records()] for table in tables}
-        print(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
+        print(json.dumps(data, indent=1, ensure_ascii=_printable("σθ°") != "σθ°"))
     else:
         rows = ({"table": t.name} | _finite(record) for t in tables for record in t.records())
         print(as_csv(rows), end="")  # all columns of all tables
-
-
-def _knows(letters: str) -> bool:
-    try:
-        letters.encode(_encoding())
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _finite(record: dict[str, object]) -> dict[str, object]:
@@ -141,24 +161,21 @@ def laid_out(table: Table, width: int) -> list[str]:
     Columns that do not fit follow below, each block with the first column. Words wrap; numbers
     never do.
     """
-    heads = [_printable(name) for name in table.header]
-    rows = [[_printable(cell) for cell in row] for row in table.rows]
-    words = [k == 0 or any(_is_words(row[k]) for row in table.rows) for k in range(len(heads))]
-    heads = [
-        head if w else head.replace(", ", "\n").replace(" (", "\n(")
-        for head, w in zip(heads, words, strict=True)
-    ]
-    sizes = [
-        max(cell_len(part) for text in column for part in text.split("\n"))
-        for column in zip(heads, *rows, strict=True)
-    ]
-    if sum(sizes) + len(_GAP) * (len(sizes) - 1) > width:
+    columns: list[list[str]] = []
+    words: list[bool] = []
+    for name, *cells in zip(table.header, *table.rows, strict=True):
+        words.append(not columns or any(map(_is_words, cells)))
+        head = _printable(name)
+        head = head if words[-1] else head.replace(", ", "\n").replace(" (", "\n(")
+        columns.append([head, *map(_printable, cells)])
+    sizes = [max(cell_len(part) for text in c for part in text.split("\n")) for c in columns]
+    if sum(sizes) + _GAP * (len(sizes) - 1) > width:
         sizes[0] = min(sizes[0], width // 2)
-        room = width - sizes[0] - len(_GAP)
+        room = width - sizes[0] - _GAP
         sizes = [min(s, room) if w else s for s, w in zip(sizes, words, strict=True)]
     lines = _wrapped(_printable(table.title), width)
     for block in _blocks(sizes, width):
-        lines += ["", *_block(heads, rows, sizes, words, block)]
+        lines += ["", *_block([(columns[k], sizes[k], words[k]) for k in block])]
     return lines
 
 
@@ -166,39 +183,27 @@ def _blocks(sizes: list[int], width: int) -> list[list[int]]:
     """Split columns into blocks that fit side by side; each begins with the first column."""
     blocks, used = [[0]], sizes[0]
     for k, size in enumerate(sizes[1:], 1):
-        if used + len(_GAP) + size > width and len(blocks[-1]) > 1:
+        if used + _GAP + size > width and len(blocks[-1]) > 1:
             blocks.append([0])
             used = sizes[0]
         blocks[-1].append(k)
-        used += len(_GAP) + size
+        used += _GAP + size
     return blocks
 
 
-def _block(
-    heads: list[str],
-    rows: list[list[str]],
-    sizes: list[int],
-    words: list[bool],
-    columns: Sequence[int],
-) -> list[str]:
-    def line(texts: list[str], below: bool) -> list[str]:
-        cells = [
-            _wrapped(texts[k], sizes[k]) if words[k] else texts[k].split("\n") for k in columns
-        ]
-        tall = max(map(len, cells))
-        empty = [[""] * (tall - len(cell)) for cell in cells]
-        cells = [e + c if below else c + e for c, e in zip(cells, empty, strict=True)]
-        return [
-            _GAP.join(
-                part + pad if words[k] else pad + part
-                for k, part in zip(columns, parts, strict=True)
-                for pad in [" " * (sizes[k] - cell_len(part))]
-            ).rstrip()
-            for parts in zip(*cells, strict=True)
-        ]
-
-    rule = _printable("─") * (sum(sizes[k] for k in columns) + len(_GAP) * (len(columns) - 1))
-    return [*line(heads, True), rule, *(text for row in rows for text in line(row, False))]
+def _block(columns: list[tuple[list[str], int, bool]]) -> list[str]:
+    """Return the lines of columns side by side, each given by its cells, width and wrapping."""
+    grid = rich.table.Table(box=_RULE, show_edge=False, pad_edge=False, padding=(0, _GAP - 1, 0, 0))
+    for (head, *_), size, wraps in columns:
+        side: Literal["left", "right"] = "left" if wraps else "right"
+        title = Align(Text(head, justify=side), side, vertical="bottom")
+        grid.add_column(title, justify=side, width=size, no_wrap=not wraps, overflow="fold")
+    for row in zip(*(cells[1:] for cells, *_ in columns), strict=True):
+        grid.add_row(*map(Text, row))
+    console = Console(width=sum(size + _GAP for _, size, _ in columns), color_system=None)
+    with console.capture() as drawn:
+        console.print(grid)
+    return [_printable(line.rstrip()) for line in drawn.get().splitlines()]
 
 
 def _wrapped(text: str, width: int) -> list[str]:
@@ -211,8 +216,5 @@ def _is_words(cell: str) -> bool:
 
 
 def _printable(text: str) -> str:
-    return one_line(text).encode(_encoding(), "truepose").decode(_encoding())
-
-
-def _encoding() -> str:
-    return getattr(sys.stdout, "encoding", None) or "utf-8"
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    return one_line(text).encode(encoding, "truepose").decode(encoding)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from truepose.show.table import Cell
+from truepose.show.table import Cell, number
 
 #: Factor and name of the printed unit, by the SI unit.
 PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, ""), "1/N": (1e6, "µm/m/N")}
@@ -33,6 +33,12 @@ def printed(value: float, unit: str, form: str = ".2f") -> str:
     """
     factor, name = PRINT[unit]
     return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
+
+
+def measured(value: float, unit: str) -> str:
+    """Format a value with three digits and its printed unit."""
+    factor, name = PRINT[unit]
+    return f"{number(factor * value)}{' ' * name.isalpha()}{name}"
 
 
 def named(what: str, name: str, unit: str) -> Cell:

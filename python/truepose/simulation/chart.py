@@ -1,8 +1,4 @@
-"""Additive, differentiable coordinates of motion between poses.
-
-Spatial robots rotate on SO(3). Their twist follows exactly from the chart R = exp(w) R₀ about a
-first orientation: ω = J(w) ẇ; differences of rotation vectors are no twist.
-"""
+"""Additive, differentiable coordinates of motion between poses."""
 
 from __future__ import annotations
 
@@ -26,40 +22,36 @@ class Setpoints(NamedTuple):
     acceleration: Array  #: (T, n) their derivatives
 
 
-def linear_of(robot: Robot) -> Array:
-    """Return which coordinates are lengths, (n,)."""
-    return np.array([unit == "m" for _, unit in robot.coordinates])
+def difference(robot: Robot, x: Array, origin: Array) -> Array:
+    """Return x − origin, (N, n); spatial rotations as w in R = exp(w) R₀, of an angle up to π."""
+    y = x - origin
+    if robot.spec.mobility == "spatial":
+        first = np.swapaxes(rotation(origin[..., 3:]), -1, -2)
+        y[:, 3:] = rotation_vector(rotation(x[:, 3:]) @ first)
+    return y
 
 
 class Chart:
-    """Coordinates relative to one pose that can be added; rotations w as R = exp(w) R₀.
+    """Coordinates relative to one pose that can be added.
 
-    Examples
-    --------
-    >>> import numpy as np, truepose as tp
-    >>> from truepose.simulation.chart import Chart
-    >>> chart = Chart(tp.load("stewart"), np.array([0, 0, 0.3, 0, 0, 0.5]))
-    >>> print(chart.into(np.array([[0.1, 0, 0.3, 0, 0, 0.7]])).round(12))
-    [[0.1 0.  0.  0.  0.  0.2]]
+    Spatial rotations are w in R = exp(w) R₀. Their twist is exactly ω = J(w) ẇ; differences of
+    rotation vectors are no twist.
     """
 
     def __init__(self, robot: Robot, origin: Array):
-        self.linear, self.origin = linear_of(robot), origin
+        self.robot, self.origin = robot, origin
         self.first = rotation(origin[3:]) if robot.spec.mobility == "spatial" else None
 
     def into(self, x: Array) -> Array:
         """Convert poses along a motion, (T, n), to coordinates; rotations beyond π continue."""
-        y = x - self.origin
-        if self.first is None:
-            return y
-        y[:, 3:] = rotation_vector(rotation(x[:, 3:]) @ self.first.T)
+        y = difference(self.robot, x, self.origin)
         last = np.zeros(3)
-        for k in range(len(y)):
-            w, size = y[k, 3:], float(np.linalg.norm(y[k, 3:]))
+        for w in y[:, 3:] if self.first is not None else ():
+            size = float(np.linalg.norm(w))
             other = w * (1 - 2 * math.pi / size) if size > 0 else w  # the same rotation, other way
             if np.linalg.norm(other - last) < np.linalg.norm(w - last):
-                y[k, 3:] = other
-            last = y[k, 3:]
+                w[:] = other
+            last = w
         return y
 
     def out(self, y: Array, rate: Array, acceleration: Array) -> Setpoints:
@@ -76,16 +68,13 @@ class Chart:
 
     def back(self, y: Array, rate: Array, acceleration: Array | None = None) -> list[Array]:
         """Convert a twist and its derivative to derivatives of coordinates: `out`, solved."""
-        given = [rate] if acceleration is None else [rate, acceleration]
-        if self.first is None:
-            return given
-        result = [one.copy() for one in given]
-        J, _ = _turning(y[:, 3:], rate[:, 3:])
-        result[0][:, 3:] = np.linalg.solve(J, rate[:, 3:, None])[..., 0]
-        if acceleration is not None:
+        result = [rate.copy()] if acceleration is None else [rate.copy(), acceleration.copy()]
+        if self.first is not None:
+            J, _ = _turning(y[:, 3:], rate[:, 3:])
+            result[0][:, 3:] = np.linalg.solve(J, rate[:, 3:, None])[..., 0]
             _, drift = _turning(y[:, 3:], result[0][:, 3:])
-            turn = acceleration[:, 3:] - drift
-            result[1][:, 3:] = np.linalg.solve(J, turn[..., None])[..., 0]
+            for turn in result[1:]:
+                turn[:, 3:] = np.linalg.solve(J, (turn[:, 3:] - drift)[..., None])[..., 0]
         return result
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
+from truepose.simulation.moves import MOVE_DURATION
 
 RESTLESS = 1e-3  #: m or rad, largest peak to peak at rest in the last 50 ms
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
@@ -33,71 +35,96 @@ _STEPS, _RINGING = 2, 1.0  #: least per period, and largest phase of a rotor's r
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 
 
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Settings of a run, see :func:`truepose.simulate`."""
+
+    duration: float = MOVE_DURATION
+    hold: float = 0.2
+    steps: int | None = None
+    seed: int = 0
+    effects: Effects | None = None
+    time: float = 0.0
+    learn: OnlineCalibrator | None = None
+    faults: Sequence[Fault] = ()
+    watch: FaultMonitor | None = None
+
+    def check(self, controller: Controller) -> None:
+        """Raise InputError for settings without a meaning."""
+        positive("duration", self.duration)
+        if not (math.isfinite(self.hold) and self.hold >= 0):
+            raise InputError(
+                f"hold = {self.hold}: must be a finite number of seconds of at least 0"
+            )
+        if (whole := self.duration + self.hold) / controller.period > _MOST_PERIODS:
+            raise InputError(
+                f"duration + hold = {whole:g} s: at most {_MOST_PERIODS} control periods"
+            )
+        steps = 1 if self.steps is None else self.steps
+        if not (isinstance(steps, int) and 1 <= steps <= 1000):
+            raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+        if callable(controller.law) and (self.learn is not None or self.watch is not None):
+            raise InputError(
+                f"law {law_name(controller.law)}: learn and watch need a built-in law "
+                f"({', '.join(LAWS)})"
+            )
+
+    def steps_of(self, truth: Robot, period: float) -> int:
+        """Return the integration steps per period: as given, or enough for the rotors."""
+        if self.steps is not None:
+            return self.steps
+        if self.effects is None or not self.effects.arm_stiffness:
+            return _STEPS
+        fastest = ringing(truth, truth.home, self.effects)
+        return max(_STEPS, math.ceil(fastest * period / _RINGING))
+
+
 class Drive(NamedTuple):
     """A robot ready to be simulated."""
 
     truth: Robot  #: with its effects at that time
-    controller: Controller
-    core: tuple  #: first arguments of the core's functions
-    seed: int
-    steps: int  #: integration steps per control period
     origin: list[float]  #: desired pose at the start
-    at_rest: list[float]  #: steady-state pose of the true robot at the start
+    first: tuple  #: arguments of the core's functions before the motion
+    last: tuple  #: and after it: integration steps per period, true pose at the start, seed
 
 
 def begin(
     robot: Robot,
     truth: Robot,
-    controller: Controller | Law | OwnLaw | None,
+    controller: Controller,
     start: tuple[str, ArrayLike],
-    *,
-    duration: float,
-    hold: float,
-    steps: int | None,
-    seed: int,
-    effects: Effects | None,
-    time: float,
-    learn: OnlineCalibrator | None,
-    faults: Sequence[Fault],
-    watch: FaultMonitor | None,
+    settings: Settings,
 ) -> Drive:
-    """Check the arguments of :func:`truepose.simulate` and find the true robot's initial rest.
+    """Check the settings and find the true robot's initial rest.
 
     `start` is the pose and before it its name in messages.
     """
-    controller = controller_of(controller, robot, effects)
     require_same_readings(robot, truth)
-    _timing(controller, duration, hold)
-    steps = _steps(steps, truth, effects, controller.period)
+    settings.check(controller)
+    steps = settings.steps_of(truth, controller.period)
+    effects, learn, watch, seed = settings.effects, settings.learn, settings.watch, settings.seed
     if learn is not None and learn.prior != robot:
         raise InputError("learn: must be an OnlineCalibrator of the robot that is controlled")
-    lying = in_core(truth, faults, controller.period)
+    faults = in_core(truth, settings.faults, controller.period)
     plant = _core.Effects()
     if effects is not None:
-        truth, plant = effects.geometry(truth, time, seed), effects.plant(truth, seed)
+        truth, plant = effects.geometry(truth, settings.time, seed), effects.plant(truth, seed)
     name, x = start
     origin = pose_of(robot, x, name)
-    settings = controller.settings(robot, origin[: robot.n])
+    gains = controller.settings(robot, origin[: robot.n])
     law = "joint" if callable(controller.law) else controller.law
-    if callable(controller.law) and (learn is not None or watch is not None):
-        raise InputError(
-            f"law {law_name(controller.law)}: learn and watch need a built-in law "
-            f"({', '.join(LAWS)})"
-        )
     believed, known = knowledge.for_law(robot, law)
     rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
-    at_rest, status, chain, _ = _core.settle(
-        believed.core, truth.core, settings, known, loaded, rows
-    )
+    at_rest, status, chain, _ = _core.settle(believed.core, truth.core, gains, known, loaded, rows)
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
+    if callable(controller.law):
+        at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
     filtered = None if learn is None else learn._filter
     guarding = None if watch is None else watch.guarding(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
-    core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding, slow)
-    if callable(controller.law):
-        at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
+    first = (believed.core, truth.core, gains, known, plant, filtered, faults, guarding, slow)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Drive(truth, controller, core, check_seed(seed), steps, origin, held)
+    return Drive(truth, origin, first, (steps, held, check_seed(seed)))
 
 
 def controller_of(
@@ -120,25 +147,3 @@ def unanswered(cycles: int, reason: int) -> str:
 def saturated(motor: int) -> str:
     """Return the status of a run in which a motor was at its torque limit."""
     return f"{SATURATED}motor {motor + 1} was at its torque limit"
-
-
-def _steps(steps: int | None, truth: Robot, effects: Effects | None, period: float) -> int:
-    """Return the integration steps per period: as given, or enough for the fastest oscillation."""
-    if steps is None:
-        if effects is None or not effects.arm_stiffness:
-            return _STEPS
-        fastest = ringing(truth, truth.home, effects)
-        return max(_STEPS, math.ceil(fastest * period / _RINGING))
-    if not (isinstance(steps, int) and 1 <= steps <= 1000):
-        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
-    return steps
-
-
-def _timing(controller: Controller, duration: float, hold: float) -> None:
-    positive("duration", duration)
-    if not (math.isfinite(hold) and hold >= 0):
-        raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
-    if (duration + hold) / controller.period > _MOST_PERIODS:
-        raise InputError(
-            f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"
-        )

@@ -94,44 +94,29 @@ def steady_state(
     >>> bool(abs(redundant[3] - 0.2) < abs(usual[3] - 0.2) / 8)
     True
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
-    require(truth, Robot, "truth", "truepose.load(name)")
+    for one, name in ((robot, "robot"), (truth, "truth")):
+        require(one, Robot, name, "truepose.load(name)")
     if not isinstance(controller, Controller):
         controller = Controller(law=usual(robot) if controller is None else controller)
     rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)
     require_same_readings(robot, truth)
     for one in {robot, truth}:
         warn_if_stiff(one, "a controller")
-    about = {"robot": robot, "x_d": rows.reshape(*lead, robot.n)}
+    start = robot.home if start is None else start
     if callable(controller.law):
-        x = _own(controller, robot, truth, rows, start, gravity, errors)
-        return SteadyState(x.reshape(*lead, robot.n), **about)
-    settings = controller.settings(robot, robot.home if start is None else start)
-    believed, known = knowledge.for_law(robot, controller.law)
-    x, status, chain, _ = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
-    require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
-    return SteadyState(x.reshape(*lead, robot.n), **about)
-
-
-def _own(
-    controller: Controller,
-    robot: Robot,
-    truth: Robot,
-    x_d: Array,
-    start: ArrayLike | None,
-    gravity: bool,
-    errors: Errors,
-) -> Array:
-    """Compute the steady-state poses, (N, n), under an own law."""
-    at = robot.home if start is None else start
-    x = np.full_like(x_d, np.nan)
-    for k, pose in enumerate(x_d):
-        found, converged = equilibrium(controller, robot, truth, pose, at, gravity)
-        if converged:
-            x[k] = found
-        elif errors == "raise":
-            raise PoseError(
-                f"{robot.name}: pose {k}, x_d = {pose}: no steady state under the law "
-                f"{law_name(controller.law)}"
-            )
-    return x
+        x = np.full_like(rows, np.nan)
+        for k, pose in enumerate(rows):
+            found, converged = equilibrium(controller, robot, truth, pose, start, gravity)
+            if not converged and errors == "raise":
+                raise PoseError(
+                    f"{robot.name}: pose {k}, x_d = {pose}: no steady state under the law "
+                    f"{law_name(controller.law)}"
+                )
+            x[k] = found if converged else np.nan
+    else:
+        gains = controller.settings(robot, start)
+        believed, known = knowledge.for_law(robot, controller.law)
+        x, status, chain, _ = _core.settle(believed.core, truth.core, gains, known, gravity, rows)
+        require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
+    shape = (*lead, robot.n)
+    return SteadyState(x.reshape(shape), robot=robot, x_d=rows.reshape(shape))

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
 from truepose.control.controller import positive
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
@@ -18,35 +18,19 @@ _NEAR = 1e-3  #: relative tolerance of the fastest speed
 _ROWS = 50  #: least per move: one shorter than a period would have none between its ends
 
 
-def require_feasible_move(
-    robot: Robot, start: Array, end: Array, duration: float, period: float
-) -> None:
+def require_feasible_move(robot: Robot, move: Line, period: float) -> None:
     """Raise PoseError unless the robot can make a straight move in its duration.
 
     As :func:`require_feasible`; where motor speed or torque is exceeded, it names the shortest
     possible duration.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> tp.simulate(tp.load("h4"), duration=0.02)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-        ...
-    truepose.exceptions.PoseError: h4: move ...: allow a duration of at least 0.0829 s
     """
-    try:
-        robot.ikm(end, own_mode=True)
-        robot.jacobian(end)
-    except PoseError as error:
-        reason = str(error).removeprefix(f"{robot.name}: ")
-        raise PoseError(f"{robot.name}: end of the move: {reason}") from None
-    move = Line(start=start, end=end, duration=duration)
-    period = min(period, duration / _ROWS)
+    _require_pose(robot, move.end, "end of the move")
+    period = min(period, move.duration / _ROWS)
     try:
         require_feasible(robot, move.setpoints(robot, period), period, "move")
     except PoseError as error:
         try:
-            shortest = duration / fastest(robot, move, period)
+            shortest = move.duration / fastest(robot, move, period)
         except PoseError:  # at any speed
             raise error from None
         unit = 10.0 ** (math.floor(math.log10(shortest)) - 2)
@@ -60,50 +44,44 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: st
     Checks reach, stops and assembly mode of every setpoint, then motor speed and torque where the
     file has a limit. Torques are those of the nominal robot along the path, friction included; the
     controller's come on top. The error names the time, and the chain or motor with its need.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> too_fast = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.1, frequency=9)
-    >>> tp.simulate(tp.load("h4"), path=too_fast)
-    Traceback (most recent call last):
-        ...
-    truepose.exceptions.PoseError: h4: path at t = 0.043 s: motor 2 would need 30.84 N·m, at most 30
     """
     x, rate, acceleration = setpoints
     q = robot.ikm(x, errors="nan", own_mode=True)
     J = robot.jacobian(x, errors="nan")
     lost = ~(np.isfinite(q).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
     first = int(lost.argmax()) if lost.any() else len(x)
-    if first > 0:
-        motors = np.linalg.solve(J[:first], rate[:first, :, None])[..., 0]
-        chains = robot.spec.chain
-        limits = [c.speed_limit for c in chains]
-        _within(robot, period, motors, limits, ("rad/s", "m/s"), what)
-        torque = robot.inverse_dynamics(x[:first], rate[:first], acceleration[:first])
-        _within(robot, period, torque, [c.torque_limit for c in chains], ("N·m", "N"), what)
+    motors = np.linalg.solve(J[:first], rate[:first, :, None])[..., 0]
+    torque = robot.inverse_dynamics(x[:first], rate[:first], acceleration[:first])
+    for limit, values, units in (
+        ("speed_limit", motors, ("rad/s", "m/s")),
+        ("torque_limit", torque, ("N·m", "N")),
+    ):
+        most = np.array([getattr(chain, limit) or np.inf for chain in robot.spec.chain])
+        beyond = np.argwhere(np.abs(values) > most)
+        if len(beyond):
+            k, motor = beyond[0]
+            unit = units[robot.spec.chain[motor].actuator != "revolute"]
+            raise PoseError(
+                f"{robot.name}: {what} at t = {k * period:.4g} s: motor {motor + 1} would need "
+                f"{abs(values[k, motor]):.4g} {unit}, at most {most[motor]:g}"
+            )
     if first < len(x):
-        try:
-            robot.ikm(x[first], own_mode=True)
-            robot.jacobian(x[first])
-        except PoseError as error:
-            reason = str(error).removeprefix(f"{robot.name}: ")
-            when = f"{what} at t = {first * period:.4g} s"
-            raise PoseError(f"{robot.name}: {when}: {reason}") from None
+        _require_pose(robot, x[first], f"{what} at t = {first * period:.4g} s")
+
+
+def _require_pose(robot: Robot, x: ArrayLike, when: str) -> None:
+    """Raise PoseError unless the robot reaches x in its assembly mode."""
+    try:
+        robot.ikm(x, own_mode=True)
+        robot.jacobian(x)
+    except PoseError as error:
+        reason = str(error).removeprefix(f"{robot.name}: ")
+        raise PoseError(f"{robot.name}: {when}: {reason}") from None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Paced:
-    """A path, `speed` times as fast.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.simulation.feasible import Paced
-    >>> line = tp.simulation.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], duration=0.4)
-    >>> [len(p.setpoints(tp.load("h4"), 1e-3).x) for p in (line, Paced(path=line, speed=2))]
-    [401, 201]
-    """
+    """A path, `speed` times as fast."""
 
     path: Path
     speed: float
@@ -131,45 +109,23 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
     """
     x, rate, acceleration = path.setpoints(robot, period)
 
-    def refusal(asked: Setpoints) -> PoseError | None:
-        try:
-            require_feasible(robot, asked, period)
-        except PoseError as error:
-            return error
-        return None
-
     def at(speed: float) -> Setpoints:
         return Setpoints(x, speed * rate, speed**2 * acceleration)
 
+    def possible(asked: Setpoints) -> bool:
+        try:
+            require_feasible(robot, asked, period)
+        except PoseError:
+            return False
+        return True
+
     slow, fast = 1e-3, 1e3
-    if impossible := refusal(at(slow)):
-        raise impossible
-    if refusal(at(fast)) is None:
+    require_feasible(robot, at(slow), period)
+    if possible(at(fast)):
         raise InputError(f"{robot.name}: no motor limit in its file bounds the path's speed")
     while fast > (1 + _NEAR) * slow:
-        middle = float(np.sqrt(slow * fast))
-        slow, fast = (slow, middle) if refusal(at(middle)) else (middle, fast)
-    while refusal(Paced(path=path, speed=slow).setpoints(robot, period)):  # other rows of the path
+        middle = math.sqrt(slow * fast)
+        slow, fast = (middle, fast) if possible(at(middle)) else (slow, middle)
+    while not possible(Paced(path=path, speed=slow).setpoints(robot, period)):  # other rows
         slow *= 1 - _NEAR
     return slow
-
-
-def _within(
-    robot: Robot,
-    period: float,
-    values: Array,
-    limits: list[float | None],
-    units: tuple[str, str],
-    what: str,
-) -> None:
-    most = np.array([limit or np.inf for limit in limits])
-    beyond = np.abs(values) > most
-    if not beyond.any():
-        return
-    k = int(beyond.any(axis=1).argmax())
-    motor = int(beyond[k].argmax())
-    unit = units[robot.spec.chain[motor].actuator != "revolute"]
-    raise PoseError(
-        f"{robot.name}: {what} at t = {k * period:.4g} s: motor {motor + 1} would need "
-        f"{abs(values[k, motor]):.4g} {unit}, at most {most[motor]:g}"
-    )

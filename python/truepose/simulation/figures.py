@@ -17,24 +17,19 @@ from truepose.show.table import Table
 _MEAN = 11
 
 
-def error_table(
-    robot: Robot,
-    error: Array,
-    poses: Mapping[str, Array] | None = None,
-    last: bool = False,
-) -> Table:
+def error_table(robot: Robot, error: Array, ends: Mapping[str, Array] | None = None) -> Table:
     """Tabulate errors (N, n) without NaN, one row per coordinate; last the position or the turn.
 
-    `poses`, (n,), are further columns; `last` adds the error at the end.
+    `ends`, (n,), are further columns of a move, which also has a column of its last error.
     """
     total = summed(robot)
     position = np.linalg.norm(error[:, total.columns], axis=1)
     error = np.column_stack([error, position])[np.isfinite(position)]
-    columns = {name: np.append(pose, np.nan) for name, pose in (poses or {}).items()}
+    columns = {name: np.append(pose, np.nan) for name, pose in (ends or {}).items()}
     columns["mean"] = error.mean(axis=0)
     columns["rms"] = np.sqrt((error**2).mean(axis=0))
     columns["largest"] = np.abs(error).max(axis=0)
-    if last:
+    if ends:
         columns["at the end"] = error[-1]
     return coordinate_table(robot, "errors", "Error (true − desired)", "error", columns)
 

@@ -20,13 +20,6 @@ def default_move(robot: Robot) -> tuple[Array, Array]:
     The paper's move of Figures 11 to 13 if the robot reaches its start and its end is in the
     workspace, as for the H4; otherwise from home half way to the workspace's upper corner. Raises
     InputError without a workspace.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.simulation.moves import default_move
-    >>> [pose.round(9).tolist() for pose in default_move(tp.load("five-bar"))]
-    [[0.0, 0.3], [0.04, 0.325]]
     """
     box = robot.spec.workspace
     if robot.n == len(MOVE_TO):

@@ -15,11 +15,12 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import angles
 from truepose.show.charts import lines
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.show.units import PRINT
-from truepose.simulation.chart import Chart, Setpoints, linear_of
+from truepose.simulation.chart import Setpoints, difference
 from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
 from truepose.simulation.moves import MOVE_DURATION
@@ -100,14 +101,15 @@ class PathAccuracy(Shown):
     def table(self) -> Table:
         """Return accuracy, repeatability and errors over the path."""
         values = [("path accuracy AT", self.AT, "m"), ("path repeatability RT", self.RT, "m")]
-        if (~linear_of(self.robot)).any():
+        if angles(self.robot).any():
             values += [("AT, angle", self.AT_angle, "rad"), ("RT, angle", self.RT_angle, "rad")]
-        for what in ("contour", "tracking"):
-            for name, size in ((what, "rms"), (f"{what}_max", "largest")):
-                values.append((f"{what} error, {size}", getattr(self, name), "m"))
-        rows = [
-            [name, number(PRINT[unit][0] * value), PRINT[unit][1]] for name, value, unit in values
+        values += [
+            ("contour error, rms", self.contour, "m"),
+            ("contour error, largest", self.contour_max, "m"),
+            ("tracking error, rms", self.tracking, "m"),
+            ("tracking error, largest", self.tracking_max, "m"),
         ]
+        rows = [[name, number(PRINT[of][0] * value), PRINT[of][1]] for name, value, of in values]
         rows.append(["speed of the path", number(self.speed), "m/s"])
         rows.append(["periods at a torque limit", number(100 * self.saturated), "%"])
         title = f"{self.robot.name}: {len(self.deviation)} runs of a path (ISO 9283)"
@@ -123,11 +125,11 @@ class PathAccuracy(Shown):
 
     @property
     def _position(self) -> Array:
-        return self.deviation[:, self.counts][..., linear_of(self.robot)]
+        return self.deviation[:, self.counts][..., ~angles(self.robot)]
 
     @property
     def _angles(self) -> Array:
-        return self.deviation[:, self.counts][..., ~linear_of(self.robot)]
+        return self.deviation[:, self.counts][..., angles(self.robot)]
 
     @classmethod
     def of(
@@ -158,12 +160,12 @@ class PathAccuracy(Shown):
             raise InputError(f"runs: shape {attained.shape}, must be {shape}")
         if not (isinstance(points, int) and points > 0):
             raise InputError(f"points = {points!r}: must be a whole number of at least 1")
-        speed = np.linalg.norm(setpoints.rate[:, linear_of(robot)], axis=1)
+        speed = np.linalg.norm(setpoints.rate[:, ~angles(robot)], axis=1)
         if not speed.max() > 0:
             raise InputError("path: pure rotation: path accuracy needs a translation")
         length = np.concatenate([[0], np.cumsum(0.5 * period * (speed[1:] + speed[:-1]))])
-        rows, piece = _compared(setpoints.rate[:, linear_of(robot)], speed, length, points)
-        off = (attained[:, :count] - setpoints.x)[..., linear_of(robot)]
+        rows, piece = _compared(setpoints.rate[:, ~angles(robot)], speed, length, points)
+        off = (attained[:, :count] - setpoints.x)[..., ~angles(robot)]
         distance = np.linalg.norm(off, axis=-1)
         judged = cls(
             robot,
@@ -270,11 +272,9 @@ def path_accuracy(
 def _shifted(robot: Robot, shift: Array) -> Robot:
     """Return the robot with shifted reading offsets, so that counts shift in both robots."""
     names = [f"chain{k + 1}.encoder_offset" for k in range(robot.n)]
-    names += [f"{sensor}.offset" for sensor in robot.readings[robot.n :]]
-    values = {name: robot.parameters[name].value for name in names}
-    return robot.replace(
-        {name: values[name] + float(s) for name, s in zip(names, shift, strict=True)}
-    )
+    names += [f"{sensor}.offset" for sensor in robot.sensors]
+    offsets = [robot.parameters[name].value for name in names] + shift
+    return robot.replace(dict(zip(names, offsets.tolist(), strict=True)))
 
 
 def _compared(rate: Array, speed: Array, length: Array, points: int) -> tuple[Array, Array]:
@@ -306,26 +306,24 @@ def _passing(
     periods the run is interpolated with the path's curvature: a chord's sagitta would be
     micrometres.
     """
-    linear, asked = linear_of(robot), setpoints.x[rows]
+    linear, asked, run = ~angles(robot), setpoints.x[rows], run[: len(piece)]
     normal = setpoints.rate[rows][:, linear]
-    beyond = run[: len(piece), linear] @ normal.T - (asked[:, linear] * normal).sum(axis=1)
+    beyond = run[:, linear] @ normal.T - (asked[:, linear] * normal).sum(axis=1)
     passes = (beyond[:-1] <= 0) & (beyond[1:] > 0)
     passes &= (piece[:-1, None] == piece[rows]) & (piece[1:, None] == piece[rows])
-    off = np.linalg.norm((run[: len(piece)] - setpoints.x)[:-1, linear], axis=1)
+    off = np.linalg.norm((run - setpoints.x)[:-1, linear], axis=1)
     near = 3 * (off + np.diff(length).max())
     passes &= np.abs(length[:-1, None] - length[rows]) <= near[:, None]
     late = np.where(passes, np.abs(np.arange(len(passes))[:, None] - rows), np.inf)
-    before = late.argmin(axis=0)
-    each = np.arange(len(rows))
+    before, each = late.argmin(axis=0), np.arange(len(rows))
     first, last = beyond[before, each], beyond[before + 1, each]
-    result = np.full(asked.shape, np.nan)
-    for k in np.flatnonzero(np.isfinite(late.min(axis=0))):
-        share = first[k] / (first[k] - last[k])
-        pair = Chart(robot, asked[k]).into(run[before[k] : before[k] + 2])
-        result[k] = (1 - share) * pair[0] + share * pair[1]
-        bend = 0.5 * period**2 * share * (1 - share) * setpoints.acceleration[before[k]][linear]
-        along = normal[k] / np.linalg.norm(normal[k])
-        result[k, linear] -= bend - (bend @ along) * along
+    never = np.full(first.shape, np.nan)
+    share = np.divide(first, first - last, out=never, where=passes.any(axis=0))[:, None]
+    ends = (difference(robot, run[before + k], asked) for k in (0, 1))
+    result = (1 - share) * next(ends) + share * next(ends)
+    bend = 0.5 * period**2 * share * (1 - share) * setpoints.acceleration[before][:, linear]
+    along = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    result[:, linear] -= bend - (bend * along).sum(axis=1, keepdims=True) * along
     return result
 
 

@@ -1,8 +1,4 @@
-"""Paths: lines, circles, waypoints, samples, functions of time.
-
-:meth:`Path.setpoints` returns pose, free twist and its derivative at the start of every control
-period, for the controller's feed-forward.
-"""
+"""Paths: lines, circles, waypoints, samples, functions of time."""
 
 from __future__ import annotations
 
@@ -16,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
-from truepose.control.controller import positive
+from truepose.control.controller import pose_of, positive
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
-from truepose.simulation.chart import Chart, Setpoints, linear_of
+from truepose.robot.units import angles
+from truepose.simulation.chart import Chart, Setpoints
 from truepose.simulation.moves import MOVE_DURATION
 
 
@@ -29,7 +26,7 @@ class Path(Protocol):
     """A path in time. Write your own: an object with this one method."""
 
     def setpoints(self, robot: Robot, period: float) -> Setpoints:
-        """Setpoints at 0, `period`, 2 `period`, … to the path's end."""
+        """Pose, free twist and its derivative at 0, `period`, 2 `period`, … to the path's end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +46,7 @@ class _Moves:
     linear: tuple[float, float, float] | None = None
     angular: tuple[float, float, float] | None = None
 
-    def _along(self, robot: Robot, poses: ArrayLike, period: float) -> Setpoints:
+    def _along(self, robot: Robot, poses: Any, period: float) -> Setpoints:
         positive("duration", self.duration)
         for name, limits in (("linear", self.linear), ("angular", self.angular)):
             if limits is not None and (np.shape(limits) != (3,) or not np.min(limits) > 0):
@@ -61,7 +58,7 @@ class _Moves:
         for number, (a, b) in enumerate(itertools.pairwise(rows), 1):
             chart = Chart(robot, a)
             (whole,) = chart.into(b[None])
-            law, duration = self._law(chart, whole, number)
+            law, duration = self._law(robot, whole, number)
             moves.append((chart, whole, law, start, duration))
             start += duration
         time = _periods(start, period)
@@ -73,11 +70,11 @@ class _Moves:
             parts.append(chart.out(*(one[:, None] * whole for one in s)))
         return Setpoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
-    def _law(self, chart: Chart, whole: Array, number: int) -> tuple[Callable, float]:
+    def _law(self, robot: Robot, whole: Array, number: int) -> tuple[Callable, float]:
         """Return s(t), its rate and acceleration, from 0 to 1, and its duration."""
         if self.linear is None and self.angular is None:
             return lambda t: _quintic(t, self.duration), self.duration
-        long, turn = (float(np.linalg.norm(whole[k])) for k in (chart.linear, ~chart.linear))
+        long, turn = (float(np.linalg.norm(whole[k])) for k in (~angles(robot), angles(robot)))
         shares = [
             np.divide(limits, size)
             for limits, size in ((self.linear, long), (self.angular, turn))
@@ -138,8 +135,7 @@ class Line(_Moves):
 
     def setpoints(self, robot: Robot, period: float) -> Setpoints:
         """See :class:`Path`."""
-        ends = [flattened(robot, x, robot.n, "path", "raise")[0] for x in (self.start, self.end)]
-        return self._along(robot, np.concatenate(ends), period)
+        return self._along(robot, [self.start, self.end], period)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,10 +176,8 @@ class Circle:
         """See :class:`Path`."""
         for name in ("radius", "frequency", "turns"):
             positive(name, getattr(self, name))
-        (centre,), lead = flattened(robot, self.centre, robot.n, "centre", "raise")
-        across = self._plane(linear_of(robot))
-        if lead:
-            raise InputError(f"centre: shape {(*lead, robot.n)}, must be ({robot.n},)")
+        centre = pose_of(robot, self.centre, "centre")[: robot.n]
+        across = self._plane(~angles(robot))
         steady = self.turns / self.frequency
         ramp = min(0.25, steady) if self.ramp is None else self.ramp
         if not 0 < ramp <= steady:
@@ -194,13 +188,10 @@ class Circle:
         round_, ahead = (np.stack(pair, -1) @ across for pair in ((c, s), (-s, c)))
         first = rate[:, None] * ahead
         second = acceleration[:, None] * ahead - rate[:, None] ** 2 * round_
-        still = np.zeros((len(time), robot.n))
-        out = []
-        for start, part in ((centre, round_), (0, first), (0, second)):
-            row = still + start
-            row[:, linear_of(robot)] += self.radius * part
-            out.append(row)
-        return Setpoints(*out)
+        rows = np.zeros((3, len(time), robot.n))
+        rows[0] = centre
+        rows[..., ~angles(robot)] += self.radius * np.stack([round_, first, second])
+        return Setpoints(*rows)
 
     def _plane(self, linear: Array) -> Array:
         """Return two unit vectors that span the plane, in the length coordinates, (2, k)."""
@@ -218,20 +209,17 @@ class Circle:
         first /= np.linalg.norm(first)
         return np.array([first, np.cross(normal, first)])[:, :count]
 
-    def _turn(self, time: Array, steady: float, ramp: float) -> tuple[Array, Array, Array]:
-        """Return the angle whose rate rises by 10u³ - 15u⁴ + 6u⁵, stays, and falls likewise."""
+    def _turn(self, time: Array, steady: float, ramp: float) -> Array:
+        """Return an angle and its derivatives: the rate rises by 10u³ - 15u⁴ + 6u⁵, and falls."""
         speed = 2 * math.pi * self.frequency
 
-        def rising(t: Array) -> tuple[Array, Array, Array]:
+        def rising(t: Array) -> Array:
             u = np.clip(t / ramp, 0, 1)
-            past = np.maximum(t - ramp, 0)
-            angle = ramp * u**4 * (2.5 + u * (u - 3)) + past
+            angle = ramp * u**4 * (2.5 + u * (u - 3)) + np.maximum(t - ramp, 0)
             rate, acceleration, _ = _quintic(t, ramp)
-            return angle, rate, acceleration
+            return speed * np.array([angle, rate, acceleration])
 
-        up, down = rising(time), rising(time - steady)
-        angle, rate, acceleration = (speed * (a - b) for a, b in zip(up, down, strict=True))
-        return angle, rate, acceleration
+        return rising(time) - rising(time - steady)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -266,9 +254,9 @@ class SampledPath:
     def setpoints(self, robot: Robot, period: float) -> Setpoints:
         """See :class:`Path`."""
         time = numbers_of(self.time, "time")
-        given = {"x": self.x, "rate": self.rate, "acceleration": self.acceleration}
         if self.rate is None and self.acceleration is not None:
             raise InputError("acceleration: needs the rate too")
+        given = {"x": self.x, "rate": self.rate, "acceleration": self.acceleration}
         rows = []
         for name, values in given.items():
             if values is None:
@@ -304,9 +292,9 @@ class Function:
             n = robot.n
             raise InputError(f"path: returns shape {shapes.pop()}, must be ({n},) or (3, {n})")
         rows = np.array(values)
-        for t, value in zip(time, rows, strict=True):
-            if not np.isfinite(value).all():
-                raise InputError(f"path at t = {t:g} s: must be finite numbers")
+        if not np.isfinite(rows).all():
+            t = time[np.argwhere(~np.isfinite(rows))[0, 0]]
+            raise InputError(f"path at t = {t:g} s: must be finite numbers")
         if rows.ndim == 3:
             return Setpoints(*np.moveaxis(rows, 1, 0))
         return _through(robot, time, [rows], period, at_rest=False)

@@ -1,7 +1,4 @@
-"""Simulation of a move or a path under a controller, every control period.
-
-The controller uses the nominal robot; the plant is the true one. Both are :class:`Robot`.
-"""
+"""Simulation of a move or a path under a controller, every control period."""
 
 from __future__ import annotations
 
@@ -35,6 +32,7 @@ from truepose.simulation.chart import Setpoints
 from truepose.simulation.drive import (
     NO_REST,
     RESTLESS,
+    Settings,
     begin,
     controller_of,
     saturated,
@@ -42,7 +40,7 @@ from truepose.simulation.drive import (
 )
 from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
-from truepose.simulation.paths import Path, path_of
+from truepose.simulation.paths import Line, Path, path_of
 
 _WATCHED = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
 
@@ -85,16 +83,12 @@ class Simulation(Shown):
     def __repr__(self) -> str:
         said: list[str] = []
         for what, of in (("position", "m"), ("turn", "rad")):
-            mine = [k for k, (_, unit) in enumerate(self.robot.coordinates) if unit == of]
-            if not (mine and len(self.time)):
-                continue
-            off = np.linalg.norm(self.error[:, mine], axis=1)
-            most, last = (printed(float(value), of, ".3g") for value in (off.max(), off[-1]))
-            said.append(
-                f"{what}: {most}, {last}"
-                if said
-                else f"{what}: {most} off at most, {last} at the end"
-            )
+            mine = [unit == of for _, unit in self.robot.coordinates]
+            if any(mine):
+                off = np.linalg.norm(self.error[:, mine], axis=1)
+                most, last = (printed(float(value), of, ".3g") for value in (off.max(), off[-1]))
+                whole = f"{most}, {last}" if said else f"{most} off at most, {last} at the end"
+                said.append(f"{what}: {whole}")
         return (
             f"{self.robot.name} under {self.law} control, {self.time[-1]:.3g} s, "
             f"{len(self.time)} periods: {self.status}\n{'; '.join(said)}"
@@ -103,7 +97,7 @@ class Simulation(Shown):
     def table(self) -> Table:
         """Return one row per coordinate: its start and end, and errors."""
         ends = {"from": self.x_d[0], "to": self.x_d[-1]}
-        return figures.error_table(self.robot, self.error, ends, last=True)
+        return figures.error_table(self.robot, self.error, ends)
 
     def _draw(self, figure: Any) -> None:
         figures.draw_errors(figure, self.robot, self.time, self.error, self.torque)
@@ -173,14 +167,14 @@ class Simulation(Shown):
         result += readings(robot, self.q_e)
         result += pose(robot, "desired", "asked of the controller", self.x_d)
         result += pose(robot, "true", "of the simulated robot", self.x)
-        for topic, values, what, units in (
-            ("motor_error", self.motor_error, "motor error ê_q of the law,", {}),
-            ("torque", self.torque, "torque (force) of", {"rad": "N·m", "m": "N"}),
+        units = reading_units(robot)[: robot.n]
+        forces = ["N·m" if unit == "rad" else "N" for unit in units]
+        for topic, values, what, of in (
+            ("motor_error", self.motor_error, "motor error ê_q of the law,", units),
+            ("torque", self.torque, "torque (force) of", forces),
         ):
-            for i, unit in enumerate(reading_units(robot)[: robot.n]):
-                described = f"{what} motor {i + 1}"
-                own = units.get(unit, unit)
-                result.append(Column(topic, f"{topic}{i + 1}", own, described, values[:, i]))
+            for i, (unit, column) in enumerate(zip(of, values.T, strict=True), 1):
+                result.append(Column(topic, f"{topic}{i}", unit, f"{what} motor {i}", column))
         flags = {"near_singular": ("the controller's Jacobian was damped", self.near_singular)}
         if self.faults:
             flags["no_answer"] = ("the controller had no answer: torque held", ~self.answered)
@@ -226,12 +220,11 @@ def simulate(
         Instead of a move: :class:`Circle`, :class:`Line`, :class:`Waypoints`, :class:`SampledPath`
         (poses at times), or an object of your own with `setpoints`; a function of time, t -> x (or
         x, rate and acceleration), for `duration`; or poses, (N, n), `duration` from each to the
-        next. Feasibility is checked beforehand.
+        next.
     law : callable, optional
-        An own law, for research: from a :class:`truepose.control.ControllerInput` to the torques,
-        (n,), within the motors' limits. It is called in every period and takes a few times as long
-        as the core's. `controller` then only sets the period and the initial rest.
-        :attr:`Simulation.law` is the function's name.
+        An own law, called in every period: from a :class:`truepose.control.ControllerInput` to the
+        torques, (n,), within the motors' limits. `controller` then only sets the period and the
+        initial rest.
     start, end : array_like, shape (n,)
         Desired poses; by default those of :func:`default_move`.
     duration, hold : float
@@ -246,8 +239,8 @@ def simulate(
     time : float
         Time since the true robot was switched on, s: sets its warm-up.
     learn : OnlineCalibrator, optional
-        Online calibration of `robot` in the controller: it updates from every new row of readings,
-        and the controller uses its current estimate. It keeps that for the next run.
+        Online calibration of `robot` from every new row of readings; the controller uses its
+        current estimate. It keeps that for the next run.
     watch : FaultMonitor, optional
         Fault monitor of the controller's readings; none by default.
     faults : sequence of Fault
@@ -294,14 +287,11 @@ def simulate(
     >>> bool(abs(run.error[:, :3]).max() < 2e-3)
     True
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
     truth = robot if truth is None else truth
-    require(truth, Robot, "truth", "truepose.load(name)")
-    for value, kind, name in (
-        (effects, Effects, "effects"),
-        (learn, OnlineCalibrator, "learn"),
-        (watch, FaultMonitor, "watch"),
-    ):
+    for one, name in ((robot, "robot"), (truth, "truth")):
+        require(one, Robot, name, "truepose.load(name)")
+    kinds = {"effects": Effects, "learn": OnlineCalibrator, "watch": FaultMonitor}
+    for value, (name, kind) in zip((effects, learn, watch), kinds.items(), strict=True):
         if value is not None:
             require(value, kind, name, f"truepose.{kind.__name__}(…), or None")
     for one in {robot, truth}:
@@ -312,18 +302,14 @@ def simulate(
         if start is not None or end is not None:
             raise InputError("path: names all poses itself: leave out start and end")
         setpoints = Setpoints(*path_of(path, duration).setpoints(robot, controller.period))
-        duration = max(len(setpoints.x) - 1, 1) * controller.period
-        start = setpoints.x[0]
         require_feasible(robot, setpoints, controller.period)
+        duration = max(len(setpoints.x) - 1, 1) * controller.period
+        start = end = setpoints.x[0]
     elif start is None or end is None:
-        move = default_move(robot)
-        start, end = move[0] if start is None else start, move[1] if end is None else end
-    target = pose_of(robot, start if end is None else end, "end")
-    drive = begin(
-        robot,
-        truth,
-        controller,
-        ("start", start),
+        usual = default_move(robot)
+        start, end = usual[0] if start is None else start, usual[1] if end is None else end
+    target = pose_of(robot, end, "end")
+    settings = Settings(
         duration=duration,
         hold=hold,
         steps=steps,
@@ -334,37 +320,31 @@ def simulate(
         faults=faults,
         watch=watch,
     )
-    if law is None and callable(drive.controller.law):
-        law = Torques(drive.controller, robot, drive.origin[: robot.n])
+    drive = begin(robot, truth, controller, ("start", start), settings)
+    if law is None and callable(controller.law):
+        law = Torques(controller, robot, drive.origin[: robot.n])
     own = None if law is None else _torque_of(law, robot)
+    loop = _core.Loop(*drive.first)
     if setpoints is None:
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
-        require_feasible_move(robot, origin, end, duration, drive.controller.period)
+        move = Line(start=origin, end=end, duration=duration)
+        require_feasible_move(robot, move, controller.period)
         asked = (drive.origin, target, duration, hold)
-        status, chain, *log = _core.simulate(  # type: ignore[call-arg]
-            *drive.core, *asked, drive.steps, drive.at_rest, drive.seed, own
-        )
+        status, chain, *log = loop.simulate(*asked, *drive.last, own)
     else:
         rest = np.zeros((round(hold / controller.period), robot.n))
-        status, chain, *log = _core.follow(  # type: ignore[call-arg]
-            *drive.core,
-            np.concatenate([setpoints.x, rest + setpoints.x[-1]]),
-            np.concatenate([setpoints.rate, rest]),
-            np.concatenate([setpoints.acceleration, rest]),
-            drive.steps,
-            drive.at_rest,
-            drive.seed,
-            own,
-        )
+        held = (rest + setpoints.x[-1], rest, rest)
+        rows = (np.concatenate(pair) for pair in zip(setpoints, held, strict=True))
+        status, chain, *log = loop.follow(*rows, *drive.last, own)
     ended = ""
     if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""
-        after = len(log[0]) * drive.controller.period
+        after = len(log[0]) * controller.period
         ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
-    name = law_name(drive.controller.law if law is None or isinstance(law, Torques) else law)
-    return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
+    name = law_name(controller.law if law is None or isinstance(law, Torques) else law)
+    return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 
 def _torque_of(

@@ -1,9 +1,4 @@
-"""Simulated calibration logs, and the error of calibrations on them.
-
-A robot sampled from its tolerances visits its workspace under the joint law and is read at rest. An
-optional tracker at an unknown place sees a marker beside the platform's reference point; for a
-rotational platform the axis angles are measured instead.
-"""
+"""Simulated calibration logs, and the error of calibrations on them."""
 
 from __future__ import annotations
 
@@ -12,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import ANGLE_SIGMA
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
@@ -53,17 +49,9 @@ def simulate_log(
 
     `robot` is the controller's; both robots keep their levels. `seed` determines the poses, the
     noise and the places of tracker and marker. `effects` are those at rest, by default quantization
-    alone. `tracker` adds external measurements. Raises InputError if the file has no workspace, or
-    too little of it can be reached.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
-    >>> from truepose.simulation.simulated_log import simulate_log
-    >>> h4 = tp.load("h4")
-    >>> simulate_log(h4, with_paper_errors(h4, seed=1), poses=20).q_e.shape
-    (20, 5)
+    alone. `tracker` adds measurements of a tracker at an unknown place, of a marker beside the
+    platform's reference point; of a rotational platform the axis angles. Raises InputError if the
+    file has no workspace, or too little of it can be reached.
     """
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
     x_d = _drawn(robot, _DRAWN * poses, where)
@@ -109,6 +97,12 @@ class Missed:
     sigma: Array  #: (p,) σ stated by the calibration
     nees: float  #: squared error of them all in the metric of the stated covariance; p on average
     pose: dict[str, Array]  #: pose errors, see `missed`
+
+    @property
+    def nees_range(self) -> tuple[float, float]:
+        """Central 95 % of `nees` under a correct covariance: χ² of p degrees of freedom."""
+        low, high = (float(chi2_quantile(p, len(self.names))) for p in (0.025, 0.975))
+        return low, high
 
 
 def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int = 500) -> Missed:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller
-from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.faults.fault import Fault
-from truepose.faults.monitor import FaultMonitor
 from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unanswered
-from truepose.simulation.moves import MOVE_DURATION
+from truepose.simulation.drive import (
+    NO_REST,
+    RESTLESS,
+    Settings,
+    begin,
+    controller_of,
+    saturated,
+    unanswered,
+)
 
 
 def visit(
@@ -27,21 +30,14 @@ def visit(
     truth: Robot,
     x_d: ArrayLike,
     controller: Controller | Law | None = None,
-    *,
-    duration: float = MOVE_DURATION,
-    hold: float = 0.2,
-    steps: int | None = None,
-    seed: int = 0,
-    effects: Effects | None = None,
-    time: float = 0.0,
-    learn: OnlineCalibrator | None = None,
-    faults: Sequence[Fault] = (),
-    watch: FaultMonitor | None = None,
+    **settings: Any,
 ) -> tuple[Array, Array, Array]:
     """Drive from pose to pose, in the dynamics, and let each settle.
 
-    Friction and backlash carry over from one pose to the next. Parameters as for :func:`simulate`;
-    the faults' time counts from the start of the first move, `duration` and `hold` for each pose.
+    Friction and backlash carry over from one pose to the next. Robots, controller and settings
+    (`duration`, `hold`, `steps`, `seed`, `effects`, `time`, `learn`, `faults`, `watch`) as for
+    :func:`truepose.simulate`; `duration` and `hold` are those of each pose, the faults' time counts
+    from the start of the first move.
 
     Returns
     -------
@@ -64,23 +60,13 @@ def visit(
     rows, lead = flattened(robot, x_d, robot.n, "x_d", "raise")
     if len(lead) != 1:
         raise InputError(f"x_d: shape {np.shape(x_d)}, must be (N, {robot.n})")
-    drive = begin(
-        robot,
-        truth,
-        controller,
-        ("home", robot.home),
-        duration=duration,
-        hold=hold,
-        steps=steps,
-        seed=seed,
-        effects=effects,
-        time=time,
-        learn=learn,
-        faults=faults,
-        watch=watch,
+    controller, run = (
+        controller_of(controller, robot, settings.get("effects")),
+        Settings(**settings),
     )
-    x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
-        *drive.core, rows, duration, hold, drive.steps, drive.at_rest, drive.seed
+    drive = begin(robot, truth, controller, ("home", robot.home), run)
+    x, q_e, swing, held, status, cycles, reason = _core.Loop(*drive.first).visit(
+        rows, run.duration, run.hold, *drive.last
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import UserDict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -21,22 +21,16 @@ Asked = Callable[["Case"], Mapping[str, Answer]]
 OWN = ("robot", "number", "error")
 
 
-class Values(Mapping[str, Any]):
+class Values(UserDict[str, Any]):
     """One point of a grid; records which keys were read."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        self._values = dict(values)
-        self.unread = dict.fromkeys(self._values)  #: keys that were not read
+        super().__init__(values)
+        self.read: set[str] = set()
 
     def __getitem__(self, key: str) -> Any:
-        self.unread.pop(key, None)
-        return self._values[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
+        self.read.add(key)
+        return self.data[key]
 
 
 @dataclass(frozen=True)
@@ -85,18 +79,15 @@ class Cases:
     def __getitem__(self, index: int) -> Case:
         number, rest = divmod(index, self.each)
         kind, point = divmod(rest, self.each // len(self.robots))
-        points = itertools.product(*self.grid.values())
-        values = dict(zip(self.grid, next(itertools.islice(points, point, None)), strict=True))
+        shape = [len(values) for values in self.grid.values()]
+        places = zip(self.grid.items(), np.unravel_index(point, shape), strict=True)
+        values = {name: choices[int(k)] for (name, choices), k in places}
         # The first child is the true robot's own: `case.seed.spawn` begins with the second.
         seed = np.random.SeedSequence(self.seed, spawn_key=(kind, number), n_children_spawned=1)
         return Case(self.robots[kind], number, values, seed)
 
     def ask(self, function: Asked, start: int, stop: int) -> list[dict[str, Answer]]:
-        """Evaluate some cases; an error of truepose is a row.
-
-        An InputError names the case where the function fails otherwise, returns anything but names
-        and numbers, or has not read every value of the grid.
-        """
+        """Evaluate some cases; an error of truepose is a row, any other an InputError."""
         return [self._row(function, self[index], index) for index in range(start, stop)]
 
     def _row(self, function: Asked, case: Case, index: int) -> dict[str, Answer]:
@@ -117,11 +108,11 @@ class Cases:
                 raise InputError(f"{where}: '{name}' is the name of another column")
             if not isinstance(value, Answer | np.generic):
                 raise InputError(f"{where}: {name} = {value!r}: must be a number or a word")
-        if read.unread:
-            used = ", ".join(key for key in case.values if key not in read.unread) or "none"
+        if unread := [key for key in case.values if key not in read.read]:
+            used = ", ".join(key for key in case.values if key in read.read) or "none"
             raise InputError(
-                f"{where}: grid: unknown key '{next(iter(read.unread))}': the function reads "
-                f"{used} of case.values; leave the key out, or read it in every case"
+                f"{where}: grid: unknown key '{unread[0]}': the function reads {used} of "
+                "case.values; leave the key out, or read it in every case"
             )
         plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in answer.items()}
         return {**row, **plain, "error": ""}

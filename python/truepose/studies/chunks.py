@@ -16,24 +16,18 @@ from truepose.exceptions import InputError
 MANIFEST = "study.json"
 
 
-def pyarrow() -> Any:
-    """Import pyarrow; InputError where it is not installed."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(
-            "study: --out: pyarrow is not installed; pip install 'truepose[cluster]'"
-        ) from None
-    return pyarrow
-
-
 class Chunks:
     """A folder of a study's chunks, each of `size` cases."""
 
     def __init__(self, folder: Path, cases: asked.Cases, function: asked.Asked, size: int) -> None:
         self.folder, self.size = folder, size
-        self._arrow = pyarrow()
+        try:
+            import pyarrow.parquet
+        except ImportError:
+            raise InputError(
+                "study: --out: pyarrow is not installed; pip install 'truepose[cluster]'"
+            ) from None
+        self._arrow: Any = pyarrow
         manifest = manifest_of(cases, function, size)
         place = folder / MANIFEST
         try:

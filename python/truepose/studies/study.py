@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,42 +52,48 @@ class Study(Shown):
     def _finite(self, name: str) -> Array:
         return ~self.failed & np.isfinite(self.columns[name].astype(float))
 
+    def _points(self) -> Iterator[tuple[tuple[str, ...], Array]]:
+        """Yield robot and values of the grid, and the rows that have them, (N,) bool."""
+        keys = ("robot", *self.grid)
+        words = list(zip(*(map(str, self.columns[key]) for key in keys), strict=True))
+        for point in dict.fromkeys(words):
+            yield point, np.array([word == point for word in words])
+
+    def _answers(self, name: str, rows: Array) -> Array:
+        """Return the finite numbers of some rows."""
+        if name not in self.columns:
+            return np.zeros(0)
+        return self.columns[name][rows & self._finite(name)].astype(float)
+
     def table(self) -> Table:
         """Return rms, median and 95 % of every number, for each robot and point of the grid.
 
         Cases without an answer are counted, but not part of these.
         """
-        keys = ("robot", *self.grid)
-        words = [tuple(str(self.columns[key][k]) for key in keys) for k in range(len(self))]
         rows = []
-        for point in dict.fromkeys(words):
-            these = np.array([word == point for word in words])
+        for point, these in self._points():
+            count = int(these.sum())
             for name in self._numbers if (these & ~self.failed).any() else ["–"]:
-                answered = these & self._finite(name) if name in self.columns else these[:0]
+                values = self._answers(name, these)
                 spread = [number(None)] * 3
-                if answered.any():
-                    values = self.columns[name][answered].astype(float)
+                if len(values):
                     parts = (np.sqrt(np.mean(values**2)), *np.percentile(values, (50, 95)))
                     spread = [number(float(part)) for part in parts]
-                count = int(these.sum())
-                rows.append([*point, name, str(count), str(count - answered.sum()), *spread])
-        head = [*keys, "asked", "robots", "no answer", "rms", "median", "95 %"]
+                rows.append([*point, name, str(count), str(count - len(values)), *spread])
+        head = ["robot", *self.grid, "asked", "robots", "no answer", "rms", "median", "95 %"]
         title = f"Results over {len(self)} {'cases' if self.grid else 'robots'} "
         title += f"({self.unanswered.sum()} without an answer)"
         return Table("study", title, head, rows)
 
     def _draw(self, figure: Any) -> None:
-        keys = ("robot", *self.grid)
-        rows = zip(*(self.columns[key] for key in keys), strict=True)
-        words = np.array([" ".join(map(str, row)) for row in rows])
         panels: dict[str, dict[str, dict[str, Array]]] = {}
         for name in self._numbers:
             unit = name.rpartition("_")[2] if "_" in name else "–"
-            for point in dict.fromkeys(words.tolist()):
-                values = self.columns[name][(words == point) & self._finite(name)].astype(float)
+            series = panels.setdefault(f"result ({unit})", {}).setdefault("5, 50, 95 %", {})
+            for point, these in self._points():
+                values = self._answers(name, these)
                 spread = np.percentile(values, (5, 50, 95)) if len(values) else [np.nan] * 3
-                series = panels.setdefault(f"result ({unit})", {}).setdefault("5, 50, 95 %", {})
-                series[f"{point} {name}"] = np.asarray(spread)
+                series[" ".join((*point, name))] = np.asarray(spread)
         for axes in ranges(figure, panels or {"result (–)": {"none": {}}}, "case"):
             axes.set_xlim(left=0)
 
@@ -115,11 +121,10 @@ def monte_carlo(
     Parameters
     ----------
     function : callable or str
-        function(case) -> {name: number}, of a :class:`truepose.studies.cases.Case`: nominal
-        ``robot``, ``true`` robot and ``rng`` (the same objects at every access), and ``values``,
-        the point of the grid, of which the function must read every key. Or a built-in, "rest" or
-        "calibration", or "file.py:name". Processes must be able to import a callable; a file's
-        text is sent along.
+        function(case) -> {name: number}, of a :class:`truepose.studies.cases.Case` with nominal
+        ``robot``, ``true`` robot, ``rng`` and ``values``, the point of the grid, of which it must
+        read every key. Or a built-in, "rest" or "calibration", or "file.py:name". Processes must
+        be able to import a callable; a file's text is sent along.
     robots : Robot, str, or sequence of them
         Nominal robots; `count` true ones are sampled from each.
     count : int
@@ -168,25 +173,22 @@ def monte_carlo(
     starts = range(0, total, chunk)
     kept = None if out is None else Chunks(Path(out), cases, asked, chunk)
     done: dict[int, list[dict[str, Answer]]] = {}
-    for start in starts if kept else ():
-        rows = kept.read(start, min(start + chunk, total)) if kept else None
-        if rows is not None:
+    progress = progress or (lambda done, total: None)
+    tasks = {}
+    for start in starts:
+        stop = min(start + chunk, total)
+        if kept and (rows := kept.read(start, stop)) is not None:
             done[start] = rows
-    if progress:
-        progress(len(done), len(starts))
-    tasks = {
-        start: (cases, asked, start, min(start + chunk, total))
-        for start in starts
-        if start not in done
-    }
+        else:
+            tasks[start] = (cases, asked, start, stop)
+    progress(len(done), len(starts))
     team = Workers(cores() if workers is None else workers, on, cluster)
     with contextlib.closing(team.each(Cases.ask, tasks)) as answers:
         for start, rows in answers:
             if kept:
                 kept.write(start, rows)
             done[start] = rows
-            if progress:
-                progress(len(done), len(starts))
+            progress(len(done), len(starts))
     return _gathered([row for start in starts for row in done[start]], tuple(cases.grid))
 
 

@@ -9,7 +9,7 @@ import platform
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -71,10 +71,11 @@ class Workers:
         while left:
             before = len(left)
             with self._executor() as executor:
+                futures = {executor.submit(function, *task): key for key, task in left.items()}
                 try:
-                    for key, answer in _done(executor, function, left):
-                        yield key, answer
-                        del left[key]
+                    for future in as_completed(futures):
+                        yield futures[future], future.result()
+                        del left[futures[future]]
                 except BrokenProcessPool:
                     deaths = deaths + 1 if len(left) == before else 0
                     if deaths == DEATHS:
@@ -102,13 +103,3 @@ class Workers:
             raise
         finally:
             executor.shutdown(cancel_futures=True)
-
-
-def _done(
-    executor: Executor, function: Callable[..., Any], tasks: dict[Any, tuple[Any, ...]]
-) -> Iterator[tuple[Any, Any]]:
-    from concurrent.futures import as_completed
-
-    futures = {executor.submit(function, *task): key for key, task in tasks.items()}
-    for future in as_completed(futures):
-        yield futures[future], future.result()

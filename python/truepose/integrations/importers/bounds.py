@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from truepose.exceptions import InputError, one_line
+from truepose.exceptions import InputError, TrueposeError, one_line
 
 #: Largest number of elements with all copies; MuJoCo compiles as many in some seconds.
 ELEMENTS = 10_000
@@ -45,10 +45,9 @@ def _size(
         name = element.get("file") or ""
         for other in (folder / name, path.parent / name):
             if name and other.is_file():
-                known = other.resolve()
-                if known not in sizes:
-                    sizes[known] = _size(other, folder, text, sizes)[1]
-                return sizes[known]
+                if other.resolve() not in sizes:
+                    sizes[other.resolve()] = _size(other, folder, text, sizes)[1]
+                return sizes[other.resolve()]
         return 0.0  # MuJoCo reports missing files
 
     attached = max((of(part) for part in root.iterfind("asset/model")), default=0.0)
@@ -75,8 +74,12 @@ def _copies(element: ET.Element) -> float:
 
 def yaml(path: Path, text: str) -> Any:
     """Read YAML; refuse aliases, as a few lines of them can expand to gigabytes."""
-    import yaml
-
+    try:
+        import yaml
+    except ImportError:
+        raise TrueposeError(
+            'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
+        ) from None
     if len(text) > YAML:
         raise InputError(
             f"{path}: {len(text)} characters, more than {YAML}: keep only the keys of the loops"

@@ -65,7 +65,6 @@ def urdf(
 def _put(mechanism: Mechanism, body: str, read: list[Path], out: Path | None, force: bool) -> None:
     """Write the robot to a file, or to standard output."""
     output = out and robotfile.output(out, "-o")
-    files.check([output] if output else [], read, force)
     spec, notes = pivot_of(mechanism, body)
     text = robotfile.to_toml(spec, {})
     if output:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
 from truepose.arguments import Array
@@ -20,51 +23,39 @@ def standing(
 ) -> tuple[Robot, list[str]]:
     """Return a rotational robot with home and working modes, and notes on them.
 
-    Home is the model's pose if reachable within all limits, else zero or mid-range, with a note.
-
-    The argument `data` is a robot file without home and working modes. `drawn` and `motors`, shape
-    (n,), are positions of passive axes and motors in the model; the nearest working modes are
-    chosen. `source` and `body` serve messages. InputError: none of the three is reachable.
+    Home is the model's pose `drawn` if reachable within all limits, else zero or mid-range. The
+    working modes are the nearest to the motors' positions in the model, `motors`, (n,). InputError,
+    with `source` and `body`: none of the three is reachable.
     """
     middle = [float(np.mean(axis.get("limits", (0, 0)))) for axis in data["passive_axis"]]
     why = ""
     for where, home in (("", drawn), ("zero", [0.0] * len(drawn)), ("mid-range", middle)):
+        spec = validate({**data, "home": home}, source)
         try:
-            robot = _at({**data, "home": home}, motors, source)
-        except _HomeError as error:
-            why = why or str(error)
+            robot = _at(spec, motors)
+        except TrueposeError as error:
+            why = why or str(error).removeprefix(f"{spec.name}: ")
         else:
             return robot, [f"home is {where}, not the model's pose: {why}"] if where else []
     raise InputError(f"{source}: {body}: no home at the model's pose, zero or mid-range: {why}")
 
 
-class _HomeError(Exception):
-    """The home pose is not reachable."""
+def _at(spec: RobotFile, motors: Array) -> Robot:
+    """Return the robot with the reachable working modes nearest to the motors."""
 
+    def built(modes: Iterable[int], **more: Any) -> Robot:
+        chains = [
+            chain.model_copy(update={"working_mode": mode, **more})
+            for chain, mode in zip(spec.chain, modes, strict=True)
+        ]
+        return Robot(spec.model_copy(update={"chain": tuple(chains)}))
 
-def _at(data: dict, motors: Array, source: str) -> Robot:
-    """Return the robot loaded as from its file, with the nearest reachable working modes."""
-    found = []
-    for mode in (-1, 1):  # limits may exclude one branch
-        chains = [{**chain, "working_mode": mode, "limits": None} for chain in data["chain"]]
-        robot = _loaded({**data, "chain": chains}, source)
-        found.append(robot.ikm(data["home"], level="ideal"))
-    off = np.abs(np.array(found) - motors)
-    turning = [chain["actuator"] == "revolute" for chain in data["chain"]]
+    # Limits may exclude one branch.
+    found = [built([mode] * len(motors), limits=None) for mode in (-1, 1)]
+    off = np.abs([robot.ikm(spec.home, level="ideal") - motors for robot in found])
+    turning = [chain.actuator == "revolute" for chain in spec.chain]
     off[:, turning] = np.abs((off[:, turning] + np.pi) % (2 * np.pi) - np.pi)
-    modes = [(-1, 1)[k] for k in np.argmin(off, axis=0)]
-    chains = [
-        {**chain, "working_mode": mode} for chain, mode in zip(data["chain"], modes, strict=True)
-    ]
-    return _loaded({**data, "chain": chains}, source)
-
-
-def _loaded(data: dict, source: str) -> Robot:
-    spec = validate(data, source)
-    try:
-        return Robot(spec)
-    except TrueposeError as error:
-        raise _HomeError(str(error).removeprefix(f"{spec.name}: ")) from None
+    return built((2 * np.argmin(off, axis=0) - 1).tolist())
 
 
 def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:

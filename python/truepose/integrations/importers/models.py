@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +34,15 @@ def from_mjcf(path: str | Path) -> Mechanism:
     def compiled(whole: bool) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
         if not whole:  # without shapes, whose files may be missing
-            for geom in [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]:
-                spec.delete(geom)
+            for shape in [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]:
+                spec.delete(shape)
             for mesh in list(spec.meshes):
                 spec.delete(mesh)
             _light(spec)
         return spec.compile()
 
-    model = _first(path, [lambda: compiled(True), lambda: compiled(False)])
-    m = Model(mujoco, model)
-    return m.mechanism(path, list(m.closures()), {*m.actuators()}, {})
+    m = Model(mujoco, _first(path, lambda: compiled(True), lambda: compiled(False)))
+    return Mechanism(m, path, list(m.closures()), {*m.actuators()}, {})
 
 
 def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
@@ -71,8 +70,8 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
         _light(spec)
         return spec.compile()
 
-    model = _first(path, [compiled])
-    m = Model(mujoco, model)
+    m = Model(mujoco, _first(path, compiled))
+    model = m.model
     joints = {model.joint(k).name: k for k in range(model.njnt)}
     links = {model.body(k).name: k for k in range(model.nbody)}
     links.setdefault(_root(root), 0)  # MuJoCo welds it to the world
@@ -83,11 +82,10 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     closures = []
     for (one, other), kind in zip(said["closed_loop"], said["type"], strict=True):
         a, b = (_among(links, name, "link", loops) for name in (one, other))
-        held = (np.zeros(3), np.eye(3)) if kind == "6d" else None
-        points = np.array([m.data.xpos[a], m.data.xpos[b]])
-        closures.append(Closure(f"{one}-{other}", (a, b), points, held))
+        held = np.eye(4) if kind == "6d" else None
+        closures.append(Closure(f"{one}-{other}", (a, b), m.data.xpos[[a, b]], held))
     motors = {_among(joints, name, "joint", loops) for name in said["name_mot"]}
-    return m.mechanism(path, closures, motors, retyped)
+    return Mechanism(m, path, closures, motors, retyped)
 
 
 def _mujoco() -> Any:
@@ -119,7 +117,7 @@ def _light(spec: Any) -> None:
     spec.compiler.balanceinertia = 1
 
 
-def _first(path: Path, ways: Sequence[Any]) -> Any:
+def _first(path: Path, *ways: Callable[[], Any]) -> Any:
     """Return the result of the first way that works, or raise the first way's error."""
     said: Exception | None = None
     for way in ways:
@@ -132,10 +130,9 @@ def _first(path: Path, ways: Sequence[Any]) -> Any:
 
 def _root(root: ET.Element) -> str:
     """Return the link of a URDF that is no joint's child."""
-    children = {child.get("link") for joint in root.iter("joint") for child in joint.iter("child")}
-    return next(
-        (n for link in root.iter("link") if (n := link.get("name", "")) not in children), ""
-    )
+    children = {child.get("link") for child in root.iterfind("joint/child")}
+    names = (link.get("name", "") for link in root.iterfind("link"))
+    return next((name for name in names if name not in children), "")
 
 
 def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:
@@ -146,12 +143,6 @@ def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:
 
 def _loops(path: Path) -> dict[str, list]:
     """Read the YAML of loops, and check it."""
-    try:
-        import yaml  # noqa: F401 – import only for the error message
-    except ImportError:
-        raise TrueposeError(
-            'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
-        ) from None
     data = bounds.yaml(path, _text(path))
     if not isinstance(data, dict):
         raise InputError(f"{path}: must have the keys closed_loop, type, name_mot")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,6 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.integrations.importers.actuators import armature, torque_limit
 from truepose.integrations.importers.home import standing, with_workspace
 from truepose.integrations.importers.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile import RobotFile, taken
@@ -47,18 +47,15 @@ class _Rod:
 class _Pivot:
     def __init__(self, mechanism: Mechanism, body: str):
         self.m, self.nacelle = mechanism, mechanism.body(body)
-        self.spine = list(self._spine())
+        self.spine = self._spine()
         self.bodies = [self.nacelle, *(link.bodies[0] for link in self.spine)]
-        self._merge_universals()
-        ends = [
-            link
-            for link in self.m.at(self.nacelle)
-            if link is not self.spine[0] and self._returns(link)
-        ]
+        inner = {b for link in self.m.links for b in link.bodies} - {*self.bodies, 0}
+        while any(self._merge_universal(body) for body in inner):
+            pass
+        ends = [k for k in self.m.at(self.nacelle, but=self.spine[0]) if self._returns(k)]
         if not ends:
             raise self._wrong("no loop: no rod goes from it to a motor")
-        rods = [self._rod(end) for end in ends]
-        self.rods = sorted(rods, key=lambda rod: rod.motor.ids)
+        self.rods = sorted(map(self._rod, ends), key=lambda rod: rod.motor.ids)
         self.base = self.rods[0].base
         for rod in self.rods:
             if rod.base != self.base:
@@ -74,51 +71,39 @@ class _Pivot:
     def _wrong(self, why: str) -> InputError:
         return InputError(f"{self.m.source}: {self.m.name_of(self.nacelle)}: {why}")
 
-    def _spine(self) -> Any:
+    def _spine(self) -> list[Link]:
         """Return the joints that carry the platform, its own first, towards the world."""
-        body, seen = self.nacelle, set()
-        while True:
-            up = [link for link in self.m.links if link.ids and link.bodies[1] == body]
-            if not up or body in seen:
-                break
-            seen.add(body)
-            yield up[0]
+        body, spine = self.nacelle, list[Link]()
+        links = self.m.links
+        while up := [k for k in links if k.ids and k.bodies[1] == body and k not in spine]:
+            spine.append(up[0])
             body = up[0].bodies[0]
-        if not seen:
+        if not spine:
             raise self._wrong("no joint turns it; give the body on the passive axes")
+        return spine
 
-    def _merge_universals(self) -> None:
-        """Merge joints whose axes meet and whose connecting body has no other links."""
-        while True:
-            for body in {b for link in self.m.links for b in link.bodies} - {*self.bodies, 0}:
-                ends = self.m.at(body)
-                if len(ends) == 2 and (one := self._merged(body, *ends)) is not None:
-                    self.m.links = [k for k in self.m.links if not any(k is e for e in ends)]
-                    self.m.links.append(one)
-                    break
-            else:
-                return
-
-    def _merged(self, body: int, a: Link, b: Link) -> Link | None:
-        if not (a.turns and b.turns) or self._driven(a) or self._driven(b):
-            return None
+    def _merge_universal(self, body: int) -> bool:
+        """Merge the two joints of a body without other links, if their axes meet."""
+        links = self.m.at(body)
+        if len(links) != 2 or not all(k.turns and not self._driven(k) for k in links):
+            return False
         # One axis of each. If one has several axes, use the intersection of those about its point.
-        at = np.vstack([np.tile(e.point_on(body), (len(e.axes), 1)) for e in (a, b)])
-        axes = np.vstack([a.axes, b.axes])
-        point = meeting(at, axes)
+        axes = np.vstack([k.axes for k in links])
+        point = meeting(np.vstack([np.tile(k.point_on(body), (k.turns, 1)) for k in links]), axes)
         if point is None:
-            return None
-        ends = a.other(body), b.other(body)
-        shift = [point - e.point_on(body) for e in (a, b)]
-        points = [e.point_on(end) + s for e, end, s in zip((a, b), ends, shift, strict=True)]
-        return Link(
+            return False
+        points = np.array([k.point_on(k.other(body)) + point - k.point_on(body) for k in links])
+        a, b = links
+        one = Link(
             a.name if a.ids else b.name,
-            ends,
-            np.array(points),
+            (a.other(body), b.other(body)),
+            points,
             axes[:3],
             np.tile(points[0], (min(len(axes), 3), 1)),
             ids=a.ids + b.ids,
         )
+        self.m.links = [k for k in self.m.links if k not in links] + [one]
+        return True
 
     def _driven(self, link: Link) -> bool:
         return bool({*link.ids} & self.m.motors)
@@ -134,28 +119,18 @@ class _Pivot:
             new += [b for k in self.m.at(body) if (b := k.other(body)) not in known]
         return False
 
-    def _onward(self, body: int, from_: Link) -> list[Link]:
-        """Return a body's links to further links or the base; dead ends are excluded."""
-        return [
-            k
-            for k in self.m.at(body, but=from_)
-            if len(self.m.at(k.other(body))) > 1 or k.other(body) in self.bodies
-        ]
-
     def _rod(self, far: Link) -> _Rod:
         """Return the rod from the platform to its motor."""
         rod = far.other(self.nacelle)
         name = self.m.name_of
         if rod in self.bodies:
             raise self._wrong(f"{far.name} joins it to {name(rod)}: no rod is between")
-        self._end(far)
+        self._ends(far)
         near = self._only(rod, far, "a rod has two ends")
-        rods = (rod,)
         if near.slides:  # a leg
             motor, upper = near, near.other(rod)
             near = self._only(upper, motor, "a leg's part has an end and a slide")
-            self._end(near)
-            self._ball(near, far)
+            self._ends(near, far)
             base = near.other(upper)
             if base not in self.bodies:
                 raise self._wrong(
@@ -166,8 +141,7 @@ class _Pivot:
             raise self._wrong(
                 f"{far.name} joins it to {name(rod)}, turned by {near.name}, without a rod between"
             )
-        self._end(near)
-        self._ball(near, far)
+        self._ends(near, far)
         crank = near.other(rod)
         if crank in self.bodies:
             raise self._wrong(f"rod {name(rod)} ends on {name(crank)}: no motor moves it")
@@ -181,10 +155,15 @@ class _Pivot:
                 f"{name(crank)} stands on {name(motor.other(crank))}, which does not carry it: "
                 f"must be among {', '.join(name(b) for b in self.bodies[1:])}"
             )
-        return _Rod(motor, near, far, rods, crank, motor.bodies[0])
+        return _Rod(motor, near, far, (rod,), crank, motor.bodies[0])
 
     def _only(self, body: int, link: Link, expected: str) -> Link:
-        found = self._onward(body, link)
+        """Return the only other link of a body; links to dead ends do not count."""
+        found = [
+            k
+            for k in self.m.at(body, but=link)
+            if len(self.m.at(k.other(body))) > 1 or k.other(body) in self.bodies
+        ]
         if len(found) != 1:
             others = ", ".join(k.name for k in found) or "nothing"
             raise self._wrong(
@@ -192,18 +171,19 @@ class _Pivot:
             )
         return found[0]
 
-    def _end(self, link: Link) -> None:
-        if link.turns < 2:
-            kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
+    def _ends(self, *links: Link) -> None:
+        """Raise InputError unless the links can be a rod's ends."""
+        for link in links:
+            if link.turns < 2:
+                kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
+                raise self._wrong(
+                    f"{link.name}, a {kind}, ends a rod: must be a ball, a universal joint or a "
+                    "connect"
+                )
+        if len(links) == 2 and sum(link.turns for link in links) < 5:
             raise self._wrong(
-                f"{link.name}, a {kind}, ends a rod: must be a ball, a universal joint or a connect"
-            )
-
-    def _ball(self, near: Link, far: Link) -> None:
-        if near.turns + far.turns < 5:
-            raise self._wrong(
-                f"{near.name} and {far.name} are both universal joints, which hold the rod's spin: "
-                "one must be a ball"
+                f"{' and '.join(link.name for link in links)} are both universal joints, which "
+                "hold the rod's spin: one must be a ball"
             )
 
     def _check(self) -> None:
@@ -255,12 +235,11 @@ class _Pivot:
                         "name": _word(self.m.model.joint(joint).name or f"x{joint}"),
                         "origin": _round(at - last),
                         "direction": _round(self._R.T @ direction),
-                        **self._limits("limits", joint),
+                        **self._limits(joint),
                     }
                 )
                 ids.append(joint)
                 last = at
-        chains = [self._chain(rod, last) for rod in self.rods]
         model = self.m.model
         data: dict[str, Any] = {
             "name": _word(self.m.name),
@@ -269,7 +248,7 @@ class _Pivot:
             "mobility": "rotational",
             "gravity": _round(self._R.T @ model.opt.gravity),
             "passive_axis": axes,
-            "chain": chains,
+            "chain": [self._chain(rod, last) for rod in self.rods],
             **self._nacelle(last),
         }
         at = model.jnt_qposadr
@@ -295,14 +274,8 @@ class _Pivot:
         arm = float(np.linalg.norm(B - P))
         if arm < MEET:
             raise self._wrong(f"{rod.motor.name}: its rod ends on its axis, which cannot move it")
-        zero = (B - P) / arm
-        return {
-            **data,
-            "actuator": "revolute",
-            "base": _round(P),
-            "arm_zero": _round(zero),
-            "arm": arm,
-        }
+        shape = {"base": _round(P), "arm_zero": _round((B - P) / arm), "arm": arm}
+        return {**data, "actuator": "revolute", **shape}
 
     def _leg(self, rod: _Rod) -> dict:
         """Return a leg's length from its slide: reading = gain · length - offset."""
@@ -317,23 +290,19 @@ class _Pivot:
         sign = np.sign(lean) * (1 if rod.motor.bodies[0] == upper else -1)
         return {"gain": float(sign), "encoder_offset": float(sign) * length}
 
-    def _limits(self, key: str, joint: int) -> dict:
-        model = self.m.model
-        if not model.jnt_limited[joint]:
-            return {}
-        low, high = map(float, model.jnt_range[joint])
-        return {key: (low, high)} if low < high else {}
+    def _limits(self, joint: int) -> dict:
+        low, high = map(float, self.m.model.jnt_range[joint])
+        return {"limits": (low, high)} if self.m.model.jnt_limited[joint] and low < high else {}
 
     def _motor(self, rod: _Rod) -> dict:
         """Return limits, the drive's inertia and the rod's mass."""
         model, joint = self.m.model, rod.motor.ids[0]
-        data: dict[str, Any] = {}
-        if len(rod.rods) == 1:
-            data |= self._limits("limits", joint)
+        data: dict[str, Any] = self._limits(joint) if len(rod.rods) == 1 else {}
         actuators = self.m.actuators.get(joint, [])
-        if np.isfinite(most := torque_limit(model, joint, actuators)):
+        if np.isfinite(most := _torque_limit(model, joint, actuators)):
             data["torque_limit"] = most
-        inertia = armature(model, joint, actuators)
+        gear, rotor = model.actuator_gear[actuators, 0], model.actuator_armature[actuators]
+        inertia = float(model.dof_armature[model.jnt_dofadr[joint]] + np.sum(gear**2 * rotor))
         mass, centre, I = self._inertia([rod.moved])
         if rod.motor.slides:
             inertia += mass
@@ -352,25 +321,17 @@ class _Pivot:
         mass, centre, I = self._inertia([self.nacelle])
         if mass < _HEAVY:
             return {}
-        turned = np.diag(self._R.T @ I @ self._R)
-        names = zip(("inertia_x", "inertia_y", "inertia_z"), turned, strict=True)
-        return {
-            "platform": {
-                "mass": mass,
-                "centre": _round(self._at(centre) - at),
-                **{name: float(value) for name, value in names},
-            }
-        }
+        turned = np.diag(self._R.T @ I @ self._R).tolist()
+        inertia = dict(zip(("inertia_x", "inertia_y", "inertia_z"), turned, strict=True))
+        return {"platform": {"mass": mass, "centre": _round(self._at(centre) - at), **inertia}}
 
     def _inertia(self, bodies: Sequence[int]) -> tuple[float, Array, Array]:
         """Return mass, centre and inertia about it of rigid bodies, every joint at zero."""
         m, d = self.m.model, self.m.data
         parts = [k for k, body in enumerate(self.m.body_of) if body in bodies and m.body_mass[k]]
-        mass = float(sum(m.body_mass[k] for k in parts))
-        if not mass:
-            return 0.0, np.zeros(3), np.zeros((3, 3))
-        centre = sum(m.body_mass[k] * d.xipos[k] for k in parts) / mass
-        I = np.zeros((3, 3))
+        mass, centre, I = float(m.body_mass[parts].sum()), np.zeros(3), np.zeros((3, 3))
+        if parts:
+            centre = m.body_mass[parts] @ d.xipos[parts] / mass
         for k in parts:
             R, r = d.ximat[k].reshape(3, 3), d.xipos[k] - centre
             I += R @ np.diag(m.body_inertia[k]) @ R.T
@@ -388,3 +349,25 @@ def _word(name: str) -> str:
 def _round(vector: Array) -> tuple[float, ...]:
     """Round to remove numerical noise around zero only."""
     return tuple(float(v) if abs(v) > 1e-12 else 0.0 for v in vector)
+
+
+def _torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
+    """Return the largest force or torque of a joint's actuators, N or N·m, or infinity."""
+    # An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
+    most = sum(_most(model, k) for k in actuators) if actuators else math.inf
+    if model.jnt_actfrclimited[joint]:
+        most = min(most, np.abs(model.jnt_actfrcrange[joint]).max())
+    return float(most)
+
+
+def _most(model: Any, k: int) -> float:
+    """Return the largest force or torque of an actuator after its gear."""
+    limited, control = model.actuator_forcelimited[k], model.actuator_ctrladr[k]
+    most = np.abs(model.actuator_forcerange[k]).max() if limited else math.inf
+    # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain (0),
+    # no bias (0), no dynamics (0).
+    kinds = model.actuator_gaintype[k], model.actuator_biastype[k], model.actuator_dyntype[k]
+    if not any(kinds) and model.actuator_ctrllimited[control]:
+        asked = np.abs(model.actuator_ctrlrange[control]).max()
+        most = min(most, asked * abs(model.actuator_gainprm[k, 0]))
+    return most * abs(model.actuator_gear[k, 0])

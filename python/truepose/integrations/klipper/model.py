@@ -138,7 +138,7 @@ class Model:
         if not np.isfinite(xi).all():
             return np.full(rows.shape, np.nan)
         start = np.tile([0.0, 0.0, _START], (len(rows), 1))
-        x, status, _, _, _ = _core.fkm(self._core(xi), rows, start, False)
+        x, status, _ = _core.fkm(self._core(xi), rows, start, False)
         return np.where(np.asarray(status)[:, None] == 0, x, np.nan)
 
     def position_jacobian(self, p: Array, x: Array) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -59,23 +57,16 @@ def command(
         files.Output(out / name, "LinuxCNC configuration", "-o"): text
         for name, text in contents.items()
     }
-    with _folder(out):
-        files.write(outputs, read, force)
-    wrote(Format.table, *(output.path for output in outputs))
-    say_stiff(made)
-
-
-@contextlib.contextmanager
-def _folder(path: Path) -> Iterator[None]:
-    """Make a folder to write into; remove it if nothing is written."""
-    new = not path.exists()
+    new = not out.exists()
     try:
-        path.mkdir(exist_ok=True)
+        out.mkdir(exist_ok=True)
     except OSError as error:
-        raise InputError(f"-o {path}: cannot be a folder: {error.strerror}") from None
+        raise InputError(f"-o {out}: cannot be a folder: {error.strerror}") from None
     try:
-        yield
+        files.write(outputs, read, force)
     except InputError:
         if new:
-            path.rmdir()
+            out.rmdir()
         raise
+    wrote(Format.table, *(output.path for output in outputs))
+    say_stiff(made)

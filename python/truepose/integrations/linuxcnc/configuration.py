@@ -6,6 +6,7 @@ import math
 import struct
 from dataclasses import dataclass, replace
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -87,16 +88,12 @@ class Speeds:
     angular: float = 10.0  #: rad/s
     angular_acceleration: float = 200.0  #: rad/s²
 
-    def of(self, unit: str) -> dict[str, str]:
+    def of(self, unit: str) -> dict[str, float]:
         """Return the limits of an axis in m or rad, in mm or degrees."""
-        length = unit == "m"
-        values = (
-            (self.linear, self.linear_acceleration)
-            if length
-            else (self.angular, self.angular_acceleration)
-        )
-        scale = _SHOWN[unit]
-        return {"velocity": _short(scale * values[0]), "acceleration": _short(scale * values[1])}
+        limits = {"velocity": self.linear, "acceleration": self.linear_acceleration}
+        if unit == "rad":
+            limits = {"velocity": self.angular, "acceleration": self.angular_acceleration}
+        return {name: _SHOWN[unit] * value for name, value in limits.items()}
 
 
 def to_configuration(
@@ -121,59 +118,54 @@ def to_configuration(
     require_sensors(robot, controller.built_in)
     machine = robot if machine is None else machine
     require_same_readings(robot, machine)
-    speeds, units, home = Speeds(), reading_units(robot), robot.ikm(robot.home)
+    speeds, units, axes = Speeds(), reading_units(robot), _axes(robot)
     exported, learnt = corrections(robot, controller)
-    noise, most, rate = dither(robot), np.maximum(exported, learnt), rates(robot, controller)
-    joints = [
-        _joint(robot, i, units[i], home[i], (most[i], rate[i], noise[i]), controller)
-        for i in range(robot.n)
-    ]
+    noise, most, rate = _dither(robot), np.maximum(exported, learnt), rates(robot, controller)
+    moved = np.column_stack([most, rate, noise])
     shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
-    axes = [
-        {"letter": letter, **_range(robot, k, unit), **speeds.of(unit)}
-        for k, (letter, unit) in enumerate(_axes(robot))
-    ]
-    values = {
+    values: dict[str, Any] = {
         "mark": files.mark("LinuxCNC configuration"),
         "robot": robot,
-        "n": robot.n,
         "letters": "".join(axis["letter"] for axis in axes),
-        "order": ", ".join(name for name, _ in robot.coordinates),
-        "assumed": "velocities, accelerations, PID",
         "period": controller.period,
         "linear": speeds.of("m"),
         "angular": speeds.of("rad"),
-        "least": _short(least_conditioning(robot) / 2),
+        "least": min(map(np.min, robot.conditioning(_workspace(robot)))) / 2,
         "law": list(_core.laws).index(controller.law),
-        "gain": _short(_BANDWIDTH),
+        "gain": _BANDWIDTH,
         "drawn": _DRAWN,
-        "blend": _short(_BLEND),
-        "accepted": f"{100 * _ACCEPTED:g}",
-        "largest": _short(np.max((exported + noise) * shown) if exported.any() else _UNPREDICTED),
-        "largest_learnt": _short(np.max((learnt + noise) * shown)),
-        "homed": f"{100 * _HOMED:g}",
-        "chi2": _short(chi2_quantile(_HOMED, robot.r) if robot.r else 0.0),
-        "joints": joints,
+        "blend": _BLEND,
+        "accepted": 100 * _ACCEPTED,
+        "largest": np.max((exported + noise) * shown) if exported.any() else _UNPREDICTED,
+        "largest_learnt": np.max((learnt + noise) * shown),
+        "homed": 100 * _HOMED,
+        "chi2": chi2_quantile(_HOMED, robot.r) if robot.r else 0.0,
+        "joints": [_joint(robot, i, units[i], moved[i], controller) for i in range(robot.n)],
         "axes": axes,
-        "sensors": _sensors(robot) if robot.r else [],
+        "sensors": _sensors(robot),
     }
+    return {
+        "robot.ini": _rendered("robot.ini", values),
+        "robot.hal": _rendered("robot.hal", values),
+        "robot.table": to_table(robot, controller, watch),
+        "machine.table": to_table(machine, controller, watch),
+    }
+
+
+def _rendered(name: str, values: dict[str, Any]) -> str:
+    """Return a template with its values, numbers with six digits."""
     import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("truepose", "_data/templates/linuxcnc"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
+        finalize=lambda value: f"{value:.6g}" if isinstance(value, float) else value,
     )
-    made: dict[str, str | bytes] = {
-        name: environment.get_template(f"{name}.j2").render(values)
-        for name in ("robot.ini", "robot.hal")
-    }
-    made["robot.table"] = to_table(robot, controller, watch)
-    made["machine.table"] = to_table(machine, controller, watch)
-    return made
+    return environment.get_template(f"{name}.j2").render(values)
 
 
-def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Array, Array]:
+def corrections(robot: Robot, controller: Controller) -> tuple[Array, Array]:
     """Return the 99.9 % quantile of every motor's correction at steady state, m or rad.
 
     A law with redundant sensors holds the motors off their encoders' positions by e_q. Over robots
@@ -195,12 +187,12 @@ def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Ar
     """
     if not robot.r:
         return np.zeros(robot.n), np.zeros(robot.n)
-    e_q = _errors(robot, controller, _workspace(robot, seed), seed)
-    exported, learnt = _ACCEPTED_SIGMAS * _rms(e_q**2).max(axis=1)
+    e_q = _errors(robot, controller, _workspace(robot))
+    exported, learnt = _ACCEPTED_SIGMAS * np.sqrt(_mean(e_q**2)).max(axis=1)
     return exported, learnt
 
 
-def rates(robot: Robot, controller: Controller, seed: int = 0) -> Array:
+def rates(robot: Robot, controller: Controller) -> Array:
     """Return the rate of every motor's correction at full speed, m/s or rad/s.
 
     It is the 99.9 % quantile over robots: 3.29 times the rms along the worst direction, at the
@@ -218,108 +210,82 @@ def rates(robot: Robot, controller: Controller, seed: int = 0) -> Array:
     if not robot.r:
         return np.zeros(robot.n)
     linear = np.array([unit == "m" for _, unit in robot.coordinates])
-    speeds, x = Speeds(), _workspace(robot, seed)
+    speeds, x = Speeds(), _workspace(robot)
     steps = np.diag(_DIFFERENCE * np.where(linear, speeds.linear, speeds.angular))
     by_axis = [
-        (_errors(robot, controller, x + step, seed) - _errors(robot, controller, x - step, seed))
+        (_errors(robot, controller, x + step) - _errors(robot, controller, x - step))
         / (2 * _DIFFERENCE)
         for step in steps
     ]
     rate = np.stack(by_axis, axis=-1)
     moved = rate[..., linear]
-    together = _rms(moved[..., :, None] * moved[..., None, :], square=True)
+    together = _mean(moved[..., :, None] * moved[..., None, :])
     rms = np.sqrt(np.linalg.norm(together, 2, axis=(-2, -1)))
-    rms += _rms(rate[..., ~linear] ** 2).sum(axis=-1)
+    rms += np.sqrt(_mean(rate[..., ~linear] ** 2)).sum(axis=-1)
     return _ACCEPTED_SIGMAS * rms.max(axis=(0, 1))
 
 
-def _errors(robot: Robot, controller: Controller, x: Array, seed: int) -> Array:
+def _errors(robot: Robot, controller: Controller, x: Array) -> Array:
     """Return e_q (2, robots, poses, n) of sampled robots at rest: file's law, and desired pose."""
     law = "tej" if controller.law == "joint" else controller.law
     q_d = robot.ikm(x, errors="nan")
     e_q = np.empty((2, _DRAWN, *q_d.shape))
     for k in range(_DRAWN):
-        true = robot.sample(seed + k)
+        true = robot.sample(k)
         rest = steady_state(robot, true, x, replace(controller, law=law), errors="nan")
         for kind, there in enumerate((rest, x)):
             e_q[kind, k] = q_d - true.ikm(there, errors="nan")
     return e_q
 
 
-def _rms(products: Array, *, square: bool = False) -> Array:
-    """Return the root mean, or the mean, over the robots (axis 1) with a result."""
-    answered = np.isfinite(products)
-    total = np.where(answered, products, 0.0).sum(axis=1)
-    mean = total / np.maximum(answered.sum(axis=1), 1)
-    return mean if square else np.sqrt(mean)
+def _mean(products: Array) -> Array:
+    """Return the mean over the robots (axis 1) with a result."""
+    return np.ma.masked_invalid(products).mean(axis=1).filled(0.0)
 
 
-def dither(robot: Robot) -> Array:
+def _dither(robot: Robot) -> Array:
     """Return the change of each motor's error by one count of every reading, m or rad."""
-    x = _workspace(robot, 0)
-    tej = np.abs(robot.tej(x, errors="nan")[1])
+    tej = np.abs(robot.tej(_workspace(robot), errors="nan")[1])
     return np.nanmax(tej @ robot.resolution, axis=0)
 
 
-def least_conditioning(robot: Robot, seed: int = 0) -> float:
-    """Return the worst conditioning, 0 to 1, in the workspace."""
-    parallel, serial = robot.conditioning(_workspace(robot, seed))
-    return float(min(np.min(parallel), np.min(serial)))
-
-
-def _workspace(robot: Robot, seed: int) -> Array:
-    """Return the workspace's corners, and poses sampled in it."""
-    return np.vstack([poses(robot), _anywhere(robot, seed)])
-
-
-def _anywhere(robot: Robot, seed: int) -> Array:
-    """Return regular poses sampled in the workspace."""
+def _workspace(robot: Robot) -> Array:
+    """Return home, the workspace's corners, and regular poses sampled in it."""
     box = robot.spec.workspace
     if box is None:
-        return robot.home[None]
-    x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (_POSES, robot.n))
-    return x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
+        return poses(robot)
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+    return np.vstack([poses(robot), x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]])
 
 
-def _short(value: float) -> str:
-    return f"{value:.6g}"
-
-
-def _axes(robot: Robot) -> list[tuple[str, str]]:
-    """Return letter and unit of each coordinate's axis."""
+def _axes(robot: Robot) -> list[dict[str, Any]]:
+    """Return letter, range and speeds of each axis; roll, pitch and yaw have no range."""
     if robot.spec.passive_axis:
         raise InputError(
             f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a rotational "
             "robot has no configuration (choices: robots that move x, y, z)"
         )
-    return [(_LETTERS.get(name, name.upper()), unit) for name, unit in robot.coordinates]
-
-
-def _range(robot: Robot, k: int, unit: str) -> dict[str, str]:
-    """Return the workspace's range of a coordinate; roll, pitch and yaw have none."""
-    box = robot.spec.workspace
-    if box is None or (unit == "rad" and robot.n == 6):
-        return {"low": "-1e9", "high": "1e9"}
-    low, high = box.minimum[k], box.maximum[k]
-    return {"low": _short(_SHOWN[unit] * low), "high": _short(_SHOWN[unit] * high)}
+    box, axes = robot.spec.workspace, []
+    for k, (name, unit) in enumerate(robot.coordinates):
+        axis: dict[str, Any] = {"low": "-1e9", "high": "1e9", **Speeds().of(unit)}
+        axis["letter"] = _LETTERS.get(name, name.upper())
+        if box is not None and (unit == "m" or robot.n < 6):
+            axis["low"], axis["high"] = (_SHOWN[unit] * e[k] for e in (box.minimum, box.maximum))
+        axes.append(axis)
+    return axes
 
 
 def _joint(
-    robot: Robot,
-    i: int,
-    unit: str,
-    home: float,
-    moved: tuple[float, float, float],
-    controller: Controller,
-) -> dict[str, str]:
-    """Return the entries of [JOINT_i]."""
+    robot: Robot, i: int, unit: str, moved: Array, controller: Controller
+) -> dict[str, str | float]:
+    """Return the entries of [JOINT_i]; `moved`: largest correction, its rate, noise."""
     chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
     stops = chain.limits or (-math.inf, math.inf)
     low, high = sorted(
         robot.core_drawn.motor_reading(i, stop) if math.isfinite(stop) else chain.gain * stop
         for stop in stops
     )
-    lag = _LATE * controller.period * float(speeds["velocity"])
+    lag = _LATE * controller.period * speeds["velocity"]
     # The drives' loops lag the command minus the correction, which is not fed forward: a correction
     # rate c' gives a lag c' / P, even if the joint itself moves slowly.
     correction, rate, noise = moved
@@ -330,24 +296,26 @@ def _joint(
         "type": "ANGULAR" if unit == "rad" else "LINEAR",
         "low": repr(max(scale * low, -1e9)),
         "high": repr(min(scale * high, 1e9)),
-        "home": repr(float(scale * home)),
-        "blended": _short(scale * blended),
-        "changes": _short(scale * changes),
-        "noise": _short(scale * noise),
-        "lag": _short(lag),
-        "min_ferror": _short(max(least, lag / 10)),
-        "ferror": _short(least + _SPARE * lag),
+        "home": repr(float(scale * robot.ikm(robot.home)[i])),
+        "blended": scale * blended,
+        "changes": scale * changes,
+        "noise": scale * noise,
+        "lag": lag,
+        "min_ferror": max(least, lag / 10),
+        "ferror": least + _SPARE * lag,
         **speeds,
     }
 
 
-def _sensors(robot: Robot) -> list[dict[str, str | bool]]:
+def _sensors(robot: Robot) -> list[dict[str, str | float]]:
     """Return the index positions of the encoders, read at the file's home; others are absolute."""
     units = reading_units(robot)[robot.n :]
-    kinds = [_core.sensor_kinds[sensor.kind] for sensor in robot.spec.used]
+    index = robot.rkm(robot.home)
     return [
-        {"name": name, "absolute": not kind.shaft, "index": _short(_SHOWN[unit] * at)}
-        for name, kind, unit, at in zip(
-            robot.sensors, kinds, units, robot.rkm(robot.home), strict=True
-        )
+        {
+            "name": sensor.name,
+            "absolute": not _core.sensor_kinds[sensor.kind].shaft,
+            "index": _SHOWN[unit] * at,
+        }
+        for sensor, unit, at in zip(robot.spec.used, units, index, strict=True)
     ]

@@ -12,9 +12,9 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.integrations.mujoco.mechanism import Posture
 from truepose.integrations.mujoco.mjcf import TIMESTEP, Model
-from truepose.integrations.mujoco.mjcf_parts import turn
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
+from truepose.robotfile.to_core import padded
 
 _OPEN = 1e-4  # m, largest gap of a closed loop
 
@@ -44,21 +44,20 @@ class Body:
 
     def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
         mujoco = self.mujoco = require()
-        self.robot, self.mechanism = robot, Model(robot)
+        self.robot, self.mechanism = robot, Model(robot, effects)
         # MuJoCo writes warnings to a file by default; here they raise or become a status.
         mujoco.set_mju_user_warning(lambda _: None)
         try:
-            self.model = mujoco.MjModel.from_xml_string(self.mechanism.xml(effects, timestep))
+            self.model = mujoco.MjModel.from_xml_string(self.mechanism.xml(timestep))
         except ValueError as error:
             raise InputError(f"{robot.name}: MuJoCo: {' '.join(str(error).split())}") from None
         self.data = mujoco.MjData(self.model)
         joints = [self.model.joint(j).name for j in range(self.model.njnt)]
-        at = dict(zip(joints, self.model.jnt_qposadr, strict=True))
-        self._at = at
+        at = self._at = dict(zip(joints, self.model.jnt_qposadr, strict=True))
         self.motors = [at[f"motor{i + 1}"] for i in range(robot.n)]
         self.roots = [at[name] for name in at if name.startswith("root")]
         self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
-        self._axes = [at[f"axis{j + 1}"] for j in range(robot.core.axes)]
+        self._own = [at[name] for name in self.mechanism.own_joints]
         self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
 
     def stand(self, posture: Posture) -> None:
@@ -67,44 +66,28 @@ class Body:
         qpos = self.data.qpos
         for name, value in posture.joints.items():
             qpos[self._at[name]] = value
-        for k, at in enumerate(self.bars):
-            qpos[at] = posture.psi[k]
-        if self.mechanism.planar:
-            for k, axis in enumerate("xy"):
-                qpos[self._at[f"nacelle.{axis}"]] = posture.D[k]
-            if "nacelle.theta" in self._at:
-                qpos[self._at["nacelle.theta"]] = np.arctan2(posture.R[1, 0], posture.R[0, 0])
-        elif "nacelle" in self._at:
+        if not self._own:
             at = self._at["nacelle"]
             qpos[at : at + 3] = posture.D
             self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
 
     def nacelle(self) -> tuple[Array, Array]:
         """Return D and R of the nacelle."""
-        qpos, D, R = self.data.qpos, self.mechanism.home.D.copy(), np.eye(3)
-        if self.mechanism.planar:
-            D[:2] = [qpos[self._at[f"nacelle.{axis}"]] for axis in "xy"]
-            if "nacelle.theta" in self._at:
-                R = turn(2, qpos[self._at["nacelle.theta"]])
-            return D, R
-        if self._axes:
-            frame = frames(self.robot, qpos[self._axes])
-            return frame[:3, 3], frame[:3, :3]
-        at, flat = self._at["nacelle"], np.empty(9)
-        self.mujoco.mju_quat2Mat(flat, qpos[at + 3 : at + 7])
-        return qpos[at : at + 3].copy(), flat.reshape(3, 3)
+        frame = self.frame()
+        return frame[:3, 3], frame[:3, :3]
 
     def frame(self) -> Array:
         """Return the nacelle's frame, (4, 4)."""
-        frame = np.eye(4)
-        frame[:3, 3], frame[:3, :3] = self.nacelle()
+        if self._own:
+            return frames(self.robot, self.data.qpos[self._own])
+        at, flat, frame = self._at["nacelle"], np.empty(9), np.eye(4)
+        self.mujoco.mju_quat2Mat(flat, self.data.qpos[at + 3 : at + 7])
+        frame[:3, :3], frame[:3, 3] = flat.reshape(3, 3), self.data.qpos[at : at + 3]
         return frame
 
     def coordinates(self) -> Array:
         """Return the nacelle's coordinates x, (n,)."""
-        if self._axes:
-            return self.data.qpos[self._axes].copy()
-        return coordinates(self.robot, self.frame())
+        return self.data.qpos[self._own] if self._own else coordinates(self.robot, self.frame())
 
     def positions(self) -> tuple[Array, Array]:
         """Return motors' and arms' angles or slides; they differ by the arms' compliance."""
@@ -114,16 +97,10 @@ class Body:
     def readings(self, theta: float = 0.0) -> Array:
         """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
         motor, arm = self.positions()
-        psi = self.data.qpos[self.bars].tolist() if self.bars else []
-        rest = [0.0] * (6 - self.robot.n)
-        q_e, _ = _core.readings(
-            self.robot.core,
-            *self.nacelle(),
-            [*psi, *[0.0] * (_core.max_bars - len(psi))],
-            theta,
-            [*motor.tolist(), *rest],
-            [*arm.tolist(), *rest],
-        )
+        psi = self.data.qpos[self.bars].tolist()
+        psi += [0.0] * (_core.max_bars - len(psi))
+        bodies = self.robot.core, *self.nacelle()
+        q_e, _ = _core.readings(*bodies, psi, theta, padded(motor), padded(arm))
         return np.array(q_e)[: self.robot.n + self.robot.r]
 
     def hold(self) -> None:
@@ -135,21 +112,16 @@ class Body:
     def gap(self) -> float:
         """Return the largest gap of a loop, m."""
         self.mujoco.mj_kinematics(self.model, self.data)
-        ends = [
-            self.data.site(f"{rod}.{end}").xpos
-            for i in range(self.robot.n)
-            for rod, _ in self.mechanism.rods(i)
-            for end in ("end", "anchor")
-        ]
-        return float(np.linalg.norm(np.array(ends[::2]) - np.array(ends[1::2]), axis=1).max())
+        rods = [rod for i in range(self.robot.n) for rod, _ in self.mechanism.rods(i)]
+        gaps = [self.data.site(f"{k}.end").xpos - self.data.site(f"{k}.anchor").xpos for k in rods]
+        return float(np.linalg.norm(gaps, axis=1).max())
 
     def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
         """Move the motors to readings q, hold them, and wait for the steady state."""
         model, data, step = self.model, self.data, self.mujoco.mj_step
         start = self.positions()[0]
-        core = self.robot.core
+        core, home = self.robot.core, self.mechanism.home.position
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
-        home = self.mechanism.home.position
         self.hold()
         for share in np.linspace(0, 1, max(1, round(duration / model.opt.timestep))):
             smooth = share**2 * (3 - 2 * share)
@@ -159,9 +131,9 @@ class Body:
             step(model, data, 40)
             if not np.abs(data.qvel).max() > 1e-8:  # or NaN
                 break
-        said = ", ".join(f"{value:.6g}" for value in q)
         gap = self.gap()
         if not gap < _OPEN or not np.abs(data.qvel).max() < 1e-5:
+            said = ", ".join(f"{value:.6g}" for value in q)
             raise PoseError(
                 f"{self.robot.name}: motors at q = [{said}]: the loops cannot close, or the robot "
                 "does not come to rest"

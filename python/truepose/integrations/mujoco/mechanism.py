@@ -22,9 +22,8 @@ class Posture:
 
     D: Array  #: (3,)
     R: Array  #: (3, 3)
-    psi: Array  #: (bars,) angle of each lateral bar in the nacelle
     position: Array  #: (n,) of the motors, without encoder offsets
-    joints: dict[str, float]  #: MuJoCo's joints of arms, rods and passive axes, by name
+    joints: dict[str, float]  #: MuJoCo's joints by name, except the free nacelle's
 
 
 class Mechanism:
@@ -37,10 +36,20 @@ class Mechanism:
         self.planar = robot.spec.mobility.startswith("planar")
         self.chains = [robot.core.chain(i) for i in range(robot.n)]
         self.bars = 1 + max(chain.bar for chain in self.chains)
+        #: The nacelle's joints at the coordinates x, unless it is a free body.
+        self.own_joints = [f"axis{j + 1}" for j in range(robot.core.axes)]
+        if self.planar:
+            self.own_joints = ["nacelle.x", "nacelle.y", "nacelle.theta"][: robot.n]
         self._frames = [np.eye(3)] * robot.n
         pose = self._pose(robot.home)
         self._frames = [self._frame(i, pose) for i in range(robot.n)]
         self.home = self.posture(robot.home)
+        D, R, psi, position = pose
+        points = [D, *(chain.base for chain in self.chains)]
+        for i in range(robot.n):
+            points += [self.elbow(i, 0, position[i]), self.anchor(i, 0, D, R, psi)]
+        self.outline = np.array(points)  #: points of base, arms and nacelle at home
+        self.size = float(np.ptp(self.outline, axis=0).max())  #: m, which scales drawn thicknesses
 
     def rods(self, i: int) -> list[tuple[str, float]]:
         """Return name and side (+1, -1, or 0 of a single rod) of the rods of a chain."""
@@ -52,18 +61,16 @@ class Mechanism:
         """Return all bodies' poses at x with closed loops, at the highest available level."""
         x = np.asarray(x, dtype=float)
         D, R, psi, position = self._pose(x)
-        joints = {f"axis{j + 1}": float(x[j]) for j in range(self.robot.core.axes)}
-        for i, chain in enumerate(self.chains):
-            if chain.actuator != _core.Actuator.telescopic:
-                joints[f"motor{i + 1}"] = position[i]
+        joints = dict(zip(self.own_joints, map(float, x), strict=False))
+        joints |= {f"bar{k + 1}": float(angle) for k, angle in enumerate(psi)}
+        for i in range(self.robot.n):
+            joints[f"motor{i + 1}"] = position[i]
             for rod, side in self.rods(i):
                 along = self.anchor(i, side, D, R, psi) - self.elbow(i, side, position[i])
                 a, b, c = self.mount(i, position[i]).T @ (along / np.linalg.norm(along))
                 joints[f"{rod}.swing"] = float(np.arctan2(b, a))
                 joints[f"{rod}.lean"] = -float(np.arcsin(np.clip(c, -1, 1)))
-            if chain.actuator == _core.Actuator.telescopic:
-                joints[f"motor{i + 1}"] = position[i]
-        return Posture(D, R, psi, position, joints)
+        return Posture(D, R, position, joints)
 
     def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return D, R, bars' angles and motors' positions at x, even beyond the motors' stops."""
@@ -124,16 +131,3 @@ class Mechanism:
             if np.linalg.norm(z) < 0.1 * np.linalg.norm(along):
                 z = np.cross(np.eye(3)[np.abs(along).argmin()], along)
         return axes(along, z)
-
-    @property
-    def size(self) -> float:
-        """Return the robot's size at home, m, which scales drawn thicknesses."""
-        return float(np.ptp(self.outline(), axis=0).max())
-
-    def outline(self) -> Array:
-        """Return points of base, arms and nacelle at home."""
-        points = [np.array(chain.base) for chain in self.chains] + [self.home.D]
-        for i in range(self.robot.n):
-            points.append(self.elbow(i, 0, self.home.position[i]))
-            points.append(self.anchor(i, 0, self.home.D, self.home.R, self.home.psi))
-        return np.array(points)

@@ -1,8 +1,4 @@
-"""A plant of rigid bodies in MuJoCo.
-
-Bodies and joints are those of :mod:`truepose.integrations.mujoco.mjcf`. Readings come from the
-core's sensor models at MuJoCo's pose, torques from the core's control cycle.
-"""
+"""A plant of rigid bodies in MuJoCo, with the core's sensor models and control cycle."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, check_seed, numbers_of
 from truepose.control import delays
-from truepose.control.controller import Controller
+from truepose.control.controller import Controller, positive, require_same_readings
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
@@ -24,6 +20,7 @@ from truepose.integrations.mujoco.mjcf import TIMESTEP
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.robotfile.to_core import padded
 from truepose.simulation.drive import unanswered
 from truepose.simulation.plants import Visit
 from truepose.threads import each
@@ -76,9 +73,9 @@ class MujocoPlant:
         faults: Sequence[Fault] = (),
     ):
         require()
-        for name, value in (("duration", duration), ("timestep", timestep), ("longest", longest)):
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value}: must be a finite number greater than 0")
+        positive("duration", duration)
+        positive("timestep", timestep)
+        positive("longest", longest)
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
@@ -119,18 +116,15 @@ class MujocoPlant:
         With faults all poses are one range.
         """
         x_d = numbers_of(x_d, "x_d")
-        if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
-            raise InputError(
-                f"{robot!r} and {self.truth!r} must have the same mobility and sensors"
-            )
+        require_same_readings(robot, self.truth)
         if x_d.ndim != 2 or x_d.shape[1] != robot.n:
             raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
-        n, e = robot.n, robot.n + robot.r
+        n, count = robot.n, len(x_d)
         result = Visit(
-            np.full((len(x_d), e), np.nan),
-            np.full((len(x_d), 4, 4), np.nan),
-            np.full((len(x_d), n), np.nan),
-            np.full(len(x_d), "", dtype=object),
+            np.full((count, n + robot.r), np.nan),
+            np.full((count, 4, 4), np.nan),
+            np.full((count, n), np.nan),
+            np.full(count, "", dtype=object),
         )
         length = len(x_d) if self.faults else _RANGE  # a stuck reading persists from pose to pose
         starts = range(0, len(x_d), max(1, length))
@@ -154,7 +148,6 @@ class _Drive:
         self, plant: MujocoPlant, robot: Robot, controller: Controller, seed: int, time: float
     ):
         self.plant, self.robot, self.controller = plant, robot, controller
-        self.n = robot.n
         self.settings = controller.settings(robot, robot.home)
         self.believed, self.known = knowledge.for_law(robot, controller.built_in)
         self.steps = max(1, round(controller.period / plant.timestep))
@@ -168,11 +161,9 @@ class _Drive:
         lying = in_core(plant.truth, plant.faults, controller.period)
         self.faults = _core.FaultyReadings(lying, controller.period)
         # A geared encoder is on the tool's axis, so backlash is between it and the nacelle.
+        gains = plant.truth.parameters
         self.geared = np.array(
-            [
-                plant.truth.parameters[f"{s.name}.gain"].value if s.geared else 0.0
-                for s in robot.spec.used
-            ]
+            [gains[f"{s.name}.gain"].value if s.geared else 0.0 for s in robot.spec.used]
         )
         self.time = time
         self.body = plant.body(time)
@@ -183,7 +174,7 @@ class _Drive:
         self.body.stand(self.body.mechanism.home)
         self.state = _core.ControlState()
         self.bus = _core.Slow(self.slow) if any(self.slow) else None
-        self.pending = np.zeros(self.n)
+        self.pending = np.zeros(self.robot.n)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
 
@@ -194,8 +185,7 @@ class _Drive:
     def go(self, x_d: Array, time: float) -> tuple:
         """Move to a pose, wait for rest, and read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
-        rows = np.ascontiguousarray(x_d[None])
-        _, status, chain = _core.ikm(self.believed.core, rows, False)
+        _, status, chain = _core.ikm(self.believed.core, np.ascontiguousarray(x_d[None]), False)
         if status[0] > 0:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
@@ -241,16 +231,14 @@ class _Drive:
 
     def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
         """Run one control period of a move that began at `began`; return an error or ""."""
-        body, plant, n = self.body, self.plant, self.n
-        pad = [0.0] * (6 - n)
-        core = self.believed.core
+        body, plant, core = self.body, self.plant, self.believed.core
         x, rate, acceleration = _core.setpoint(
-            core, [*start, *pad], [*end, *pad], plant.duration, now
+            core, padded(start), padded(end), plant.duration, now
         )
         sensed = self._faulty(began + now)
         q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
         if self.bus is not None:
-            q_e = self.bus.deliver(n, q_e)
+            q_e = self.bus.deliver(self.robot.n, q_e)
         status, _ = self.state.step(
             core, self.settings, x, rate, acceleration, q_e, self.known, self.bus
         )
@@ -258,11 +246,10 @@ class _Drive:
             if not plant.faults:
                 return _core.describe(status)
             self.silent.append(status)  # hold the last torque, like a machine
-        torque = np.array(self.state.torque)[:n]
+        torque = np.array(self.state.torque)[: self.robot.n]
         applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
         if plant.effects.torque_ripple:
-            angle = body.positions()[0]
-            ripple = np.sin(_RIPPLES * angle + plant.ripple_phase)
+            ripple = np.sin(_RIPPLES * body.positions()[0] + plant.ripple_phase)
             applied = applied * (1 + plant.effects.torque_ripple * ripple)
         body.data.ctrl[:] = applied
         body.mujoco.mj_step(body.model, body.data, self.steps)
@@ -271,16 +258,15 @@ class _Drive:
         return ""
 
     def _faulty(self, time: float) -> Array:
-        return np.asarray(self.faults.read([time], self._read()[None]))[0]
+        return np.asarray(self.faults.read([time], self._read()))[0]
 
     def _read(self) -> Array:
-        """Return the readings of healthy encoders."""
+        """Return the readings of healthy encoders, (1, n + r)."""
         exact = self.body.readings(self.theta)
         self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
         half = 0.5 * self.plant.effects.tool_backlash
         self.tool = min(max(self.tool, self.theta - half), self.theta + half)
-        exact[self.n :] += self.geared * (self.tool - self.theta)
+        exact[self.robot.n :] += self.geared * (self.tool - self.theta)
         self.cycles += 1
-        return np.asarray(
-            _core.spoil(self.body.robot.core, exact[None], self.seed * 1_000_003 + self.cycles)
-        )[0]
+        seed = self.seed * 1_000_003 + self.cycles
+        return np.asarray(_core.spoil(self.body.robot.core, exact[None], seed))

@@ -1,8 +1,4 @@
-"""A robot in MuJoCo's viewer, or as a picture.
-
-As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture with
-the given MUJOCO_GL, in its own process because a broken driver may crash it.
-"""
+"""A robot in MuJoCo's viewer, or as a picture."""
 
 from __future__ import annotations
 
@@ -19,7 +15,6 @@ from truepose.integrations.mujoco.mjcf import Model
 from truepose.robot.robot import Robot
 
 _WIDTH, _HEIGHT = 1600, 1200
-_DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
 _PATIENCE = 120  # timeout of one picture, s
 
 
@@ -29,8 +24,8 @@ def show(robot: Robot) -> None:
     TrueposeError: MuJoCo is not installed, or there is no screen.
     """
     require()
-    on_linux = sys.platform.startswith("linux")
-    if on_linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform.startswith("linux") and not screen:
         raise TrueposeError(f"{robot.name}: there is no screen here; --png FILE draws a picture")
     from mujoco import viewer
 
@@ -42,29 +37,22 @@ def show(robot: Robot) -> None:
 def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     """Draw the robot at home into a PNG file. Needs no screen.
 
-    A picture drawn by truepose is replaced; `force` replaces any other file as well. InputError:
-    the file cannot or may not be written. TrueposeError: MuJoCo is missing, or no OpenGL driver
-    works.
+    InputError: the file exists (`force` replaces it) or cannot be written. TrueposeError: MuJoCo is
+    missing, or no OpenGL driver works.
     """
     require()
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: must end in .png")
     check([Output(path, "picture")], force=force)
     given = os.environ.get("MUJOCO_GL")
+    drivers = (given,) if given else ("egl", "osmesa", "glfw")  # the last one needs a screen
     with unfinished(Path(tempfile.mkdtemp())) as folder:
         model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Model(robot).xml(), encoding="utf-8")
-        for driver in (given,) if given else _DRIVERS:
-            words = [
-                sys.executable,
-                "-m",
-                "truepose.integrations.mujoco.viewing",
-                str(model),
-                str(png),
-            ]
-            try:
+        for driver in drivers:
+            try:  # in a process of its own, because a broken driver may crash it
                 subprocess.run(
-                    words,
+                    [sys.executable, "-m", __name__, str(model), str(png)],
                     env=os.environ | {"MUJOCO_GL": driver},
                     capture_output=True,
                     timeout=_PATIENCE,
@@ -75,14 +63,14 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
                 continue
             replace_file(path, png.read_bytes(), "picture", force)
             return
-    tried = given or ", ".join(_DRIVERS)
     raise TrueposeError(
-        f"no OpenGL driver works (MUJOCO_GL: {tried}): install libegl1 and libgl1-mesa-dri, or "
-        "libosmesa6 (Debian's names)"
+        f"no OpenGL driver works (MUJOCO_GL: {', '.join(drivers)}): install libegl1 and "
+        "libgl1-mesa-dri, or libosmesa6 (Debian's names)"
     )
 
 
 def _draw(model_file: str, png: str) -> None:
+    """Draw one picture with the driver in MUJOCO_GL."""
     import mujoco
     from matplotlib.image import imsave
 

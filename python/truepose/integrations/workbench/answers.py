@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.bound import accuracy
+from truepose.calibration.bound import Accuracy, accuracy
 from truepose.exceptions import InputError, TrueposeError
 from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames, rotation_vector
@@ -64,14 +64,9 @@ def rests(state: State) -> dict[Law, Rest]:
 
 def position_error(state: State, law: Law, over: Array) -> float:
     """Return the steady-state position error (of a rotational robot: rotation), rms, m or rad."""
-    x = steady_state(state.robot, state.truth, over, law, errors="nan")
-    off = (x - over)[:, summed(state.robot).columns]
+    off = steady_state(state.robot, state.truth, over, law, errors="nan").error
+    off = off[:, summed(state.robot).columns]
     return float(np.sqrt(np.nanmean(np.sum(off**2, axis=1))))
-
-
-def predicted(robot: Robot, over: Array, on: Array) -> float:
-    """Return the bound of that error after a calibration at poses `on`: 1 σ, rms, m or rad."""
-    return accuracy(robot, over, calibrated_on=on, errors="nan").rms
 
 
 def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Array, Array | None]:
@@ -87,14 +82,13 @@ def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Ar
 
 def covariance(state: State, how: str) -> Array:
     """Return the covariance of the best pose estimate, (n, n), in the case `how` of `HOWS`."""
-    learnt, touched = HOWS[how]
-    robot = state.robot
-    return accuracy(
-        robot,
-        state.x_d,
-        workspace_poses(robot) if learnt else None,
-        robot.home if touched else None,
-    )
+    return _bound(state.robot, state.x_d, how)
+
+
+def _bound(robot: Robot, x: Array, how: str) -> Accuracy:
+    learnt, referenced = HOWS[how]
+    visited = workspace_poses(robot) if learnt else None
+    return accuracy(robot, x, visited, robot.home if referenced else None)
 
 
 def ellipsoid(robot: Robot, P: Array) -> tuple[Array, Array]:
@@ -121,11 +115,7 @@ def bounds(robot: Robot) -> dict[str, Array]:
     [4.91 0.2  0.75 0.1 ]
     """
     poses = workspace_poses(robot)
-    found = {}
-    for how, (learnt, touched) in HOWS.items():
-        P = accuracy(robot, poses, poses if learnt else None, robot.home if touched else None)
-        found[how] = np.sqrt((P.sigma**2).mean(axis=0))
-    return found
+    return {how: np.sqrt((_bound(robot, poses, how).sigma ** 2).mean(axis=0)) for how in HOWS}
 
 
 def workspace_poses(robot: Robot) -> Array:
@@ -140,18 +130,11 @@ def workspace_poses(robot: Robot) -> Array:
     return poses[good]
 
 
-class Price(NamedTuple):
-    """Price of the sensors in use."""
-
-    total: float
-    unpriced: tuple[str, ...]  #: sensors without a price in the file
-
-
-def price(robot: Robot) -> Price:
-    """Add up the file's prices of the sensors in use."""
+def price(robot: Robot) -> tuple[float, tuple[str, ...]]:
+    """Return the price of the sensors in use, and those without a price in the file."""
     prices = {sensor.name: getattr(sensor, "price", None) for sensor in robot.spec.used}
     total = sum(value for value in prices.values() if value is not None)
-    return Price(float(total), tuple(name for name, value in prices.items() if value is None))
+    return float(total), tuple(name for name, value in prices.items() if value is None)
 
 
 def conditioning_map(state: State, points: int = 41, beyond: float = 0.3) -> tuple[Array, Array]:

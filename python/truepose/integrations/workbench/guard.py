@@ -1,10 +1,4 @@
-"""Access control of the workbench: a token, and requests of its own page only.
-
-A server on a local port is open to every page in a local browser. Another site's script may connect
-its WebSocket, and a name that resolves to 127.0.0.1 (DNS rebinding) makes it the same origin. Every
-request must therefore name this machine as its host, come from no other page, and have the token
-of the printed address, which becomes a cookie on the first request.
-"""
+"""Access control of the workbench: a token, and requests of its own page only."""
 
 from __future__ import annotations
 
@@ -19,6 +13,10 @@ from urllib.parse import parse_qs, urlsplit
 
 class Guard:
     """Refuse requests before any part of the page is sent.
+
+    Other sites' scripts can connect to a local port, also as the same origin (DNS rebinding). A
+    request must name this machine as its host, come from no other page, and have the token of the
+    printed address, which becomes a cookie on the first request.
 
     Examples
     --------

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from viser import GuiApi, uplot
 
+from truepose import logs
 from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
 from truepose.integrations.workbench import playback, words
-from truepose.integrations.workbench.bench import Tab
-from truepose.integrations.workbench.page import Page
+from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.playback import Playback
 from truepose.integrations.workbench.state import State
 from truepose.robot.units import in_print
@@ -32,31 +32,28 @@ class LogTab(Tab):
         self.played: Playback | None = None
         self._next = 0.0
         upload = gui.add_upload_button("Open a log", hint="CSV, Parquet or MCAP")
-
-        @upload.on_upload
-        def _(event: Any) -> None:
-            with page.doing():
-                self._upload(event.target.value)
-
-        page.pressed(gui.add_button(f"Simulate a log of {_POSES} poses"), self._simulate_log)
+        page.when(upload.on_upload, self._upload)
+        simulate = gui.add_button(f"Simulate a log of {_POSES} poses")
+        page.when(simulate.on_click, lambda _: self._simulate_log())
         self._calibrate: Any = gui.add_button("Calibrate on it", disabled=True)
-        page.pressed(self._calibrate, self._fit)
+        page.when(self._calibrate.on_click, lambda _: self._fit())
         self._believe: Any = gui.add_checkbox(
             "Control by the calibrated robot", False, disabled=True
         )
-        page.when(self._believe, self._choose)
+        page.when(self._believe.on_update, self._choose)
         self._line: Any = gui.add_slider("Pose", 1, 2, 1, 1, disabled=True)
-        page.when(self._line, lambda _: self._go())
+        page.when(self._line.on_update, lambda _: self._go())
         self._run: Any = gui.add_checkbox("Play", False, disabled=True)
         self._about: Any = gui.add_html(words.page(words.note("No log yet.")))
         self._sensor: Any = gui.add_dropdown("Plot", ("–",), disabled=True)
-        page.when(self._sensor, lambda _: self._plot())
+        page.when(self._sensor.on_update, lambda _: self._plot())
         self._chart: Any = None
         self._gui, self._folder = gui, gui.add_folder(None)
 
     def open(self, path: Path) -> None:
         """Read a log file."""
-        self._take(playback.read(self.page.state.drawn, path))
+        drawn = self.page.state.drawn
+        self._take(playback.opened(drawn, logs.read(drawn, path)))
 
     def _upload(self, file: Any) -> None:
         with unfinished(Path(tempfile.mkdtemp())) as folder:
@@ -85,8 +82,8 @@ class LogTab(Tab):
         self.page.state = self.page.state.believing(None)
         self._line.max = max(len(played.log.lines), 2)
         self._line.value = 1
-        self._sensor.options = played.names
-        self._sensor.value = played.names[0]
+        self._sensor.options = played.robot.sensors
+        self._sensor.value = played.robot.sensors[0]
         for handle in (self._calibrate, self._line, self._run, self._sensor):
             handle.disabled = False
         self._believe.disabled = True
@@ -111,9 +108,10 @@ class LogTab(Tab):
         """Show the robot at the row's pose, if estimated."""
         if self.played is None:
             return
-        x = self.played.pose(int(self._line.value) - 1)
+        line = int(self._line.value) - 1
+        x = self.played.pose(line)
         if not np.isfinite(x).all():
-            raise InputError(f"{self.played.log.at([int(self._line.value) - 1])}: no pose")
+            raise InputError(f"{self.played.log.at([line])}: no pose")
         self.page.send(self.page.state.sent(x))
 
     def _plot(self) -> None:
@@ -122,24 +120,24 @@ class LogTab(Tab):
             return
         if self._chart is not None:
             self._chart.remove()
-        played, k = self.played, self.played.names.index(self._sensor.value)
-        factor, unit = in_print(played.robot, played.names[k])
-        lines = np.arange(1.0, len(played.log.lines) + 1)
-        drawn = [("before", played.before, BEFORE)]
-        if played.after is not None:
-            drawn.append(("after", played.after, AFTER))
+        played, name = self.played, self._sensor.value
+        k = played.robot.sensors.index(name)
+        factor, unit = in_print(played.robot, name)
+        data = [np.arange(1.0, len(played.log.lines) + 1)]
+        series = [uplot.Series(label="pose")]
         points = uplot.Series_Points(show=True, size=4)
+        for label, found, colour in (
+            ("before", played.before, BEFORE),
+            ("after", played.after, AFTER),
+        ):
+            if found is not None:
+                data.append(factor * found.residual[:, k])
+                series.append(uplot.Series(label=label, stroke=colour, width=1, points=points))
         with self._folder:
             self._chart = self._gui.add_uplot(
-                (lines, *(factor * found.residual[:, k] for _, found, _ in drawn)),
-                (
-                    uplot.Series(label="pose"),
-                    *(
-                        uplot.Series(label=name, stroke=colour, width=1, points=points)
-                        for name, _, colour in drawn
-                    ),
-                ),
-                title=f"residual of {played.names[k]} ({unit})",
+                tuple(data),
+                tuple(series),
+                title=f"residual of {name} ({unit})",
                 scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
                 legend=uplot.Legend(show=True),
                 aspect=1.5,
@@ -161,7 +159,7 @@ class LogTab(Tab):
         """Show the row's residuals; another set of sensors needs another log."""
         if self.played is None:
             return
-        if self.played.names != state.drawn.sensors:
+        if self.played.robot.sensors != state.drawn.sensors:
             self.played = None
             for handle in (self._calibrate, self._believe, self._line, self._run, self._sensor):
                 handle.disabled = True

@@ -41,12 +41,10 @@ def run(
 
 def lights(played: Simulation, k: int) -> list[tuple[str, str, str]]:
     """Return name, health and symptom ("" if valid) of every reading in period k."""
-    found = []
-    for column, name in enumerate(played.robot.readings):
-        health = HEALTH[played.health[k, column]]
-        why = SYMPTOMS[played.symptom[k, column]] if health != "valid" else ""
-        found.append((name, health, why))
-    return found
+    health = [HEALTH[code] for code in played.health[k]]
+    why = [SYMPTOMS[code] for code in played.symptom[k]]
+    rows = zip(played.robot.readings, health, why, strict=True)
+    return [(name, state, "" if state == "valid" else symptom) for name, state, symptom in rows]
 
 
 def ended(faults: Sequence[Fault], reading: str, time: float) -> list[Fault]:

@@ -12,8 +12,7 @@ from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.integrations.workbench import motion, words
-from truepose.integrations.workbench.bench import Tab
-from truepose.integrations.workbench.page import Page
+from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, usual
 from truepose.robot.units import reading_units, summed
@@ -37,23 +36,23 @@ class MotionTab(Tab):
         super().__init__(page)
         self._run: Simulation | None = None
         self._faults: list[Fault] = []
-        self._time, self._now = 0.0, 0.0
-        self._of: tuple | None = None
+        self._time = self._now = 0.0
+        self._of: tuple | None = None  #: robots of the run
         self._move: Any = gui.add_checkbox("Move", False, hint="there and back; key M")
-        page.when(self._move, lambda _: self._begin())
+        page.when(self._move.on_update, lambda _: self._begin())
         self._law: Any = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
         self._watched: Any = gui.add_checkbox("Fault monitor", True)
         for handle in (self._law, self._watched):
-            page.when(handle, lambda _: self._again())
+            page.when(handle.on_update, lambda _: self._again())
         self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
         self._kind: Any = gui.add_dropdown("Fault", FAULT_KINDS, initial_value="stuck")
         self._size: Any = gui.add_number("Size", 0.0, step=0.01)
         self._other: Any = gui.add_dropdown("Swapped with", page.state.drawn.readings)
         for handle in (self._reading, self._kind):
-            page.when(handle, lambda _: self._name_size())
+            page.when(handle.on_update, lambda _: self._name_size())
         self._name_size()
         self._on: Any = gui.add_checkbox("Fault", False, hint="from now until it is switched off")
-        page.when(self._on, lambda value: self._begin_fault() if value else self._end_fault())
+        page.when(self._on.on_update, lambda on: self._begin_fault() if on else self._end_fault())
         self._lights: Any = gui.add_html(words.page(words.note("At rest.")))
 
     def toggle(self) -> None:
@@ -67,24 +66,22 @@ class MotionTab(Tab):
         self._on.value = False
         self.page.moving = bool(self._move.value)
         self.page.scene.show_gizmos(not self.page.moving)
-        if not self.page.moving:
-            self._run = None
-            self._lights.content = words.page(words.note("At rest."))
-            return
-        self._now = 0.0
+        self._run, self._now = None, 0.0
+        self._lights.content = words.page(words.note("At rest."))
         self._again()
 
     def _again(self) -> None:
         """Simulate again with the present faults."""
         if not self.page.moving:
             return
-        self._of = self._robots(self.page.state)
+        state = self.page.state
+        self._of = state.robot, state.truth
         try:
-            self._run = motion.run(
-                self.page.state, self._law.value, self._faults, bool(self._watched.value)
-            )
+            watched = bool(self._watched.value)
+            self._run = motion.run(state, self._law.value, self._faults, watched)
         except TrueposeError:
             self._move.value = self.page.moving = False
+            self._run = None
             self.page.scene.show_gizmos(True)
             raise
 
@@ -95,8 +92,8 @@ class MotionTab(Tab):
         self._size.visible = bool(row.size)
         drawn = self.page.state.drawn
         units = dict(zip(drawn.readings, reading_units(drawn), strict=True))
-        mine = units[self._reading.value]
-        like = tuple(r for r, u in units.items() if u == mine and r != self._reading.value)
+        one = self._reading.value
+        like = tuple(name for name in units if units[name] == units[one] and name != one)
         self._other.visible = row.pair and bool(like)
         if like and like != tuple(self._other.options):
             self._other.options = like
@@ -120,14 +117,16 @@ class MotionTab(Tab):
         self._again()
 
     def _end_fault(self) -> None:
-        lasting = [f for f in self._faults if _core.fault_kinds[f.kind].lasts]
-        self._faults = motion.ended(lasting, self._reading.value, round(self._time, 3))
+        self._faults = motion.ended(self._lasting(), self._reading.value, round(self._time, 3))
         self._again()
+
+    def _lasting(self) -> list[Fault]:
+        return [fault for fault in self._faults if _core.fault_kinds[fault.kind].lasts]
 
     def tick(self, now: float) -> None:
         """Show the run up to now; start a new one at its end."""
         run = self._run
-        if run is None or not self.page.moving:
+        if run is None:
             return
         self._time += min(now - self._now, 0.2) if self._now else 0.0
         self._now = now
@@ -152,13 +151,11 @@ class MotionTab(Tab):
 
     def _lap(self) -> None:
         """Start a new run in which active faults act from the start."""
-        lasting = [f for f in self._faults if f.until is None and _core.fault_kinds[f.kind].lasts]
-        self._faults = [replace(fault, at=0.0) for fault in lasting]
+        self._faults = [replace(f, at=0.0) for f in self._lasting() if f.until is None]
         self._time = 0.0
         try:
             self._again()
         except TrueposeError as error:
-            self._run = None
             self._lights.content = words.page(words.note(one_line(error, 300), wrong=True))
 
     def follow(self, state: State) -> None:
@@ -168,9 +165,5 @@ class MotionTab(Tab):
             there = {None, *state.drawn.readings}
             self._faults = [f for f in self._faults if {f.reading, f.other} <= there]
             self._name_size()
-        if self.page.moving and self._robots(state) != self._of:
+        if self.page.moving and (state.robot, state.truth) != self._of:
             self._again()
-
-    @staticmethod
-    def _robots(state: State) -> tuple:
-        return state.robot, state.truth

@@ -13,6 +13,7 @@ from typing import Any
 from viser import GuiApi, ViserServer
 
 from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
 from truepose.exceptions import TrueposeError, one_line
 from truepose.integrations.workbench import answers, words
 from truepose.integrations.workbench.guard import Guard
@@ -20,8 +21,6 @@ from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import Law, usual
 
-#: Constructor of a tab from the page and its panel.
-Made = Callable[["Page", GuiApi], Any]
 FRAMES = 20  #: animation frames per second
 
 
@@ -29,7 +28,7 @@ class Page:
     """A served page. All changes go through :meth:`doing`, one at a time."""
 
     def __init__(
-        self, state: State, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
+        self, state: State, host: str, port: int, tabs: Mapping[str, Any], dark: bool = False
     ):
         self._guard = Guard(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints an address without token
@@ -42,7 +41,7 @@ class Page:
         self.state = state
         self.law: Law = usual(state.drawn)  #: law of the displayed robot
         self.magnified = 10.0
-        self.how: str | None = "as built"  #: case of the ellipsoid; None: no ellipsoid
+        self.how = "as built"  #: case of the ellipsoid; "none": no ellipsoid
         self.coloured = self.mapped = False
         self.moving = False  #: moved by a run, not by hand
         self.lock = threading.RLock()
@@ -56,14 +55,14 @@ class Page:
         button = gui.add_button("Calibrate from its own readings")
         self._verdict: Any = gui.add_html("")
         group = gui.add_tab_group()
-        self.scene = Scene(self.server, self.state, self._dragged)
+        self.scene = Scene(self.server, state, self._dragged)
         self.tabs: list[Any] = []
         for label, made in tabs.items():
             folder = gui.add_folder(label, expand_by_default=False) if label == "View" else None
             with folder or group.add_tab(label):
                 self.tabs.append(made(self, gui))
-        self.pressed(button, self.calibrate)
-        self.place_gizmos()
+        self.when(button.on_click, lambda _: self.calibrate())
+        self.scene.place_gizmos(state)
         self._keys(gui)
         self.show()
         self._player = threading.Thread(target=self._play, daemon=True)
@@ -82,24 +81,14 @@ class Page:
             brand_color=(88, 150, 220) if dark else (31, 95, 168),
         )
 
-    def when(self, handle: Any, do: Callable[[Any], None]) -> Any:
-        """Call `do` with a handle's value whenever the user changes it; return the handle."""
+    def when(self, happens: Callable[[Any], Any], do: Callable[[Any], None]) -> None:
+        """Call `do` with a handle's value at each of the user's events: `handle.on_update`, …"""
 
-        @handle.on_update  # type: ignore[untyped-decorator]
+        @happens
         def _(event: Any) -> None:
             if event.client is not None:  # None: set by this program
                 with self.doing():
-                    do(event.target.value)
-
-        return handle
-
-    def pressed(self, handle: Any, do: Callable[[], None]) -> None:
-        """Call `do` whenever a button is pressed."""
-
-        @handle.on_click  # type: ignore[untyped-decorator]
-        def _(_event: Any) -> None:
-            with self.doing():
-                do()
+                    do(getattr(event.target, "value", None))
 
     @contextlib.contextmanager
     def doing(self) -> Iterator[None]:
@@ -128,7 +117,7 @@ class Page:
         state, said = self.state, self._said
         found = answers.rests(state)
         P = None
-        if self.how is not None and not self.moving:
+        if self.how in answers.HOWS and not self.moving:
             try:
                 P = answers.covariance(state, self.how)
             except TrueposeError as error:
@@ -147,38 +136,34 @@ class Page:
         for tab in self.tabs:
             tab.follow(state)
 
-    def place_gizmos(self) -> None:
-        """Move the drag handles to the nacelle's target."""
-        self.scene.place_gizmos(self.state)
-
     def send(self, state: State) -> None:
         """Accept a state with a new target that was not set by dragging."""
         self.state = state
-        self.place_gizmos()
+        self.scene.place_gizmos(state)
+
+    def home(self) -> None:
+        """Move home."""
+        self.send(self.state.sent(self.state.drawn.home))
 
     def _keys(self, gui: GuiApi) -> None:
         """Add keys for frequent actions; the command palette lists them."""
-        home = self.state.drawn.home
 
-        def step(which: int) -> None:
-            laws = list(LAW_COLOURS)
-            self.law = laws[(laws.index(self.law) + which) % len(laws)]
+        def next_law(_: Any) -> None:
+            laws = [*LAW_COLOURS, *LAW_COLOURS]
+            self.law = laws[laws.index(self.law) + 1]
 
-        def leave() -> None:
+        def no_errors(_: Any) -> None:
             self.state = self.state.without_errors()
 
-        for key, label, do in (
-            ("H", "Home", lambda: self.send(self.state.sent(home))),
-            ("L", "Next law", lambda: step(1)),
-            ("N", "No errors", leave),
-            ("M", "Move, or stop", self.tabs[4].toggle),
-        ):
-            command = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
-
-            @command.on_trigger
-            def _(_event: Any, do: Callable[[], None] = do) -> None:
-                with self.doing():
-                    do()
+        actions: dict[str, tuple[str, Callable[[Any], None]]] = {
+            "H": ("Home", lambda _: self.home()),
+            "L": ("Next law", next_law),
+            "N": ("No errors", no_errors),
+            "M": ("Move, or stop", lambda _: self.tabs[4].toggle()),
+        }
+        for key, (label, do) in actions.items():
+            command: Any = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
+            self.when(command.on_trigger, do)
 
     def _play(self) -> None:
         """Advance the animations until the page is stopped."""
@@ -195,9 +180,10 @@ class Page:
         before = answers.position_error(self.state.believing(None), law, over)
         visited = log.calibrate()
         after = answers.position_error(self.state, law, over)
-        bound = answers.predicted(self.state.drawn, over, visited)
+        drawn = self.state.drawn
+        bound = accuracy(drawn, over, calibrated_on=visited, errors="nan").rms
         self._verdict.content = words.page(
-            words.verdict(self.state.drawn, law, (before, after, bound), len(over), len(visited))
+            words.verdict(drawn, law, (before, after, bound), len(over), len(visited))
         )
 
     def open_log(self, path: Path) -> None:
@@ -212,3 +198,16 @@ class Page:
         self._player.join()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
+
+
+class Tab:
+    """A tab of the panel, made from the page and the page's controls."""
+
+    def __init__(self, page: Page):
+        self.page = page
+
+    def follow(self, state: State) -> None:
+        """Show the state, after a change from elsewhere."""
+
+    def tick(self, now: float) -> None:
+        """Advance the animation to the time `now`."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -30,19 +29,13 @@ class Playback:
     assessment: Assessment | None = None  #: after a calibration
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the residuals' columns."""
-        return self.robot.sensors
-
-    @property
     def after(self) -> Expectation | None:
         """Expectation from the motors, at the calibrated geometry."""
         return None if self.assessment is None else self.assessment.after
 
     def pose(self, line: int) -> Array:
         """Return the estimated pose of a row, (n,); NaN if unknown."""
-        known = self.before if self.after is None else self.after
-        return known.x[line]
+        return (self.after or self.before).x[line]
 
 
 def opened(robot: Robot, log: Log) -> Playback:
@@ -58,11 +51,6 @@ def opened(robot: Robot, log: Log) -> Playback:
     model = robot.expected()
     notes = tuple(finding.text for finding in findings)
     return Playback(model, log, notes, expect(model, log.readings))
-
-
-def read(robot: Robot, path: str | Path) -> Playback:
-    """Open a log file: CSV, Parquet or MCAP."""
-    return opened(robot, logs.read(robot, path))
 
 
 def simulated_log(state: State, poses: int, seed: int = 0) -> Playback:
@@ -85,8 +73,7 @@ def calibrated(played: Playback) -> Playback:
     >>> bool(after < before / 10)
     True
     """
-    notes = list(played.notes)
-    assessment = review.assess(played.robot, played.log, notes, loss="student")
+    assessment = review.assess(played.robot, played.log, [*played.notes], loss="student")
     return replace(played, assessment=assessment)
 
 

@@ -6,14 +6,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from trimesh.creation import cylinder
+from trimesh.graph import smooth_shade
 from viser import TransformControlsHandle, ViserServer
-from viser.transforms import SO3
+from viser.transforms import SE3, SO3
 
 from truepose.arguments import Array
 from truepose.integrations.workbench.answers import Rest, conditioning_map, ellipsoid, skeletons
 from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames
-from truepose.robot.laws import LAWS
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.parts import Part, parts_of
 from truepose.show.colours import COLOURS
 
@@ -90,9 +92,8 @@ class Scene:
             aspect = client.camera.aspect
             far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else 1.0)
             half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # half of the view
-            aside = (
-                -half / 2 * up if aspect < 1 else 0.25 * half * right
-            )  # part hidden by the panel
+            # Part hidden by the panel: below on a narrow screen, else on the right.
+            aside = -half / 2 * up if aspect < 1 else 0.25 * half * right
             client.camera.position = centre + far + aside
             client.camera.look_at = centre + aside
 
@@ -106,27 +107,19 @@ class Scene:
         add = self._server.scene.add_transform_controls
         gizmos = []
         if "m" in units:
-            shift = add("/shift", 0.22 * self._size, active_axes=free, disable_rotations=True)
-            gizmos.append(shift)
+            handle = add("/shift", 0.22 * self._size, active_axes=free, disable_rotations=True)
+            gizmos.append(handle)
         if "rad" in units:  # the axes normal to the rotation
             about = (True, True, "m" not in units or units.count("rad") > 1)
-            gizmos.append(
-                add(
-                    "/turn",
-                    0.16 * self._size,
-                    active_axes=about,
-                    disable_axes=True,
-                    disable_sliders=True,
-                )
-            )
+            only_rings: dict[str, Any] = {"disable_axes": True, "disable_sliders": True}
+            gizmos.append(add("/turn", 0.16 * self._size, active_axes=about, **only_rings))
         for gizmo in gizmos:
             gizmo.depth_test = False
 
             @gizmo.on_update
             def _(event: Any) -> None:
-                frame = np.eye(4)
-                frame[:3, :3] = SO3(np.asarray(event.target.wxyz)).as_matrix()
-                frame[:3, 3] = event.target.position
+                turn = SO3(np.asarray(event.target.wxyz))
+                frame = SE3.from_rotation_and_translation(turn, event.target.position).as_matrix()
                 dragged(frame, event.phase == "end")
 
         return gizmos
@@ -177,25 +170,23 @@ class Scene:
             for key, values in shape.items():
                 setattr(there, key, values)
             return
-        vertices, faces = _cylinder()
         self._bars[name] = self._server.scene.add_batched_meshes_simple(
             f"/{name}",
-            vertices,
-            faces,
+            *_cylinder(),
             opacity=0.28 if colours is None else None,
             cast_shadow=False,
             lod="off",
             **shape,
         )
 
-    def show_rests(self, state: State, found: dict, magnified: float) -> None:
+    def show_rests(self, state: State, found: dict[Law, Rest], magnified: float) -> None:
         """Mark the steady-state reference point under each law, deviations from x_d magnified."""
         sent = frames(state.robot, state.x_d)[:3, 3]
         for law, mark in self._marks.items():
-            rest: Rest | None = found.get(law)
+            rest = found.get(law)
             mark.visible = rest is not None and rest.x is not None
-            if rest is not None and rest.x is not None:
-                mark.position = sent + magnified * rest.off
+            if mark.visible:
+                mark.position = sent + magnified * found[law].off
 
     def show_ellipsoid(self, state: State, P: Array | None, magnified: float) -> None:
         """Draw the 1 σ ellipsoid of the position estimate, equally magnified."""
@@ -237,26 +228,12 @@ def _colours(parts: list[Part], n: int, conditioning: Any) -> Array:
     rods = [k for k, (name, _, _) in enumerate(parts) if name == "rod"]
     for number, k in enumerate(rods):
         colours[k] = ramp(conditioning.serial[number * n // len(rods)])
-    for k, (name, _, _) in enumerate(parts):
-        if name in ("nacelle", "central bar", "lateral bar"):
-            colours[k] = ramp(conditioning.parallel)
+    platform = [name in ("nacelle", "central bar", "lateral bar") for name, _, _ in parts]
+    colours[platform] = ramp(conditioning.parallel)
     return colours
 
 
-def _cylinder(sides: int = 14) -> tuple[Array, Array]:
-    """Return vertices and faces of a closed cylinder of radius 1 and length 1 about z."""
-    turn = 2 * np.pi * np.arange(sides) / sides
-    ring = np.column_stack([np.cos(turn), np.sin(turn)])
-    side = [np.column_stack([ring, np.full(sides, z)]) for z in (-0.5, 0.5)]
-    vertices = np.vstack([*side, *side, [[0, 0, -0.5], [0, 0, 0.5]]])  # sharp edges at the caps
-    k, after = np.arange(sides), (np.arange(sides) + 1) % sides
-    low, high = 2 * sides, 3 * sides
-    faces = np.vstack(
-        [
-            np.column_stack([k, after, after + sides]),
-            np.column_stack([k, after + sides, k + sides]),
-            np.column_stack([np.full(sides, 4 * sides), after + low, k + low]),
-            np.column_stack([np.full(sides, 4 * sides + 1), k + high, after + high]),
-        ]
-    )
-    return vertices.astype(np.float32), faces.astype(np.uint32)
+def _cylinder() -> tuple[Array, Array]:
+    """Return vertices and faces of a cylinder of radius 1 and length 1 about z, caps sharp."""
+    mesh = smooth_shade(cylinder(1.0, 1.0, sections=14), angle=np.radians(45))
+    return mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)

@@ -6,7 +6,6 @@ import importlib.util
 import socket
 import time
 import webbrowser
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -93,11 +92,11 @@ def open_page(
     return page
 
 
-def serve(page: Page, wait: Callable[[], None] = lambda: time.sleep(3600)) -> None:
+def serve(page: Page) -> None:
     """Serve until interrupted."""
     try:
         while True:
-            wait()
+            time.sleep(3600)
     except KeyboardInterrupt:
         return
     finally:

@@ -64,8 +64,8 @@ class State:
 
     def with_drawn_errors(self, seed: int) -> State:
         """Sample the true robot from the file's tolerances."""
-        truth = self.drawn.sample(seed)
-        return replace(self, truth=_real(truth.with_sensors(*self.drawn.sensors)))
+        truth = self.drawn.sample(seed).with_sensors(*self.drawn.sensors)
+        return replace(self, truth=truth.at_highest_level)
 
     def with_sensors(self, names: Iterable[str]) -> State:
         """Use these sensors, in the file's order; InputError if the core's limit is exceeded."""
@@ -97,7 +97,7 @@ def begin(robot: Robot) -> State:
     >>> {name: round(error, 6) for name, error in state.errors.items()}
     {'chain1.rod': 0.003}
     """
-    return State(robot, robot, _real(robot), robot.home)
+    return State(robot, robot, robot.at_highest_level, robot.home)
 
 
 def demonstration() -> State:
@@ -110,10 +110,6 @@ def demonstration() -> State:
     """
     h4 = load("h4").with_sensors("theta", "z_telemeter")
     return begin(h4).with_errors({"chain3.rod": 0.003}).sent([0.05, 0.05, -0.40, 0.20])
-
-
-def _real(robot: Robot) -> Robot:
-    return robot.with_level(robot.highest_level)
 
 
 def pose_range(robot: Robot) -> Array:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from viser import GuiApi
 
+from truepose.arguments import Array
 from truepose.exceptions import TrueposeError, one_line
 from truepose.integrations.workbench import answers, words
-from truepose.integrations.workbench.bench import Tab
-from truepose.integrations.workbench.page import Page
+from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.state import (
     State,
     error_range,
@@ -20,19 +21,21 @@ from truepose.integrations.workbench.state import (
     pose_range,
 )
 from truepose.robot.laws import LAWS
-from truepose.robot.units import in_print, reading_units
-from truepose.show.units import PRINT
+from truepose.robot.units import Axis, coordinate_axes, in_print, reading_axes
 
 _STEPS = 400  #: steps of a slider
 
 
-def _slider(gui: GuiApi, label: str, low: float, high: float, value: float) -> Any:
-    """Add a slider in display units; its ends and its value are multiples of its step."""
+def _slider(page: Page, axis: Axis, ends: Array, value: float, do: Callable[[float], None]) -> Any:
+    """Add a slider in display units; `do` takes its value in m, rad or without a unit."""
+    # Its ends and its value are multiples of its step.
+    low, high = axis.factor * ends
     step = 10.0 ** np.floor(np.log10((high - low) / _STEPS))
-    low, high = (
-        round(float(end), 9) for end in (np.floor(low / step) * step, np.ceil(high / step) * step)
-    )
-    return gui.add_slider(label, low, high, float(step), _stepped(value, low, high, step))
+    low, high = round(np.floor(low / step) * step, 9), round(np.ceil(high / step) * step, 9)
+    label, start = axis.label.removesuffix(" ()"), _stepped(axis.factor * value, low, high, step)
+    handle = page.server.gui.add_slider(label, float(low), float(high), float(step), start)
+    page.when(handle.on_update, lambda shown: do(shown / axis.factor))
+    return handle
 
 
 def _set(slider: Any, value: float) -> None:
@@ -51,46 +54,37 @@ class PoseTab(Tab):
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
-        robot, state = page.state.drawn, page.state
-        self._factors = np.array([PRINT[unit][0] for _, unit in robot.coordinates])
-        motors = reading_units(robot)[: robot.n]
-        self._motor_factors = np.array([PRINT[unit][0] for unit in motors])
-        self._pose, self._motors = [], []
+        robot, x = page.state.drawn, page.state.x_d
+        axes, motors = coordinate_axes(robot), reading_axes(robot)[: robot.n]
+        self._factors = [axis.factor for axis in (*axes, *motors)]
         with gui.add_folder("Nacelle"):
-            for k, (name, unit) in enumerate(robot.coordinates):
-                low, high = self._factors[k] * pose_range(robot)[k]
-                value = self._factors[k] * state.x_d[k]
-                handle = _slider(gui, f"{name} ({PRINT[unit][1]})", low, high, value)
-                self._pose.append(page.when(handle, partial(self._send, k)))
+            rows = zip(axes, pose_range(robot), x, strict=True)
+            self._pose = [_slider(page, *row, partial(self._send, k)) for k, row in enumerate(rows)]
         with gui.add_folder("Motors"):
-            ends, q = motor_range(robot), robot.ikm(state.x_d)
-            for k, unit in enumerate(motors):
-                factor, name = PRINT[unit]
-                low, high = factor * ends[k]
-                handle = _slider(gui, f"q{k + 1} ({name})", low, high, factor * q[k])
-                self._motors.append(page.when(handle, partial(self._drive, k)))
-        page.pressed(
-            gui.add_button("Home"), lambda: page.send(page.state.sent(page.state.drawn.home))
-        )
+            rows = zip(motors, motor_range(robot), robot.ikm(x), strict=True)
+            self._motors = [
+                _slider(page, *row, partial(self._drive, k)) for k, row in enumerate(rows)
+            ]
+        page.when(gui.add_button("Home").on_click, lambda _: page.home())
 
     def _send(self, k: int, value: float) -> None:
         x = self.page.state.x_d.copy()
-        x[k] = value / self._factors[k]
+        x[k] = value
         self.page.send(self.page.state.sent(x))
 
     def _drive(self, k: int, value: float) -> None:
         state = self.page.state
         q = state.robot.ikm(state.x_d)
-        q[k] = value / self._motor_factors[k]
+        q[k] = value
         self.page.send(state.driven(q))
 
     def follow(self, state: State) -> None:
         """Set all sliders to the pose."""
         q = state.robot.ikm(state.x_d, errors="nan")
-        values = [*self._factors * state.x_d, *self._motor_factors * q]
-        for handle, value in zip([*self._pose, *self._motors], values, strict=True):
+        values = np.multiply(self._factors, [*state.x_d, *q])
+        for slider, value in zip([*self._pose, *self._motors], values, strict=True):
             if np.isfinite(value):
-                _set(handle, value)
+                _set(slider, value)
 
 
 class ErrorsTab(Tab):
@@ -98,24 +92,20 @@ class ErrorsTab(Tab):
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
-        self._gui = gui
         self._sliders: dict[str, Any] = {}
         self._seed: Any = gui.add_number("Seed", 1, min=0, max=2**31, step=1)
-        self._draw: Any = gui.add_button_group("True robot", ("nominal", "from tolerances"))
-
-        @self._draw.on_click
-        def _(event: Any) -> None:
-            with page.doing():
-                if event.target.value == "nominal":
-                    page.state = page.state.without_errors()
-                else:
-                    page.state = page.state.with_drawn_errors(int(self._seed.value))
-
+        source = gui.add_button_group("True robot", ("nominal", "from tolerances"))
+        page.when(source.on_click, self._draw)
         self._list: Any = gui.add_html("")
         self._group: Any = gui.add_dropdown("Errors of", tuple(groups(page.state.drawn)))
-        page.when(self._group, lambda _: self._fill())
+        page.when(self._group.on_update, lambda _: self._fill())
         self._folder: Any = gui.add_folder(None)
         self._fill()
+
+    def _draw(self, source: str) -> None:
+        state, seed = self.page.state, int(self._seed.value)
+        nominal = source == "nominal"
+        self.page.state = state.without_errors() if nominal else state.with_drawn_errors(seed)
 
     def _fill(self) -> None:
         """Create the sliders of the selected group."""
@@ -123,16 +113,15 @@ class ErrorsTab(Tab):
             handle.remove()
         robot, errors = self.page.state.drawn, self.page.state.errors
         self._sliders = {}
-        with self._folder:
-            for name in groups(robot)[self._group.value]:
-                factor, unit = in_print(robot, name)
-                reach = factor * error_range(robot, name)
-                label = name.split(".", 1)[1] + (f" ({unit})" if unit else "")
-                handle = _slider(self._gui, label, -reach, reach, factor * errors.get(name, 0.0))
-                self._sliders[name] = self.page.when(handle, partial(self._err, name, factor))
+        for name in groups(robot)[self._group.value]:
+            axis = Axis(name.split(".", 1)[1], *in_print(robot, name))
+            ends = error_range(robot, name) * np.array([-1, 1])
+            err = partial(self._err, name)
+            with self._folder:
+                self._sliders[name] = _slider(self.page, axis, ends, errors.get(name, 0.0), err)
 
-    def _err(self, name: str, factor: float, value: float) -> None:
-        self.page.state = self.page.state.with_errors({name: value / factor})
+    def _err(self, name: str, value: float) -> None:
+        self.page.state = self.page.state.with_errors({name: value})
 
     def follow(self, state: State) -> None:
         """Set the sliders to the errors; offer groups of the sensors in use."""
@@ -142,8 +131,7 @@ class ErrorsTab(Tab):
             self._fill()
         errors = state.errors
         for name, handle in self._sliders.items():
-            factor, _ = in_print(state.drawn, name)
-            _set(handle, factor * errors.get(name, 0.0))
+            _set(handle, in_print(state.drawn, name)[0] * errors.get(name, 0.0))
         self._list.content = words.page(words.errors(state))
 
 
@@ -160,8 +148,9 @@ class SensorsTab(Tab):
             cost = getattr(sensor, "price", None)
             label = sensor.name + ("" if cost is None else f" · {cost:g}")
             hint = sensor.kind.replace("_", " ")
-            tick = gui.add_checkbox(label, sensor.name in used, hint=hint)
-            self._ticks[sensor.name] = page.when(tick, lambda _: self._use())
+            tick: Any = gui.add_checkbox(label, sensor.name in used, hint=hint)
+            self._ticks[sensor.name] = tick
+            page.when(tick.on_update, lambda _: self._use())
 
     def _use(self) -> None:
         names = [name for name, tick in self._ticks.items() if tick.value]
@@ -173,8 +162,7 @@ class SensorsTab(Tab):
             return
         self._robot = state.robot
         for name, tick in self._ticks.items():
-            if tick.value != (name in state.robot.sensors):
-                tick.value = name in state.robot.sensors
+            tick.value = name in state.robot.sensors
         try:
             predicted = words.accuracy(state.robot, answers.bounds(state.robot))
         except TrueposeError as error:
@@ -188,30 +176,21 @@ class ViewTab(Tab):
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
-        none = "none"
-
-        def choose(what: str, value: Any) -> None:
-            setattr(page, what, value)
-
         self._law: Any = gui.add_dropdown("Law of the shown robot", LAWS, initial_value=page.law)
-        page.when(self._law, lambda value: choose("law", value))
-        page.when(
-            gui.add_slider("Errors shown ×", 1.0, 100.0, 1.0, page.magnified),
-            lambda value: choose("magnified", value),
-        )
-        page.when(
-            gui.add_dropdown("Ellipsoid, 1 σ", (*answers.HOWS, none), initial_value=page.how),
-            lambda value: choose("how", None if value == none else value),
-        )
-        page.when(
-            gui.add_checkbox("Conditioning in colour", False, hint="red: singular; blue: best"),
-            lambda value: choose("coloured", value),
-        )
-        page.when(
-            gui.add_checkbox("Map of singularities", False, hint="about the workspace"),
-            lambda value: choose("mapped", value),
-        )
-        page.when(gui.add_checkbox("Dark page", page.dark), page.dress)
+        shown: dict[str, Any] = {
+            "law": self._law,
+            "magnified": gui.add_slider("Errors shown ×", 1.0, 100.0, 1.0, page.magnified),
+            "how": gui.add_dropdown(
+                "Ellipsoid, 1 σ", (*answers.HOWS, "none"), initial_value=page.how
+            ),
+            "coloured": gui.add_checkbox(
+                "Conditioning in colour", False, hint="red: singular; blue: best"
+            ),
+            "mapped": gui.add_checkbox("Map of singularities", False, hint="about the workspace"),
+        }
+        for what, handle in shown.items():
+            page.when(handle.on_update, partial(setattr, page, what))
+        page.when(gui.add_checkbox("Dark page", page.dark).on_update, page.dress)
 
     def follow(self, state: State) -> None:
         """Show the law, which a key may have changed."""

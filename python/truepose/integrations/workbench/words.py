@@ -8,13 +8,13 @@ from html import escape
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.integrations.workbench.answers import Price, Rest
+from truepose.integrations.workbench.answers import Rest
 from truepose.integrations.workbench.playback import Playback, rms
 from truepose.integrations.workbench.state import State
 from truepose.robot.kinematics import Conditioning
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.units import in_print, summed, unit_of
+from truepose.robot.units import angles, in_print, summed
 from truepose.show.table import number
 from truepose.show.units import PRINT, printed
 
@@ -89,9 +89,9 @@ def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
         if rest.x is None:
             rows.append([name, "–", "–"])
             failed.append(note(rest.why))
-            continue
-        off, turn = float(np.linalg.norm(rest.off)), rest.turn
-        rows.append([name, number(1e3 * off, 3), number(float(np.degrees(turn)), 3)])
+        else:
+            off = 1e3 * float(np.linalg.norm(rest.off))
+            rows.append([name, number(off, 3), number(float(np.degrees(rest.turn)), 3)])
     # Show one reason only: the others are equal or similar.
     return table(["steady state", "off (mm)", "turned (°)"], rows) + "".join(failed[:1])
 
@@ -119,26 +119,26 @@ def accuracy(robot: Robot, found: Mapping[str, Array]) -> str:
     """Return σ over the workspace, as built and with each improvement."""
     total = summed(robot)
     factor, shown = PRINT[total.unit]
-    turns = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
-    turns = [k for k in turns if k not in total.columns]
-    last = ["turn (°)"] if turns else []
-    header = ["σ over the workspace", f"{total.name} ({shown})", *last]
+    turns = [k for k in np.flatnonzero(angles(robot)) if k not in total.columns]
+    header = ["σ over the workspace", f"{total.name} ({shown})", *["turn (°)"] * bool(turns)]
     rows = []
     for how, sigma in found.items():
-        turn = np.degrees(np.sqrt(np.sum(np.square(sigma[turns]))))
-        cells = [number(factor * float(sigma[-1]), 3), *([number(float(turn), 2)] if turns else [])]
+        cells = [number(factor * float(sigma[-1]), 3)]
+        if turns:
+            cells.append(number(float(np.degrees(np.linalg.norm(sigma[turns]))), 2))
         rows.append([escape(how), *cells])
     return table(header, rows)
 
 
-def bill(robot: Robot, cost: Price) -> str:
+def bill(robot: Robot, price: tuple[float, tuple[str, ...]]) -> str:
     """Return the price of the sensors in use, as far as the file has it."""
     if not robot.sensors:
         return note("Motors alone")
-    if len(cost.unpriced) == robot.r:
+    total, unpriced = price
+    if len(unpriced) == robot.r:
         return note(f"{robot.r} in use; the robot file names no prices")
-    missing = f", without {', '.join(cost.unpriced)}" if cost.unpriced else ""
-    return note(f"{robot.r} in use, price {cost.total:g}{missing}")
+    missing = f", without {', '.join(unpriced)}" if unpriced else ""
+    return note(f"{robot.r} in use, price {total:g}{missing}")
 
 
 def errors(state: State, most: int = 6) -> str:
@@ -148,7 +148,7 @@ def errors(state: State, most: int = 6) -> str:
         return note("The true robot is nominal.")
     words = []
     for name, value in list(found.items())[:most]:
-        factor, unit = PRINT[unit_of(state.drawn, name)]
+        factor, unit = in_print(state.drawn, name)
         words.append(f"{name} {factor * value:+.3f}{unit}")
     more = f", … {len(found) - most} more" if len(found) > most else ""
     return note(f"{len(found)} off: {', '.join(words)}{more}")
@@ -165,15 +165,11 @@ def lights(readings: Sequence[tuple[str, str, str]]) -> str:
 
 def residuals(played: Playback, line: int) -> str:
     """Return each sensor's residual in a row and over all rows, before and after calibration."""
-    before, after = played.before, played.after
-    over, then = rms(before.residual), None if after is None else rms(after.residual)
+    found = [played.before] if played.after is None else [played.before, played.after]
     rows = []
-    for k, name in enumerate(played.names):
+    for k, name in enumerate(played.robot.sensors):
         factor, unit = in_print(played.robot, name)
-        values = [before.residual[line, k], over[k]]
-        if after is not None and then is not None:
-            values += [after.residual[line, k], then[k]]
-        cells = [number(factor * float(value), 3) for value in values]
-        rows.append([escape(f"{name} ({unit})"), *cells])
-    header = ["residual", "here", "rms", *(["after", "rms"] if after is not None else [])]
-    return table(header, rows)
+        values = [v for e in found for v in (e.residual[line, k], rms(e.residual)[k])]
+        rows.append([escape(f"{name} ({unit})"), *(number(factor * float(v), 3) for v in values)])
+    header = ["residual", "here", "rms", "after", "rms"]
+    return table(header[: 1 + 2 * len(found)], rows)

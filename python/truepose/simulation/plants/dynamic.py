@@ -1,13 +1,10 @@
-"""A plant with dynamics, driven from pose to pose.
-
-Friction and backlash carry over from pose to pose; arms and rods deflect; readings are delayed.
-Loops close at the ideal level: the platform does not tilt.
-"""
+"""A plant with dynamics, driven from pose to pose."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +20,11 @@ from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
 
 
+@dataclass(frozen=True)
 class DynamicPlant:
     """A true robot whose moves are simulated, with any of the effects.
+
+    Loops close at the ideal level: the platform does not tilt.
 
     Parameters
     ----------
@@ -52,22 +52,17 @@ class DynamicPlant:
     ['ok']
     """
 
-    def __init__(
-        self,
-        truth: Robot,
-        effects: Effects | None = None,
-        time: float = 0.0,
-        seed: int = 0,
-        duration: float = 0.25,
-        hold: float = 0.35,
-        faults: Sequence[Fault] = (),
-        watch: FaultMonitor | None = None,
-    ):
-        in_core(truth, faults, math.inf)  # for any control period
-        self.truth, self.time, self.seed = truth, time, seed
-        self.duration, self.hold, self.faults = duration, hold, tuple(faults)
-        self.watch = watch
-        self.effects = Effects.none() if effects is None else effects
+    truth: Robot
+    effects: Effects | None = None
+    time: float = 0.0
+    seed: int = 0
+    duration: float = 0.25
+    hold: float = 0.35
+    faults: Sequence[Fault] = ()
+    watch: FaultMonitor | None = None
+
+    def __post_init__(self) -> None:
+        in_core(self.truth, self.faults, math.inf)  # for any control period
 
     def visit(
         self,
@@ -77,19 +72,7 @@ class DynamicPlant:
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
         """See :class:`truepose.simulation.plants.Plant`."""
-        x, q_e, status = visit(
-            robot,
-            self.truth,
-            x_d,
-            controller,
-            duration=self.duration,
-            hold=self.hold,
-            seed=self.seed,
-            effects=self.effects,
-            time=self.time,
-            faults=self.faults,
-            watch=self.watch,
-        )
+        x, q_e, status = visit(robot, x_d=x_d, controller=controller, **vars(self))
         for _ in x:
             progress()
         status[np.char.startswith(status, SATURATED)] = "ok"  # arrived despite saturation

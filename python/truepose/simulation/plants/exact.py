@@ -1,9 +1,4 @@
-"""A plant at exact static equilibrium.
-
-Without load on the motors (or with integral action) the law's motor error is zero. Of
-:class:`truepose.Effects` only geometry and the tool gear's backlash act: friction, compliance,
-delay and ripple need forces and time.
-"""
+"""A plant at exact static equilibrium."""
 
 from __future__ import annotations
 
@@ -30,12 +25,14 @@ EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
 class ExactPlant:
     """A true robot in exact statics, at either level of the model.
 
+    It has no load on its motors (or integral action): the law's motor error is zero.
+
     Parameters
     ----------
     truth : Robot
         The true geometry, cold.
     effects : Effects
-        Those of `EFFECTS`; any other must be off.
+        Those of `EFFECTS`; any other needs forces or time and must be off.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod: the platform then tilts. By default
         :attr:`Robot.highest_level`.
@@ -70,21 +67,18 @@ class ExactPlant:
         self.truth, self.seed = truth, check_seed(seed)
         self.level: Level = truth.highest_level if level is None else level
         self.effects = effects = Effects.none() if effects is None else effects
-        if effects.only(*EFFECTS) != effects:
-            others = [g for g in effects.groups() if g not in EFFECTS]
-            on = next(g for g in others if effects.without(g) != effects)
-            raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
-        truth.is_full(self.level)
-        self.faults = tuple(faults)
-        self._lying = in_core(truth, self.faults, None)
+        for group in effects.groups():
+            if group not in EFFECTS and effects.without(group) != effects:
+                refused = choose("effect", group, EFFECTS)
+                raise InputError(f"ExactPlant: {refused}: leave it out (without)")
+        self._faults = in_core(truth, faults, None)
         self.robot = effects.geometry(truth, time, seed)  #: at that time
         self._exact = self.robot.with_level(self.level).without_quantization()
         #: Gain of each reading on the tool gear's backlash.
         self._geared = np.zeros(truth.n + truth.r)
-        for k, name in enumerate(truth.sensors):
-            sensor = next(s for s in truth.spec.sensor if s.name == name)
+        for k, sensor in enumerate(truth.spec.used, truth.n):
             if sensor.geared:
-                self._geared[truth.n + k] = truth.parameters[f"{name}.gain"].value
+                self._geared[k] = truth.parameters[f"{sensor.name}.gain"].value
 
     def visit(
         self,
@@ -109,16 +103,16 @@ class ExactPlant:
         else:
             ahead = np.zeros(len(x_d))
             x, status = rest(slice(None), ahead)
-        lost = status != "ok"
-        x[lost] = np.nan
+        rests = status == "ok"
+        x[~rests] = np.nan
         q_e = np.full((len(x), robot.n + robot.r), np.nan)
-        exact = self._readings(x[~lost], ahead[~lost])
-        q_e[~lost] = _core.spoil(self.robot.core, np.ascontiguousarray(exact), self.seed)
-        if self.faults:
-            lying = _core.FaultyReadings(self._lying, controller.period)
-            q_e[~lost] = lying.read([0.0] * len(exact), q_e[~lost])
+        exact = self._exact.extended_positions(x[rests], errors="nan", level=self.level)
+        exact += ahead[rests, None] * self._geared
+        q_e[rests] = _core.spoil(self.robot.core, exact, self.seed)
+        faulty = _core.FaultyReadings(self._faults, controller.period)
+        q_e[rests] = faulty.read([0.0] * len(exact), q_e[rests])
         frame = np.full((len(x), 4, 4), np.nan)
-        frame[~lost] = self._frames(x[~lost])
+        frame[rests] = self._frames(x[rests])
         for _ in x:
             progress()
         return Visit(q_e, frame, x, status.astype(str))
@@ -128,10 +122,6 @@ class ExactPlant:
             return frames(self.truth, x)
         tilts = 2 if self.truth.spec.mobility == "schoenflies" else 3
         return frames(self.truth, x, self._exact.residual_motion(x)[:, :tilts])
-
-    def _readings(self, x: Array, ahead: Array) -> Array:
-        exact = self._exact.extended_positions(x, errors="nan", level=self.level)
-        return exact + ahead[:, None] * self._geared
 
     def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
         """Return poses, the tool's lead on the platform (rad), and statuses: see `backlash`."""
@@ -161,7 +151,6 @@ class ExactPlant:
         """Find where the motor error is zero with the tool ahead of the platform."""
         settings = controller.settings(robot, robot.home)
         believed, known = knowledge.for_law(robot, controller.built_in)
-        off = ahead[:, None] * self._geared
         x, status, _, by_truth = _core.settle(
             believed.core,
             self._exact.core,
@@ -169,14 +158,14 @@ class ExactPlant:
             known,
             False,
             np.ascontiguousarray(x_d),
-            off,
-            self._lying,
+            ahead[:, None] * self._geared,
+            self._faults,
         )
-        said = np.full(len(x), "ok", dtype=object)
-        for k in np.flatnonzero(status > 0):
-            said[k] = f"controller: {_core.describe(int(status[k]))}"
-            if by_truth[k]:
-                said[k] = "beyond the true robot's reach"
-            elif status[k] == _core.not_converged:
-                said[k] = "the plant does not settle here"
-        return x, said
+        reasons = {0: "ok", _core.not_converged: "the plant does not settle here"}
+        words = [
+            "beyond the true robot's reach"
+            if beyond
+            else reasons.get(max(0, s), f"controller: {_core.describe(s)}")
+            for s, beyond in zip(status.tolist(), by_truth, strict=True)
+        ]
+        return x, np.array(words, dtype=object)
