@@ -335,7 +335,7 @@ def simulate(
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
-        status, chain, *log = loop.follow(x, rate, acceleration, *drive.last, own)
+        status, chain, *log = loop.follow(x, rate, acceleration, *drive.last, own)  # type: ignore[call-arg]
     ended = ""
     if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""
