@@ -240,6 +240,7 @@ def masked(text: str) -> str:
     """Replace what differs between machines and days; shorten numbers and long lines."""
     text = re.sub(r"(?:truepose|Python|numpy|matplotlib|scipy) \d[\w.]*", "VERSION", text)
     text = re.sub(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(:\d\d)?(?:Z|[+-]\d\d:\d\d)?)?", "DATE", text)
+    text = re.sub(r" [0-9a-f]{12}(?![\w.])", " DIGEST", text)
     text = re.sub(rf"(?:{TERM} *){{2,}}", "COMBINATION", text)
     text = re.sub(r"(?<![\w.:])/(?:tmp|home|root|work|usr)/[\w./+-]*", "PATH", text)
     return "\n".join(map(short, text.splitlines())) + "\n"

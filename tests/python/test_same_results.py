@@ -198,7 +198,6 @@ def test_workbench_state(kept):
         numbers(run),
         answers.ellipsoid(h4, covariance)[0],
         answers.position_error(now, "tej", some(h4)),
-        answers.predicted(h4, some(h4), some(h4, 8)),
         answers.skeletons(now, h4.home, 5.0),
         state.pose_range(h4),
         state.motor_range(h4),

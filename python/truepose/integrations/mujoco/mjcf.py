@@ -1,4 +1,4 @@
-"""Export of a robot as MJCF, MuJoCo's model format; docs/mujoco.md lists bodies and joints."""
+"""Export of a robot as MJCF, the model format of MuJoCo."""
 
 from __future__ import annotations
 
