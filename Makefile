@@ -18,12 +18,12 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
+.PHONY: help reproduce report reference test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
         mutants random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs twin linuxcnc clean"
+	@echo "Also: report reference lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce --force $(ARGS)
@@ -31,6 +31,10 @@ reproduce: $(VENV)/installed
 # The same, and what takes statistics: sets of sensors over 100 real robots, a warm-up. Some minutes more.
 report: $(VENV)/installed
 	@truepose reproduce --full --force $(ARGS)
+
+# Published results of others against truepose's (reference/); a failed verdict is an error. Some seconds.
+reference: $(VENV)/installed
+	@python reference/run.py $(ARGS)
 
 test: test-python test-cpp
 

@@ -31,10 +31,10 @@ import coverage
 from mutants import CPP, ROOT, Tools, VerdictError
 
 RECORD = ROOT / "build/coverage-python"
-#: How many test functions a mutant is tried on; how many more of the answers that are kept, by
-#: these files; and the mobility whose tests see most of a header.
+#: How many test functions a mutant is tried on, and how many more of those that compare answers
+#: with kept ones, whose files begin so; and the mobility whose tests see most of a header.
 TRIED, KEPT = 8, 2
-ANSWERS = ("test_same_answers", "test_same_results")
+ANSWERS = "test_same_"
 PIVOTS = {"angles_of", "gyro", "so3"}
 SWAPS = {
     "+": "-", "-": "+", "*": "/", "/": "*", "**": "*", "//": "/", "%": "*", "+=": "-=", "-=": "+=",
@@ -116,7 +116,7 @@ class Tests:
         for context in sorted(run, key=lambda context: (self.reach[context], context)):
             *module, function = context.split(".")
             if module and module[-1] in self.files and function.startswith("test_"):
-                kept = module[-1] in ANSWERS
+                kept = module[-1].startswith(ANSWERS)
                 found.append((kept, f"{self.files[module[-1]].relative_to(ROOT)}::{function}"))
         own, answers = ([test for kept, test in found if kept == of] for of in (False, True))
         return own[:TRIED] + answers[:KEPT]

@@ -1,9 +1,9 @@
 """Build of the site from docs/. `python docs/site/make.py [FOLDER]`; `make docs` calls it.
 
 The pages are staged in build/site: those of docs/, those that live beside what they describe
-(benchmarks, examples, robots, changes), and what `generate.py` finds in the code; links between
-files become links between pages. Then Sphinx, whose warnings are errors, and a look at what the
-pages load: nothing may come from the network.
+(benchmarks, examples, reference results, robots, changes), and what `generate.py` finds in the
+code; links between files become links between pages. Then Sphinx, whose warnings are errors, and a
+look at what the pages load: nothing may come from the network.
 """
 
 from __future__ import annotations
@@ -39,11 +39,16 @@ def pages() -> dict[Path, str]:
         "CONTRIBUTING.md": "contributing.md",
         "benchmarks/README.md": "benchmarks.md",
         "examples/README.md": "examples.md",
+        "reference/README.md": "reference-results.md",
     }
     found = {ROOT / source: target for source, target in beside.items()}
     found |= {
         robot: f"robots/{robot.parent.name}.md"
         for robot in sorted((ROOT / "robots").glob("*/README.md"))
+    }
+    found |= {
+        page: f"references/{page.parent.name}.md"
+        for page in sorted((ROOT / "reference").glob("*/README.md"))
     }
     own = sorted([*DOCS.glob("*.md"), *DOCS.glob("guides/*.md")])
     return found | {page: page.relative_to(DOCS).as_posix() for page in own}

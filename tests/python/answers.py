@@ -10,6 +10,7 @@ from html import unescape
 from itertools import zip_longest
 
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import truepose as tp
@@ -22,7 +23,7 @@ TERM = r"[-+]?\d\.\d+ [A-Za-z]\w*(?:\.\w+)+"
 #: What a cell of a table holds.
 SIMPLE = str | bool | int | float | None
 #: What is kept of a line of words, such as a list of choices.
-LONGEST = 320
+LONGEST = 240
 #: Members that repeat what was asked.
 ASKED = {"robot", "prior", "truth", "x_d", "over"}
 #: Arrays with more numbers than this are told by figures of each column.
@@ -192,10 +193,16 @@ def of_figure(figure, name):
         words += [text.get_text() for text in axes.texts]
         words += [text.get_text() for text in getattr(axes.get_legend(), "texts", ())]
         yield f"{name} {k}: {' | '.join(word for word in words if word)}"
-        for j, line in enumerate(axes.lines):
-            xy = np.array(line.get_data_3d()).T if hasattr(line, "get_data_3d") else None
-            xy = line.get_xydata() if xy is None else xy
-            yield from of_array(np.asarray(xy, dtype=float), f"{name} {k} line {j}")
+        drawn = [
+            np.array(line.get_data_3d() if hasattr(line, "get_data_3d") else line.get_data())
+            for line in axes.lines
+        ]
+        for collection in axes.collections:
+            if isinstance(collection, LineCollection):
+                drawn += [np.array(part, dtype=float).T for part in collection.get_segments()]
+        for j, rows in enumerate(drawn[:MOST]):
+            columns = (row if row.size < 6 else figures(row) for row in rows.astype(float))
+            yield f"  {j}: {', '.join(map(scaled, columns))}"
 
 
 def answer(result) -> str:
@@ -284,3 +291,27 @@ def same(obtained, kept) -> None:
         more = f"\n… {len(wrong) - 8} more" if len(wrong) > 8 else ""
         renew = "\nWhere that is meant: --force-regen, and the reason in the commit."
         raise AssertionError(f"{kept.name}\n" + "\n".join(wrong[:8]) + more + renew)
+
+
+def some(robot, count=3, seed=1):
+    """Return poses of a robot's workspace."""
+    box = robot.spec.workspace
+    low, high = np.array(box.minimum), np.array(box.maximum)
+    return np.random.default_rng(seed).uniform(
+        0.8 * low + 0.2 * high, 0.2 * low + 0.8 * high, (count, robot.n)
+    )
+
+
+def tried(function, *words, **options):
+    """Return an answer, or the message of its refusal."""
+    try:
+        return function(*words, **options)
+    except tp.TrueposeError as error:
+        return str(error)
+
+
+def numbers(run):
+    """Return the arrays of a simulation, and what it says."""
+    if isinstance(run, str):
+        return run
+    return [run.x, run.torque, run.q_e.ravel(), run.motor_error.ravel(), run.status, run.table()]

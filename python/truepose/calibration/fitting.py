@@ -217,7 +217,7 @@ class _Lines(NamedTuple):
     """Readings and external measurements in the core's form, each once; known poses last."""
 
     rows: Array  #: (N, n + r)
-    outside: Array  #: (N, n), or no row
+    outside: Array  #: (N, n), NaN where not measured
     outside_sigma: Array
     known: int  #: number of known poses
     tracked: bool  #: whether there are other external measurements

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose.arguments import Array
-from truepose.paper import experiment, twin
+from truepose.paper import experiment
 from truepose.paper import faulty as lying
 from truepose.paper import following as paths
 from truepose.paper.experiment import LABELS, Control, Experiment
@@ -204,17 +204,6 @@ def twin_poses(runs: dict[Control, Run]) -> Figure:
     """Plot errors at all poses as the paper would have measured them: desired minus measured."""
     errors = {control: ran.errors("desired") for control, ran in runs.items()}
     return _poses(errors, "desired − measured, ")
-
-
-def loops(section: twin.Section) -> Figure:
-    """Plot the position error after the move with all effects on: a limit cycle, a stable loop."""
-    drawn = Figure(figsize=(8.4, 2.8), layout="constrained")
-    for axes, (name, ran) in zip(drawn.subplots(1, 2), section.loops.items(), strict=True):
-        axes.plot(1e3 * ran.time, 1e3 * ran.error[:, :3], label=[*"xyz"], lw=0.8)
-        axes.set(xlabel="time (ms)", ylabel="position error (mm)", xlim=(0, 1e3 * ran.time[-1]))
-        axes.set_title(name, size=9)
-        axes.axvline(200, color="0.6", lw=0.8, ls=":")
-    return _with_legend(drawn, 3)
 
 
 def _with_legend(figure: Figure, columns: int, **more: Any) -> Figure:

@@ -25,7 +25,6 @@ from truepose.robot.frames import coordinates
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.plants.dynamic import DynamicPlant
-from truepose.simulation.simulate import Simulation, simulate
 from truepose.threads import each
 
 #: A PD whose loop is stable with all effects on.
@@ -102,17 +101,6 @@ def study(
         rms = [np.array([_rms(one[k]) for one in found]) for k in range(4)]
         lines.append(Line(case, rms[0], rms[1], rms[2], rms[3], excluded))
     return lines
-
-
-def loops(robot: Robot) -> dict[str, Simulation]:
-    """Return the paper's move with all effects on, under the nominal PD and under the soft one."""
-    nominal = article.control("tej")
-    soft = _soft("tej")
-    result = {}
-    for c in (nominal, soft):
-        name = f"poles at {c.frequency:.0f} rad/s, velocity filter {c.velocity_bandwidth:.0f} rad/s"
-        result[name] = simulate(robot, controller=c, effects=Effects(), hold=0.5)
-    return result
 
 
 def _soft(law: Law) -> Controller:

@@ -139,7 +139,6 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     if result.section:
         for plant, runs in result.section.runs.items():
             yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
-        yield "loops", figures.loops(result.section)
 
 
 def describe(of: twin.Twin) -> dict[str, float]:

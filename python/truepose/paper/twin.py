@@ -24,7 +24,6 @@ from truepose.paper.vision import Setup, Vision
 from truepose.robot.robot import Robot, load
 from truepose.simulation.plants import Plant
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.simulate import Simulation
 
 NAME = "h4-lirmm-twin"
 #: Control of each column of the paper.
@@ -114,7 +113,6 @@ class Section:
     runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
     notes: list[str]  #: missing packages, one line each
     forgotten: list[Line]  #: effects on calibration
-    loops: dict[str, Simulation]  #: moves with all effects
 
 
 def total_steps(robots: int) -> int:
@@ -156,4 +154,4 @@ def run(progress: Callable[[str], None], robots: int, seed: int) -> Section:
     }
     few = min(robots, forgotten.ROBOTS)
     lines = forgotten.study(robot, few, seed, lambda: progress("effects that the model omits"))
-    return Section(of, runs, notes, lines, forgotten.loops(robot))
+    return Section(of, runs, notes, lines)

@@ -330,12 +330,12 @@ def simulate(
         move = Line(start=origin, end=end, duration=duration)
         require_feasible_move(robot, move, controller.period)
         asked = (drive.origin, target, duration, hold)
-        status, chain, *log = loop.simulate(*asked, *drive.last, own)
+        status, chain, *log = loop.simulate(*asked, *drive.last, own)  # type: ignore[call-arg]
     else:
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
-        rows = (np.concatenate(pair) for pair in zip(setpoints, held, strict=True))
-        status, chain, *log = loop.follow(*rows, *drive.last, own)
+        x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
+        status, chain, *log = loop.follow(x, rate, acceleration, *drive.last, own)  # type: ignore[call-arg]
     ended = ""
     if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""
