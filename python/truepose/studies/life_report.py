@@ -10,7 +10,7 @@ import numpy as np
 
 from truepose.robot.robot import Robot
 from truepose.show.table import Cell, Table, number
-from truepose.studies.life import SCENARIOS, Life, life_of
+from truepose.studies.life import SCENARIOS, Life, LifeCycle
 from truepose.studies.study import Study, monte_carlo
 
 #: Sensors of the study on the H4, by label.
@@ -27,6 +27,7 @@ LAWS = {
     "Cartesian": "cartesian_mm",
     "weighted": "weighted_mm",
     "estimated": "estimated_mm",
+    "warm-up allowed": "allowed_mm",
     "online": "online_mm",
     "adaptive": "adaptive_mm",
     "new calibration": "new_mm",
@@ -44,9 +45,16 @@ def run(
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
     """Run the study of `count` true robots; a folder lets an interrupted one continue."""
-    grid = {"sensors": list(SETS.values()), "scenario": list(SCENARIOS), "rates": [rates]}
+    grid = {"sensors": list(SETS.values()), "scenario": list(SCENARIOS)}
     return monte_carlo(
-        life_of, robot, count, grid=grid, seed=seed, out=out, workers=workers, progress=progress
+        LifeCycle(rates),
+        robot,
+        count,
+        grid=grid,
+        seed=seed,
+        out=out,
+        workers=workers,
+        progress=progress,
     )
 
 
@@ -68,7 +76,7 @@ def table(study: Study) -> Table:
     for label, sensors in SETS.items():
         for scenario in SCENARIOS:
             cells = []
-            for head, column in LAWS.items():
+            for column in LAWS.values():
                 values = spread(study, sensors, scenario, column)
                 told = dict(zip(("median", "low", "high"), values, strict=True))
                 key = column.removesuffix("_mm")
@@ -85,7 +93,7 @@ def draw(figure: Any, study: Study) -> None:
     figure.set_size_inches(9.0, 6.5)
     panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
     shown = {"frozen": "C7", "TEJ": "C1", "weighted": "C0", "online": "C4", "adaptive": "C2"}
-    for axes, (label, sensors) in zip(panels, SETS.items(), strict=True):
+    for axes, (label, sensors) in zip(panels, SETS.items(), strict=False):
         for k, (head, colour) in enumerate(shown.items()):
             values = np.array([spread(study, sensors, s, LAWS[head]) for s in SCENARIOS])
             at = np.arange(len(SCENARIOS)) + 0.14 * (k - 2)
