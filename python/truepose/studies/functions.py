@@ -20,6 +20,7 @@ from truepose.robot.units import angles
 from truepose.robot.workspace import workspace_samples
 from truepose.simulation.equilibrium import steady_state
 from truepose.studies.cases import Answer, Asked, Case
+from truepose.studies.life import LifeCycle
 
 #: Poses of a built-in function: for its results, and by default for calibration.
 ASKED, LEARNT = 25, 40
@@ -56,7 +57,7 @@ def calibration(case: Case) -> dict[str, Answer]:
     return answer | _rms(robot, np.sqrt(np.einsum("kii->ki", bound)), "bound")
 
 
-READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
+READY: dict[str, Asked] = {"calibration": calibration, "life": LifeCycle(), "rest": rest}
 
 
 def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:

@@ -1,0 +1,111 @@
+"""Table and figure of the life-cycle study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truepose.robot.robot import Robot
+from truepose.show.table import Cell, Table, number
+from truepose.studies.life import SCENARIOS, Life, LifeCycle
+from truepose.studies.study import Study, monte_carlo
+
+#: Sensors of the study on the H4, by label.
+SETS = {
+    "θ": "theta",
+    "θ + z": "theta+z_telemeter",
+    "θ + elbows": "theta+elbow1+elbow2+elbow3+elbow4",
+    "θ + three draw-wires": "theta+wire1+wire2+wire3",
+}
+#: Columns of the study, by heading.
+LAWS = {
+    "frozen": "joint_mm",
+    "TEJ": "tej_mm",
+    "Cartesian": "cartesian_mm",
+    "weighted": "weighted_mm",
+    "estimated": "estimated_mm",
+    "warm-up allowed": "allowed_mm",
+    "online": "online_mm",
+    "adaptive": "adaptive_mm",
+    "new calibration": "new_mm",
+    "bound": "bound_mm",
+}
+
+
+def run(
+    robot: Robot,
+    count: int,
+    seed: int,
+    rates: Life,
+    out: Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Run the study of `count` true robots; a folder lets an interrupted one continue."""
+    grid = {"sensors": list(SETS.values()), "scenario": list(SCENARIOS)}
+    return monte_carlo(
+        LifeCycle(rates),
+        robot,
+        count,
+        grid=grid,
+        seed=seed,
+        out=out,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def spread(study: Study, sensors: str, scenario: str, column: str) -> tuple[float, float, float]:
+    """Return median and 95 % interval over the robots, mm; NaN without an answer."""
+    columns = study.columns
+    these = (columns["sensors"] == sensors) & (columns["scenario"] == scenario) & ~study.failed
+    values = columns[column][these].astype(float)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return (np.nan, np.nan, np.nan)
+    low, median, high = np.percentile(values, (2.5, 50, 97.5))
+    return float(median), float(low), float(high)
+
+
+def table(study: Study) -> Table:
+    """Return medians by sensors, change and law; as data with 95 % intervals."""
+    rows: list[list[Any]] = []
+    for label, sensors in SETS.items():
+        for scenario in SCENARIOS:
+            cells = []
+            for column in LAWS.values():
+                values = spread(study, sensors, scenario, column)
+                told = dict(zip(("median", "low", "high"), values, strict=True))
+                key = column.removesuffix("_mm")
+                data = {f"{key}_{part}_mm": v for part, v in told.items()}
+                median = told["median"]
+                cells.append(Cell(number(median if np.isfinite(median) else None, 2), data))
+            rows.append([label, scenario, *cells])
+    title = "Position error after a change and 100 poses of work, median over the robots (mm)"
+    return Table("life", title, ["sensors", "change", *LAWS], rows)
+
+
+def draw(figure: Any, study: Study) -> None:
+    """Draw the median error of each law after every change, a panel for each sensor set."""
+    figure.set_size_inches(9.0, 6.5)
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    shown = {"frozen": "C7", "TEJ": "C1", "weighted": "C0", "online": "C4", "adaptive": "C2"}
+    for axes, (label, sensors) in zip(panels, SETS.items(), strict=False):
+        for k, (head, colour) in enumerate(shown.items()):
+            values = np.array([spread(study, sensors, s, LAWS[head]) for s in SCENARIOS])
+            at = np.arange(len(SCENARIOS)) + 0.14 * (k - 2)
+            axes.vlines(at, values[:, 1], values[:, 2], color=colour, lw=2, alpha=0.4)
+            axes.plot(at, values[:, 0], "o", color=colour, ms=4, label=head)
+        told = [spread(study, sensors, s, LAWS["bound"])[0] for s in SCENARIOS]
+        axes.plot(np.arange(len(SCENARIOS)), told, "k_", ms=14, label="bound")
+        axes.set(title=label, yscale="log")
+        axes.grid(axis="y", color="0.9")
+        axes.set_xticks(range(len(SCENARIOS)), list(SCENARIOS), rotation=60, ha="right")
+    for axes in panels[::2]:
+        axes.set_ylabel("position error (mm)")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=6, frameon=False
+    )
