@@ -181,7 +181,7 @@ class AdaptiveCalibrator:
         if self.window < 10:
             raise InputError(f"window = {self.window}: must be at least 10 rows")
         self.robot = self.robot.at_highest_level
-        self.kinds = changes(self.robot) if self.kinds is None else list(self.kinds)
+        self._kinds = changes(self.robot) if self.kinds is None else list(self.kinds)
         self._rows: list[Array] = []
         self._observed = 0
 
@@ -225,8 +225,9 @@ class AdaptiveCalibrator:
         self, equations: _Equations, names: list[str], own: Array
     ) -> tuple[Array, tuple[str, ...], float]:
         """Return the root with the accepted changes, their names, and their log odds."""
-        root, changed, total = own, (), 0.0
-        roots = {change.name: (change.root(names), math.log(change.odds)) for change in self.kinds}
+        root, total = own, 0.0
+        changed: tuple[str, ...] = ()
+        roots = {change.name: (change.root(names), math.log(change.odds)) for change in self._kinds}
         for _ in range(MOST_CHANGES):
             before = equations.judge(root)[0]
             gains = {
@@ -261,7 +262,7 @@ class AdaptiveCalibrator:
 def _equations(robot: Robot, names: list[str], rows: Array) -> tuple[_Equations, Array]:
     """Return the loop equations of the rows that have a pose, and which these are, (N,)."""
     x = robot.estimate(rows, errors="nan").x
-    placed = np.isfinite(x).all(axis=1)
+    placed = np.asarray(np.isfinite(x).all(axis=1))
     x, rows = x[placed], rows[placed]
     sigma = knowledge.stated_sigma(robot, None)
     H_x, H_xi = robot.linearize(x)
