@@ -214,7 +214,7 @@ def test_the_wheel_carries_the_cpp_package():
 
 @pytest.mark.parametrize("folder", [tp.headers.get_include, tp.headers.get_cmake_dir])
 def test_without_an_installation_one_line_says_what_to_do(folder, monkeypatch, tmp_path):
-    monkeypatch.setattr(headers, "_DATA", tmp_path)
+    monkeypatch.setattr(headers, "__file__", str(tmp_path / "headers.py"))
     with pytest.raises(tp.TrueposeError, match=r"no C\+\+ headers in .*: install truepose"):
         folder()
 
