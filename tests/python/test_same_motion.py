@@ -114,7 +114,9 @@ def test_margins_of(kept, law):
         ("slow", slow, tp.Effects()),
         ("neck", tp.load("neck").sample(2), tp.Effects().only("delay")),
     ):
-        asked = tp.Controller(law=law, frequency=50, velocity_bandwidth=400, damping=0.8)
+        asked = tp.Controller(
+            law=law, frequency=50, velocity_bandwidth=400, damping=0.8, integral=2.0
+        )
         margins = tp.control.stability_margins(robot, asked, effects, poses=some(robot, 2))
         found[name] = [margins.loops, margins.loci, margins.dither, margins.limit_cycle]
         found[f"{name} shown"] = [margins.stable, margins.kept]
