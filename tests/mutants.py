@@ -40,8 +40,8 @@ FLAGS = "-std=c++20 -O0 -w -fno-math-errno"
 COMPILERS = ("clang++-22", "clang++", "c++")
 #: What no mutant changes and every test reads: precompiled.
 READ = ("Cholesky", "Geometry", "SVD")
-#: A test of a C++ file: from its TEST( to the brace that closes it.
-TEST = re.compile(r'^TEST\((?P<statement>".*?")\) \{\n.*?^\}\n', re.MULTILINE | re.DOTALL)
+#: A test of a C++ file: from its TEST( to the brace that closes it; a long statement has two lines.
+TEST = re.compile(r'^TEST\(((?:\s*"[^"\n]*")+)\) \{\n.*?^\}\n', re.MULTILINE | re.DOTALL)
 
 
 class VerdictError(Exception):
@@ -77,6 +77,10 @@ class Mutant:
         path.write_text(text.replace(self.right, self.wrong), encoding="utf-8")
         for compiled in path.parent.glob(f"__pycache__/{path.stem}.*"):
             compiled.unlink()
+
+
+def _statement(test: re.Match[str]) -> str:
+    return re.sub(r'"\s+"', "", test[1])
 
 
 class Tools:
@@ -118,13 +122,13 @@ class Tools:
         name = next(iter(tests)).partition("::")[0]
         parts = [test.partition("::")[2] for test in tests]
         source = (CPP / f"{name}.cpp").read_text(encoding="utf-8")
-        found = [m["statement"] for m in TEST.finditer(source)]
+        found = [_statement(test) for test in TEST.finditer(source)]
         for part in parts:
             if part != "*" and sum(part in statement for statement in found) != 1:
                 raise VerdictError(f"no one test of {name} says '{part}'")
         program, alone = tree / name, tree / f"{name}.cpp"
         kept = TEST.sub(
-            lambda m: m[0] * any(part == "*" or part in m["statement"] for part in parts), source
+            lambda m: m[0] * any(part == "*" or part in _statement(m) for part in parts), source
         )
         alone.write_text(kept, encoding="utf-8")
         include, on = f"-I{tree / 'include'}", f"-DCHECK_MOBILITY={mobility}"
