@@ -270,7 +270,7 @@ class Description:
                 raise InputError(choose("parameter", name, self._values))
             if not (isinstance(value, numbers.Real) and math.isfinite(value)):
                 raise InputError(f"{name} = {value!r}: must be a finite number")
-            if wrong := robotfile.wrong_value(name, float(value)):
+            if wrong := robotfile.reading.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
         return type(self)(self._spec, self._values | {k: float(v) for k, v in values.items()})
 
