@@ -1,7 +1,5 @@
 """Checks of arguments that several functions share."""
 
-from __future__ import annotations
-
 import fnmatch
 import numbers
 from collections.abc import Mapping, Sequence
@@ -33,17 +31,7 @@ def check_real(values: Any, name: str) -> None:
 
 
 def columns_of(table: Any) -> list[Any] | None:
-    """Return the names of a table's columns; None without names.
-
-    A table is a dict of columns, a list of dicts, of pandas, polars or pyarrow, or a structured
-    array.
-
-    Examples
-    --------
-    >>> columns_of({"q1": [0.1], "q2": [0.2]}), columns_of([{"q1": 0.1}, {"q2": 0.2}])
-    (['q1', 'q2'], ['q1', 'q2'])
-    >>> columns_of([[0.1, 0.2]])
-    """
+    """Return the names of a table's columns; None without names."""
     if isinstance(table, Mapping):
         return list(table)
     if isinstance(table, list) and table and all(isinstance(row, Mapping) for row in table):
@@ -52,7 +40,7 @@ def columns_of(table: Any) -> list[Any] | None:
         names = getattr(table, name, None)
         if names is not None and not callable(names):
             return list(names)
-    names = getattr(getattr(table, "dtype", None), "names", None)
+    names = getattr(getattr(table, "dtype", None), "names", None)  # a structured array
     return None if names is None else list(names)
 
 

@@ -1,7 +1,5 @@
 """Exceptions and helpers for their messages."""
 
-from __future__ import annotations
-
 import difflib
 import unicodedata
 from collections.abc import Iterable
@@ -32,13 +30,7 @@ class InputError(TrueposeError, ValueError):
 
 
 def one_line(text: object, most: int = 2000) -> str:
-    r"""Return a text safe for a terminal: one line, control characters escaped.
-
-    Examples
-    --------
-    >>> print(one_line("a\nb\x1b[31m"))
-    a\nb\x1b[31m
-    """
+    """Return a text safe for a terminal: one line, control characters escaped."""
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
     return line if len(line) <= most else f"{line[:most]} … {len(line) - most} more"
 

@@ -4,8 +4,6 @@ An existing file is replaced only by force; never if it is read-only, not a regu
 input of the same command.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import itertools
@@ -175,7 +173,7 @@ def replace_file(
     write({Output(Path(path), kind, option): contents}, force=force)
 
 
-def picture(figure: Figure, ending: str, dpi: int = 150) -> bytes:
+def picture(figure: "Figure", ending: str, dpi: int = 150) -> bytes:
     """Render a figure as PNG, SVG or PDF; the bytes are reproducible."""
     import matplotlib as mpl
 

@@ -8,10 +8,7 @@ from truepose.exceptions import TrueposeError
 def get_include() -> str:
     """Return the folder for a compiler's include path: ``#include "truepose/..."``.
 
-    Raises
-    ------
-    TrueposeError
-        The package runs from its source tree; the headers exist only after installation.
+    TrueposeError if the package runs from its source tree: installation adds the headers.
     """
     return _installed("include")
 
@@ -19,12 +16,8 @@ def get_include() -> str:
 def get_cmake_dir() -> str:
     """Return the folder of trueposeConfig.cmake, for ``cmake -Dtruepose_DIR=...``.
 
-    A scikit-build-core build that requires truepose does not need it.
-
-    Raises
-    ------
-    TrueposeError
-        As for :func:`get_include`.
+    A scikit-build-core build that requires truepose does not need it. TrueposeError as for
+    :func:`get_include`.
     """
     return _installed("share/cmake/truepose")
 

@@ -50,7 +50,7 @@ SPOILED = [
     (
         "limits = [-0.5236, 1.5708]",
         "limits = [1, -1]",
-        r"chain.1: 'limits' must be \[lower, upper\]",
+        r"chain_defaults.limits = \[1, -1\]: must be \[low, high\], low < high",
     ),
     ("arm = 0.26", "arm = -0.26", "chain_defaults.arm = -0.26: input should be greater than 0"),
     ("mass = 0.60", "mass = -0.60", "platform.mass = -0.6: input should be greater than or equal"),

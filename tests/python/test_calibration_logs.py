@@ -143,8 +143,8 @@ def test_parquet_without_its_library_says_what_to_install(robot, tmp_path, monke
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "no line of readings"),
-        ("q1,q2,q3,q4,theta,z_telemeter\n", "no line of readings"),
+        ("", "no line of values"),
+        ("q1,q2,q3,q4,theta,z_telemeter\n", "no line of values"),
         (
             "q1,q2,q3,q4,tetha,z_telemeter\n1,2,3,4,5,6\n",
             "no column 'theta'; did you mean 'tetha'? (choices: q1, q2, q3, q4, tetha, z_telemeter)"

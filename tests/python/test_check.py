@@ -201,7 +201,10 @@ def test_single_legs_whose_orientation_something_else_holds_pass_with_a_remark(c
 
 def test_a_file_is_read_up_to_a_stated_size(tmp_path, h4_text):
     path = tmp_path / "robot.toml"
-    for size, read in ((robotfile.MOST_BYTES, True), (robotfile.MOST_BYTES + 1, False)):
+    for size, read in (
+        (robotfile.reading.MOST_BYTES, True),
+        (robotfile.reading.MOST_BYTES + 1, False),
+    ):
         path.write_text(h4_text + "#" * (size - len(h4_text.encode())), encoding="utf-8")
         if read:
             assert check(path)[0] is not None
@@ -224,7 +227,7 @@ def test_a_problem_that_comes_a_thousand_times_is_told_a_hundred_times(checked, 
 
 def test_a_long_value_does_not_make_a_long_line(checked, h4_text):
     robot, told = checked(changed(h4_text, '"schoenflies"', f'"{"s" * 10_000}"'))
-    assert robot is None and max(map(len, told.splitlines())) < robotfile.LINE + 20
+    assert robot is None and max(map(len, told.splitlines())) < robotfile.reading.LINE + 20
 
 
 def test_an_unknown_mobility_points_to_what_no_file_can_say(checked, h4_text):

@@ -146,10 +146,10 @@ def test_the_map_shows_the_bound(h4):
         (("h4", "--reference-pose", "0,0,-4,0"), "pose x = [0, 0, -4, 0]: chain 1: unreachable"),
         (("h4", "--level", "real"), "'--level': 'real' is not one of 'ideal', 'full'"),
         (("h4", "--poses", "none.csv"), "none.csv: cannot be read: No such file"),
-        (("h4", "--poses", "columns.csv"), "columns.csv: column 'z' is missing; h4 needs x, y, z"),
-        (("h4", "--poses", "words.csv"), "words.csv:3: theta = 'left': must be a finite number"),
-        (("h4", "--poses", "short.csv"), "short.csv:2: theta = None: must be a finite number"),
-        (("h4", "--poses", "empty.csv"), "empty.csv: no poses"),
+        (("h4", "--poses", "columns.csv"), "columns.csv: no column 'z' (choices: x, y, theta)"),
+        (("h4", "--poses", "words.csv"), "words.csv: line 3: theta = 'left': must be a number"),
+        (("h4", "--poses", "short.csv"), "short.csv: line 2: 3 cells, must be 4"),
+        (("h4", "--poses", "empty.csv"), "empty.csv: no line of values"),
     ],
 )
 def test_a_question_that_cannot_be_answered_is_one_line(run, tmp_path, words, message):

@@ -123,7 +123,7 @@ SPOILED = [
     ('name = "roll"', 'name = "time"', "axis time: logs and parameters use this name"),
     ('name = "roll"', 'name = "a roll"', "axis.2.name = 'a roll': string should match"),
     ("[-0.2618, 0.2618]", "[-15, 15]", "axis.2: limits = -15, 15 rad: more than a turn"),
-    ("[-0.2618, 0.2618]", "[15, -15]", r"axis.2: 'limits' must be \[lower, upper\]"),
+    ("[-0.2618, 0.2618]", "[15, -15]", r"axis.2.limits = \[15, -15\]: must be \[low, high\]"),
     (
         "[-0.2618, 0.2618]",
         "[0.1, 0.2]",

@@ -34,7 +34,7 @@ def test_a_twin_loads_by_name_and_is_no_robot_to_choose(h4):
 
 
 def test_the_twin_gives_the_tables_of_its_readme(runs):
-    readme = robotfile.loadable()[twin.NAME].with_name("README.md").read_text(encoding="utf-8")
+    readme = robotfile.path_of(twin.NAME).with_name("README.md").read_text(encoding="utf-8")
     for reading in ("estimated", "desired"):
         table = printed_tables.twin_table3(runs, "exact", reading)
         assert markdown(table) in readme

@@ -78,7 +78,9 @@ def test_the_lines_of_a_posture_measure_it_once_for_a_calibration(ankle):
     log = logs.of(ankle, {"q1": rows[:, 0], "q2": rows[:, 1], "posture": ["l", "l", "", "r"]})
     there = np.isfinite(log.measured).all(axis=1)
     assert there.tolist() == [True, False, False, True]
-    assert (log.measured[there] == 0).all() and (log.measured_sigma[there] == logs.FLAT).all()
+    assert (log.measured[there] == 0).all() and (
+        log.measured_sigma[there] == logs.reading.FLAT
+    ).all()
     fit = tp.calibrate(
         ankle, log.readings, measured=log.measured, measured_sigma=log.measured_sigma
     )
@@ -128,7 +130,7 @@ def test_an_axis_that_was_not_measured_is_not_known(ankle):
 
 def test_a_posture_says_nothing_of_a_turn_about_the_vertical():
     neck = tp.load("neck")
-    upright = ~logs.tilts(neck)
+    upright = ~logs.reading.tilts(neck)
     names = [name for name, _ in neck.coordinates]
     assert [names[k] for k in np.flatnonzero(upright)] == ["yaw"]
     found = tp.calibration.zero(neck, neck.extended_positions([neck.home]))

@@ -13,7 +13,7 @@ from truepose.arguments import Array
 from truepose.calibration.differences import AXES, Difference, DistanceMeasurements, PlaneContacts
 from truepose.calibration.expectation import poses_of
 from truepose.exceptions import InputError, choose, one_line, shortened
-from truepose.logs import PLANES, POINT, Log
+from truepose.logs.reading import PLANES, POINT, Log
 from truepose.robot import frames
 from truepose.robot.robot import Robot
 
@@ -143,7 +143,7 @@ def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
     Ends are names in the log's column `point`, at their first row; without that column, line
     numbers of the log's file. An InputError names the file, the line, the column and the cell.
     """
-    cells = logs.texts(path, ("from", "to", "distance"))
+    cells = logs.reading.texts(path, ("from", "to", "distance"))
     lines, texts = cells.lines, cells.columns
     table = []
     for name, default in (("distance", np.nan), ("sigma", sigma), ("times", 1.0)):

@@ -34,7 +34,7 @@ from truepose.calibration.registration import (
     sizes,
 )
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.logs import repeated
+from truepose.logs.reading import repeated
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.compliance import Payloads

@@ -75,7 +75,7 @@ def _distinct(robot: Robot, log: Log) -> Array:
 
 
 def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
-    again = logs.repeated(log.readings, log.measured, robot.n)
+    again = logs.reading.repeated(log.readings, log.measured, robot.n)
     if not again.any():
         return log, []
     readings = log.readings.copy()

@@ -199,14 +199,14 @@ def _pose(robot: Robot, at: ArrayLike | None) -> Array:
             raise InputError(f"at (--at): {error}") from None
         return x
     if robot.spec.mobility == "rotational":
-        return np.where(logs.tilts(robot), 0.0, np.nan)
+        return np.where(logs.reading.tilts(robot), 0.0, np.nan)
     return robot.home
 
 
 def _sigma(robot: Robot, sigma: ArrayLike | float | None) -> Array:
     if sigma is None and robot.spec.mobility != "rotational":
         raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
-    sigma = logs.FLAT if sigma is None else sigma
+    sigma = logs.reading.FLAT if sigma is None else sigma
     values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
     if not (np.isfinite(values) & (values > 0)).all():
         raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
@@ -216,11 +216,11 @@ def _sigma(robot: Robot, sigma: ArrayLike | float | None) -> Array:
 def _postures(
     robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
 ) -> tuple[list[_Posture], list[str]]:
-    labels = log.labels.get(logs.POSTURE)
+    labels = log.labels.get(logs.reading.POSTURE)
     usual, names = _pose(robot, at), np.full(len(log.lines), "one")
     stood = np.ones(len(names), dtype=bool)
     if labels is not None:
-        names, stood = labels, logs.stood(labels)
+        names, stood = labels, logs.reading.stood(labels)
         if not stood.any():
             raise InputError("no line names a posture: the column 'posture' is empty, or 0")
         if at is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from typer import Option
 
@@ -71,7 +72,7 @@ def c(
     loses = options.effects_of(effects)
     prefix = named(made, name)
     controller = None
-    if not made.has_inertia:
+    if np.linalg.eigvalsh(made.mass_matrix(made.home)).min() <= 0:
         say(
             f"{made.name}: the file has no masses (drive_inertia, arm_mass, rod_mass, platform's): "
             f"{prefix}_control and {prefix}_fault_monitor are left out; kinematics, Jacobian, "

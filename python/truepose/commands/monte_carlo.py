@@ -86,7 +86,7 @@ def simulate_log_command(
         show(_compared(drawn, result), how, [nees])
         return
     drawn, read = options.load_with(robot, sensors), options.paths([robot])
-    outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
+    outputs = [logs.writing.check(out, read, force), Output(kept, "true robot", "--truth")]
     files.check(outputs, read, force)
     ran = simulate_log(
         drawn,
@@ -97,7 +97,7 @@ def simulate_log_command(
         tracker=not drawn.sensors if tracker is None else tracker,
     )
     text = f"# {mark('true robot')}, sampled with seed {seed}\n{options.file_text(ran.truth)}"
-    log = logs.encoded(out, _columns(ran))
+    log = logs.writing.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
     options.wrote(how, out, kept)
     calibrated = out.with_suffix(".calibrated.toml")
@@ -111,15 +111,15 @@ def simulate_log_command(
         say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
 
 
-def _columns(ran: SimulatedLog) -> list[logs.Column]:
-    result = logs.readings(ran.truth, ran.q_e)
+def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
+    result = logs.writing.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
         unit, what = "m", "{} of a marker on the platform, in the tracker's frame"
         if ran.truth.spec.mobility == "rotational":
             unit, what = "rad", "{}, measured externally"
         for (name, _), values in zip(ran.truth.coordinates, ran.measured.T, strict=False):
             about = (f"measured_{name}", unit, what.format(name))
-            result.append(logs.Column("measured", *about, values))
+            result.append(logs.writing.Column("measured", *about, values))
     return result
 
 

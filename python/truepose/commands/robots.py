@@ -20,7 +20,8 @@ from truepose.exceptions import InputError, RobotFileError, choose, one_line, sh
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
 from truepose.robot.workspace import reach, told, workspace_grid
-from truepose.robotfile import Problem, toml_lines
+from truepose.robotfile import reading, toml_lines
+from truepose.robotfile.consistency import Problem
 from truepose.robotfile.schema import RobotFile
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
@@ -149,9 +150,9 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
     A mechanism must close at home, constrain its platform and have lengths in m; these are checked
     as soon as its keys are valid, the reach of the workspace once the whole file is.
     """
-    text = robotfile.text_of(path, str(path))
+    text = reading.text_of(path, str(path))
     try:
-        data = robotfile.table_of(text)
+        data = reading.table_of(text)
     except ValueError as error:
         line = re.search(r"at line (\d+)", str(error))
         last = max(len(text.splitlines()), 1) if "end of document" in str(error) else 1
@@ -159,7 +160,7 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{at}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    found = {(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems}
+    found = {(_line(where, data, p.path), shortened(p.text, reading.LINE)) for p in problems}
     return robot, [f"{path}:{line}: {what}" for line, what in sorted(found)]
 
 
@@ -208,8 +209,8 @@ def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
 
 
 def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
-    spec, problems = robotfile.examine(data)
-    moving = spec or robotfile.mechanism_of(data)
+    spec, problems = reading.examine(data)
+    moving = spec or reading.mechanism_of(data)
     if moving:
         problems += _in_millimetres(moving)
     try:

@@ -133,7 +133,7 @@ def command(
     """
     read = options.paths([robot, path, way_points, None if true in ("drawn", "nominal") else true])
     save = options.plot_to(plot, read, force)
-    log = None if out is None else logs.check(out, read, force)
+    log = None if out is None else logs.writing.check(out, read, force)
     believed = options.load_with(robot, sensors)
     truth = options.true_robot(believed, true, seed)
     forgotten = None if effects == "none" else options.effects_of(effects)
@@ -159,7 +159,7 @@ def command(
             tables, torque, status = [error_table(believed, error)], None, _reached(ran)
     save(lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
     if log is not None:
-        files.write({log: logs.encoded(log.path, logs.columns(ran, truth))}, read, force)
+        files.write({log: logs.writing.encoded(log.path, logs.columns(ran, truth))}, read, force)
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"

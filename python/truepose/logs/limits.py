@@ -1,7 +1,5 @@
 """Limits on the size of a log, checked before it is unpacked or parsed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,10 @@ _HINT = "leave out columns that are not used, thin the log, or split it"
 
 def read(path: Path) -> bytes:
     """Read a file that is no larger than `BYTES`."""
-    data = contents(path, BYTES + 1)
+    try:
+        data = contents(path, BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     if len(data) > BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes, more than {BYTES}; {_HINT}")
     return data
@@ -32,12 +33,6 @@ def require(path: Path, rows: int, cells: int, unpacked: int = 0) -> None:
     ):
         if size > most:
             raise InputError(f"{path}: {size} {what}, more than {most}; {_HINT}")
-
-
-def require_text(path: Path, data: bytes) -> None:
-    """Raise InputError where a CSV file has too many rows or cells."""
-    rows = data.count(b"\n") + data.count(b"\r") - data.count(b"\r\n")
-    require(path, rows - 1, rows + sum(map(data.count, (b",", b";", b"\t"))))
 
 
 def pyarrow_for(path: Path) -> Any:

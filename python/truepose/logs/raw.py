@@ -1,7 +1,5 @@
 """Values of one count, step or turn: of a log's header, `# one q1_turns = 75 mm`, or robot file."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping

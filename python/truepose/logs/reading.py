@@ -101,7 +101,7 @@ def read(robot: Robot, path: str | Path) -> Log:
     that begin with # are comments. An InputError names the file, the line, the column and the cell.
     """
     path = Path(path)
-    data = _bytes(path)
+    data = limits.read(path)
     table: dict[str, Any] | None
     if data.startswith(b"PAR1"):
         table = _parquet(path, data)
@@ -123,19 +123,12 @@ def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
 def texts(path: str | Path, names: Sequence[str]) -> Cells:
     """Read the cells of a CSV file with the columns `names`."""
     path = Path(path)
-    cells = _csv(path, _bytes(path))
+    cells = _csv(path, limits.read(path))
     for name in names:
         if name not in cells.columns:
             unknown = choose("column", name, cells.columns)
             raise InputError(f"{path}: {unknown.replace('unknown', 'no', 1)}")
     return cells
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return limits.read(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
@@ -166,7 +159,8 @@ def _no_twins(path: Path | str, names: list[str]) -> None:
 
 
 def _csv(path: Path, data: bytes) -> Cells:
-    limits.require_text(path, data)
+    count = data.count(b"\n") + data.count(b"\r") - data.count(b"\r\n")
+    limits.require(path, count - 1, count + sum(map(data.count, (b",", b";", b"\t"))))
     try:
         text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
     except UnicodeDecodeError:
@@ -188,13 +182,11 @@ def _csv(path: Path, data: bytes) -> Cells:
             raise InputError(f"{path}: line {number}: {len(row)} cells, must be {len(rows[0])}")
         rows.append(row)
     if len(rows) < 2:
-        raise InputError(f"{path}: no line of readings")
+        raise InputError(f"{path}: no line of values")
     header, *rows = rows
     _no_twins(path, header)
-    lines = np.array([number for number, _ in numbered[1:]])
-    return Cells(
-        dict(zip(header, map(list, zip(*rows, strict=True)), strict=True)), lines, "line", str(path)
-    )
+    columns = dict(zip(header, map(list, zip(*rows, strict=True)), strict=True))
+    return Cells(columns, np.array([n for n, _ in numbered[1:]]), "line", str(path))
 
 
 def _numbered(columns: dict[str, Any], where: str) -> Cells:
@@ -290,22 +282,16 @@ class Cells(NamedTuple):
             for name in labels
             if name in PLANES and f"{name}_above" in free
         }
-        used = (
-            *outside,
-            *sigmas,
-            *forces,
-            *tensions,
-            *labels,
-            *(f"{name}_above" for name in above),
-        )
+        used = {*outside, *sigmas, *forces, *tensions, *labels}
+        used |= {f"{name}_above" for name in above}
         unused = tuple(name for name in free if name not in used)
         measured, sigma = self.block(outside), self.block(sigmas)
         if POSTURE in labels:
             measured, sigma = flat(robot, labels[POSTURE], measured, sigma)
         pulls = {"force": self.block(forces), "tension": self.block(tensions)}
         loads = Payloads(**pulls) if any(v is not None for v in pulls.values()) else None
-        lines, word, names = self.lines, self.word, robot.readings
-        return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
+        about = robot.readings, readings, measured, self.lines, self.word
+        return Log(*about, unused, sigma, labels, above, loads)
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:

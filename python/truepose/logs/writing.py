@@ -64,15 +64,7 @@ def numbered(rows: Array) -> list[Column]:
 
 
 def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
-    """Return all columns of a run: name, unit, description, values; `robot`: for a Visit only.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose import logs
-    >>> [c.name for c in logs.columns(tp.simulate(tp.load("h4")))][:6]
-    ['time', 'q1', 'q2', 'q3', 'q4', 'theta']
-    """
+    """Return all columns of a run: name, unit, description, values; `robot`: for a Visit only."""
     result = run.columns(robot)
     names = [column.name for column in result]
     if twice := next((name for name in names if names.count(name) > 1), None):
@@ -86,14 +78,8 @@ def write(
 ) -> None:
     """Write a run in the format of the path's ending: .parquet, .mcap or .csv.
 
-    Parameters
-    ----------
-    run, robot
-        As of :func:`columns`.
-    path : str or Path
-        File; an existing one survives an interrupted write.
-    force : bool
-        Whether to replace an existing file; never a read-only or special one.
+    `robot` is for a run that does not hold its own, a Visit. `force` replaces an existing file,
+    never a read-only or special one; an interrupted write leaves it unchanged.
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """Batches of poses: conversion for the core, and errors of rows without a result."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -89,12 +87,11 @@ def at_poses(
     errors: Errors,
     function: Callable[..., Any],
     *arguments: Any,
-    core: _core.Robot | None = None,
     level: Level | None = None,
 ) -> list[Array]:
     """Evaluate a core function at poses x, (..., n); each result has x's leading shape."""
     rows, lead = flattened(robot, x, robot.n, "x", errors)
-    *results, status, chain = function(core or robot.core, rows, *arguments)
+    *results, status, chain = function(robot.core, rows, *arguments)
     require_answers(robot, "pose", rows, lead, status, chain, errors, level=level)
     return [of.reshape(*lead, *of.shape[1:]) for of in results]
 

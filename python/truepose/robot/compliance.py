@@ -48,11 +48,9 @@ class Payloads:
 
     def only(self, keep: Array) -> Payloads:
         """Return the loads of the rows that `keep` selects."""
-        force, tension = (None if v is None else np.asarray(v) for v in (self.force, self.tension))
-        return Payloads(
-            force=force if force is None or force.ndim == 1 else force[keep],
-            tension=None if tension is None else tension[keep],
-        )
+        given = {"force": self.force, "tension": self.tension}
+        rows = {n: np.asarray(v) for n, v in given.items() if v is not None}
+        return Payloads(**{n: v if v.ndim == 1 else v[keep] for n, v in rows.items()})
 
     def padded(self, robot: Description, lines: int, more: int) -> Payloads:
         """Return the loads of a log and of `more` further rows under the file's load alone."""
@@ -137,10 +135,9 @@ def unknown(robot: Description) -> list[str]:
 
 def columns(robot: Description, names: Sequence[str], by_compliance: Array) -> Array:
     """Select derivatives by these compliances, (N, n + r, len(names)), from all chains'."""
-    of_chain = {f"chain{i + 1}.compliance": by_compliance[..., i] for i in range(robot.n)}
-    of_chain[COMMON] = by_compliance.sum(axis=-1)
-    chosen = [of_chain[name] for name in names]
-    return np.stack(chosen, axis=-1) if chosen else by_compliance[..., :0]
+    own = np.array([f"chain{i + 1}.compliance" for i in range(robot.n)])
+    wanted = np.array(names, dtype=str)
+    return by_compliance @ ((own[:, None] == wanted) | (wanted == COMMON)).astype(float)
 
 
 def acting(robot: Description, x: Array, full: bool) -> Array | None:

@@ -7,7 +7,7 @@ import math
 import numbers
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,19 +30,22 @@ class Parameter(NamedTuple):
 
 
 class Description:
-    """A robot and its sensors as data: what a :class:`truepose.Robot` is without a pose.
+    """A robot and its sensors as data: what a :class:`truepose.Robot` is without a pose."""
 
-    Attributes
-    ----------
-    core, core_drawn : _core.Robot
-        The C++ core's robot with the parameters, and the nominal one; for this package's modules.
-    """
-
-    core: _core.Robot
-    core_drawn: _core.Robot
+    core: _core.Robot  # of the C++ core, with the parameters
+    core_drawn: _core.Robot  # nominal
 
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
-        self._spec = spec
+        self.spec: Final = spec  #: robot file this robot was made from
+        self.name: Final = spec.name  #: the robot's name
+        self.n: Final = spec.n  #: number of motors, chains and degrees of freedom
+        self.sensors: Final = spec.sensors  #: names of the sensors in use, in the order of r
+        self.r: Final = len(spec.sensors)  #: number of redundant sensors in use
+        #: Names of the extended positions q_e: q1 … qn, then the sensors in use.
+        self.readings: Final = (*(f"q{i + 1}" for i in range(spec.n)), *spec.sensors)
+        self.coordinates: Final = spec.coordinates  #: name and unit of each coordinate of x
+        #: Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`.
+        self.level: Final[Level] = spec.level or "ideal"
         self._nominal = drawn(spec)
         self._values = self._nominal | spec.parameters | (values or {})
         most = min(_core.max_sensors, _core.max_readings - spec.n)
@@ -62,55 +65,30 @@ class Description:
         if self.level == "full" and not self.full:
             raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in self.__dict__:
+            raise AttributeError(f"{name}: a robot is immutable; its with_… and replace copy it")
+        super().__setattr__(name, value)
+
     def __repr__(self) -> str:
-        sensors = ", ".join(self._spec.sensors) or "no sensor"
-        return f"<truepose.Robot {self.name}: {self._spec.mobility}, n={self.n}, {sensors}>"
+        sensors = ", ".join(self.spec.sensors) or "no sensor"
+        return f"<truepose.Robot {self.name}: {self.spec.mobility}, n={self.n}, {sensors}>"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Description):
             return NotImplemented
-        return self is other or (self._spec, self._values) == (other._spec, other._values)
+        return self is other or (self.spec, self._values) == (other.spec, other._values)
 
     def __hash__(self) -> int:
-        return hash((self._spec.name, self._spec.sensors, *self._values.values()))
+        return hash((self.spec.name, self.spec.sensors, *self._values.values()))
 
     def __reduce__(self) -> tuple:
-        return type(self), (self._spec, self._values)
-
-    @property
-    def name(self) -> str:
-        """The robot's name."""
-        return self._spec.name
-
-    @property
-    def spec(self) -> RobotFile:
-        """The robot file this robot was made from."""
-        return self._spec
-
-    @property
-    def n(self) -> int:
-        """Number of motors, chains and degrees of freedom."""
-        return self._spec.n
-
-    @property
-    def r(self) -> int:
-        """Number of redundant sensors in use."""
-        return len(self.sensors)
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors in use, in the order of r."""
-        return self._spec.sensors
-
-    @property
-    def readings(self) -> tuple[str, ...]:
-        """Names of the extended positions q_e: q1 … qn, then the sensors in use."""
-        return (*(f"q{i + 1}" for i in range(self.n)), *self.sensors)
+        return type(self), (self.spec, self._values)
 
     @property
     def home(self) -> Array:
         """A pose well inside the workspace, shape (n,)."""
-        return np.array(self._spec.home)
+        return np.array(self.spec.home)
 
     @property
     def full(self) -> explain.FullLevel:
@@ -126,11 +104,6 @@ class Description:
         return explain.full_level(self.core)
 
     @property
-    def level(self) -> Level:
-        """Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`."""
-        return self._spec.level or "ideal"
-
-    @property
     def highest_level(self) -> Level:
         """Default level of estimates, calibrations, predictions and weighting laws.
 
@@ -143,7 +116,7 @@ class Description:
         >>> h4.level, h4.highest_level, h4.with_level("ideal").highest_level
         ('ideal', 'full', 'ideal')
         """
-        return self._spec.level or ("full" if self.full else "ideal")
+        return self.spec.level or ("full" if self.full else "ideal")
 
     def with_level(self, level: Level | None) -> Self:
         """Return a copy whose methods and laws default to this level; None: the file's default.
@@ -157,7 +130,7 @@ class Description:
         True
         """
         self.is_full(level)
-        return self if level == self._spec.level else self._with(level=level)
+        return self if level == self.spec.level else self._with(level=level)
 
     @functools.cached_property
     def at_highest_level(self) -> Self:
@@ -175,7 +148,7 @@ class Description:
         return level == "full"
 
     def _with(self, **changes: Any) -> Self:
-        return type(self)(self._spec.model_copy(update=changes), self._values)
+        return type(self)(self.spec.model_copy(update=changes), self._values)
 
     @property
     def loose(self) -> bool:
@@ -183,16 +156,11 @@ class Description:
         return self.core.full.kind == _core.FullKind.loose
 
     @property
-    def coordinates(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each coordinate of x."""
-        return self._spec.coordinates
-
-    @property
     def resolution(self) -> Array:
         """One count of every reading, shape (n + r,); 0 where unquantized."""
-        steps = [encoder_step(chain) for chain in self._spec.chain]
-        steps += [sensor.step for sensor in self._spec.used]
-        return np.array(steps) * self._spec.quantized
+        steps = [encoder_step(chain) for chain in self.spec.chain]
+        steps += [sensor.step for sensor in self.spec.used]
+        return np.array(steps) * self.spec.quantized
 
     @property
     def reading_sigma(self) -> Array:
@@ -205,8 +173,8 @@ class Description:
         >>> bool(np.allclose(h4.reading_sigma, h4.resolution / np.sqrt(12)))
         True
         """
-        noise = [part.encoder_noise for part in self._spec.chain]
-        noise += [sensor.noise for sensor in self._spec.used]
+        noise = [part.encoder_noise for part in self.spec.chain]
+        noise += [sensor.noise for sensor in self.spec.used]
         return np.sqrt(np.square(noise) + self.resolution**2 / 12)
 
     @property
@@ -224,15 +192,12 @@ class Description:
 
     @functools.cached_property
     def _parameters(self) -> dict[str, Parameter]:
-        learnt = self._spec.calibration
-        known = (
-            zip(learnt.parameters, learnt.mean, learnt.sigma.values(), strict=True)
-            if learnt
-            else ()
-        )
-        priors = {name: (mean, sigma) for name, mean, sigma in known}
+        priors: dict[str, tuple[float, float]] = {}
+        if learnt := self.spec.calibration:
+            known = zip(learnt.mean, learnt.sigma.values(), strict=True)
+            priors = dict(zip(learnt.parameters, known, strict=True))
         for name, nominal in self._nominal.items():
-            tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
+            tolerance = self.spec.tolerance(name) or Tolerance(sigma=0.0)
             priors.setdefault(name, (nominal + tolerance.mean, tolerance.deviation))
         return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
 
@@ -270,9 +235,9 @@ class Description:
                 raise InputError(choose("parameter", name, self._values))
             if not (isinstance(value, numbers.Real) and math.isfinite(value)):
                 raise InputError(f"{name} = {value!r}: must be a finite number")
-            if wrong := robotfile.wrong_value(name, float(value)):
+            if wrong := robotfile.reading.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
-        return type(self)(self._spec, self._values | {k: float(v) for k, v in values.items()})
+        return type(self)(self.spec, self._values | {k: float(v) for k, v in values.items()})
 
     def expected(self) -> Self:
         """Return the robot with every parameter at its prior mean.
@@ -299,7 +264,7 @@ class Description:
         0.1
         """
         sensors = []
-        for sensor in self._spec.sensor:
+        for sensor in self.spec.sensor:
             vectors = {
                 key: tuple(
                     places.get(f"{sensor.name}.{key}.{axis}", value)
@@ -309,14 +274,14 @@ class Description:
             }
             sensors.append(sensor.model_copy(update=vectors))
         own = {name: v for name, v in self._values.items() if v != self._nominal[name]}
-        return type(self)(self._spec.model_copy(update={"sensor": tuple(sensors)}), own)
+        return type(self)(self.spec.model_copy(update={"sensor": tuple(sensors)}), own)
 
     def with_calibration(self, calibration: CalibrationSection | None) -> Self:
         """Return a copy with a calibration's parameter covariance, or with the prior's (None)."""
         if calibration is not None:
             require(calibration, CalibrationSection, "calibration", "fit.robot has one")
         learnt = calibration and zip(calibration.parameters, calibration.mean, strict=True)
-        spec = self._spec.model_copy(update={"calibration": calibration})
+        spec = self.spec.model_copy(update={"calibration": calibration})
         return type(self)(spec, self._values | dict(learnt or ()))
 
     def with_sensors(self, *names: str) -> Self:
@@ -330,7 +295,7 @@ class Description:
         """
         if len(names) == 1 and isinstance(names[0], list | tuple):
             names = tuple(names[0])
-        chosen = selected("sensor", names, [sensor.name for sensor in self._spec.sensor])
+        chosen = selected("sensor", names, [sensor.name for sensor in self.spec.sensor])
         if len(set(chosen)) < len(chosen):
             raise InputError(f"a sensor is named twice: {', '.join(chosen)}")
         return self._with(sensors=chosen)
@@ -351,7 +316,7 @@ class Description:
         >>> print(f"{1e6 * lower:.1f} µm")
         -24.0 µm
         """
-        table = self._spec.compliance or Compliance()
+        table = self.spec.compliance or Compliance()
         load = {"load": _vector("load", force, "N")}
         return self._with(compliance=table.model_copy(update=load))
 
@@ -363,12 +328,8 @@ class Description:
         """Write a robot file that loads back to this robot, bit for bit.
 
         Keeps the order and comments of the original. An interrupted save leaves the old file
-        unchanged. `force` replaces an existing file, but never one that is read-only or special.
-
-        Raises
-        ------
-        InputError
-            The file cannot or may not be written.
+        unchanged. `force` replaces an existing file, but never one that is read-only or special:
+        these raise InputError.
 
         Examples
         --------
@@ -379,7 +340,7 @@ class Description:
         ...     tp.load(folder + "/mine.toml").parameters == longer.parameters
         True
         """
-        text = robotfile.to_toml(self._spec, self._values)
+        text = robotfile.to_toml(self.spec, self._values)
         files.write({robotfile.output(path): text}, force=force)
 
 

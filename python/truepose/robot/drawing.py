@@ -1,7 +1,5 @@
 """Drawing of a robot's mechanism at a pose."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
 from truepose.robot.kinematics import Kinematics
-from truepose.robot.parts import Part, parts_of
-from truepose.show.colours import COLOURS
+from truepose.robot.parts import COLOURS, Part, parts_of
 
 _MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
 

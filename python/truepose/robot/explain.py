@@ -1,7 +1,5 @@
 """Explanations of why given chains form no robot."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 
@@ -33,7 +31,11 @@ def full_level(robot: _core.Robot) -> FullLevel:
     """Return whether the full level exists, and why."""
     full, kinds = robot.full, _core.FullKind
     count = f"{full.rods} rods, {full.unknowns} freedoms"
-    free = _not_held_at_home(robot) if full.kind == kinds.loose else ""
+    free = ""
+    if full.kind == kinds.loose:
+        rows = np.asarray(_core.full_rod_rows(robot))
+        names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
+        free = f"the rods do not constrain the platform against {_not_held(rows, names)}"
     exists, reason = {
         kinds.same: (True, f"{count}: the ideal level itself"),
         kinds.exists: (True, count),
@@ -64,10 +66,8 @@ def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> st
         words += f": {_not_turned(robot, spec, home)}"
     elif status == _core.singular:
         rows, _ = _core.rod_rows(robot, home)
-        coordinates = [name for name, _ in spec.coordinates]
-        twists = np.zeros((spec.n, 6))
-        twists[:, [_TWIST[name] for name in coordinates]] = _not_held(rows, coordinates)
-        words += f": the chains do not constrain the platform against {_motions(twists)}"
+        free = _not_held(rows, [name for name, _ in spec.coordinates])
+        words += f": the chains do not constrain the platform against {free}"
     return words
 
 
@@ -102,15 +102,8 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     return f"the motors do not constrain the platform against turning by {' : '.join(turned)}"
 
 
-def _not_held_at_home(robot: _core.Robot) -> str:
-    """Say which motions at home the rods leave free, where the full level is underconstrained."""
-    rows = np.asarray(_core.full_rod_rows(robot))
-    names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
-    return f"the rods do not constrain the platform against {_motions(_not_held(rows, names))}"
-
-
-def _not_held(rows: Array, names: list[str]) -> Array:
-    """Return motions that change no rod's length, one a row, in few coordinates; then zeros."""
+def _not_held(rows: Array, names: list[str]) -> str:
+    """Describe the motions that change no rod's length, each in few coordinates."""
     turns = np.array([name not in ("x", "y", "z") for name in names])
     sizes = np.linalg.norm(rows, axis=0)
     length = np.median(sizes[turns]) / np.median(sizes[~turns]) if turns.any() else 1.0
@@ -123,12 +116,11 @@ def _not_held(rows: Array, names: list[str]) -> Array:
         free[[k, k + row]] = free[[k + row, k]]
         free[k] /= free[k, column]
         free -= np.outer(free[:, column] * (np.arange(len(free)) != k), free[k])
-    free = np.where(np.abs(free) < _HELD, 0.0, free) / scale
-    return np.vstack([free, np.zeros((len(names) - len(free), len(names)))])
-
-
-def _motions(twists: Array) -> str:
-    return ", nor against ".join(_motion(twist) for twist in twists if twist.any())
+    twists = np.zeros((len(free), max(len(names), 6)))
+    twists[:, [_TWIST.get(name, k) for k, name in enumerate(names)]] = (
+        np.where(np.abs(free) < _HELD, 0.0, free) / scale
+    )
+    return ", nor against ".join(map(_motion, twists))
 
 
 def _motion(twist: Array) -> str:

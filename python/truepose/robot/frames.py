@@ -1,7 +1,5 @@
 """Conversion of coordinates to homogeneous frames and back, in batches."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -28,13 +26,6 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
     `tilt`, (..., 2 or 3), is the rotation that x, (..., n), m and rad, omits: the first entries of
     :meth:`truepose.Robot.residual_motion`, about x and y for a schoenflies robot (θ stays
     atan2(R_10, R_00)), about x, y and z for a translation robot.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.robot.frames import frames
-    >>> print(frames(tp.load("delta"), [0.1, 0.0, -0.2])[:3, 3])
-    [ 0.1  0.  -0.2]
     """
     x = np.asarray(x, dtype=float)
     turn = np.zeros((*x.shape[:-1], 3))
@@ -50,7 +41,6 @@ def coordinates(robot: Description, frame: ArrayLike) -> Array:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.robot.frames import coordinates, frames
     >>> h4 = tp.load("h4")
     >>> print(coordinates(h4, frames(h4, [0.1, 0, -0.4, 0.2], tilt=[0.01, -0.02])).round(9))
     [ 0.1  0.  -0.4  0.2]

@@ -39,7 +39,7 @@ class Kinematics(Description):
         level: Level | None = None,
         own_mode: bool = False,
     ) -> Array:
-        """Inverse kinematic model: compute the motor positions q of the pose x, shape (..., n).
+        """Inverse kinematic model: compute motor positions q, (..., n), rad or m, of the pose x.
 
         Each chain closes in its own working mode; the pose may be in any assembly mode. Set
         `own_mode` before commanding a machine: the motors do not hold the platform on the way to a
@@ -56,11 +56,6 @@ class Kinematics(Description):
         own_mode : bool
             Refuse a pose where det J_x has another sign than at home: branch lost.
 
-        Returns
-        -------
-        ndarray, shape (..., n)
-            Readings q of the motor encoders, rad or m.
-
         Raises
         ------
         PoseError
@@ -76,18 +71,8 @@ class Kinematics(Description):
         >>> print(np.degrees(q).round(4))
         [38.9429 38.9429 38.9429 38.9429]
         """
-        return self._motors(self.core, x, errors, level, own_mode)
-
-    def _motors(
-        self,
-        core: _core.Robot,
-        x: ArrayLike,
-        errors: Errors,
-        level: Level | None,
-        own_mode: bool = False,
-    ) -> Array:
         full = self.is_full(level)
-        (q,) = at_poses(self, x, errors, _core.ikm, full, own_mode, core=core, level=level)
+        (q,) = at_poses(self, x, errors, _core.ikm, full, own_mode, level=level)
         return self._under_load(q, x, errors, full, slice(self.n))
 
     def _under_load(
@@ -116,20 +101,20 @@ class Kinematics(Description):
 
         Joint limits are not checked: the robot may have been pushed beyond them.
         """
-        q = self._motors(self.core.without_limits(), x, errors, level)
-        return np.concatenate([q, self.rkm(x, errors, level)], axis=-1)
+        full = self.is_full(level)
+        (q,) = at_poses(
+            self, x, errors, lambda core, rows: _core.ikm(core.without_limits(), rows, full)
+        )
+        (r,) = at_poses(self, x, errors, _core.rkm, full)
+        q_e = np.concatenate([q, r], axis=-1)
+        return self._under_load(q_e, x, errors, full, slice(None))
 
     def read(
         self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
         """Simulate readings [q; r], (..., n + r), with noise and quantization.
 
-        Parameters
-        ----------
-        x, errors, level
-            True poses, errors and level as for :meth:`ikm`.
-        seed : int
-            Seed of the noise; the same seed gives the same readings.
+        The same `seed` gives the same noise; true poses x, errors and level as for :meth:`ikm`.
 
         Examples
         --------
@@ -286,10 +271,8 @@ class Kinematics(Description):
         >>> print(delta.with_payload((0, 0, -30)).rod_forces(delta.home).round(2))
         [18.13 18.13 18.13]
         """
-        return self._under_load_at(x, errors, self.is_full(level))[2]
-
-    def _under_load_at(self, x: ArrayLike, errors: Errors, full: bool) -> list[Array]:
-        return at_poses(self, x, errors, lambda _, rows: compliance.under_load(self, rows, full))
+        full = self.is_full(level)
+        return at_poses(self, x, errors, lambda _, rows: compliance.under_load(self, rows, full))[2]
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
         """Compute the distance from singularities at x, independent of size and units, 0 to 1.
@@ -350,7 +333,9 @@ class Kinematics(Description):
             if name in at:
                 H[..., at[name]] = core[..., column]
         if self.spec.stretches:
-            _, by, _ = self._under_load_at(x, errors, full)
+            loaded = at_poses(
+                self, x, errors, lambda _, rows: compliance.under_load(self, rows, full)
+            )
             names = [name for name in at if is_compliance(name)]
-            H[..., [at[name] for name in names]] = compliance.columns(self, names, by)
+            H[..., [at[name] for name in names]] = compliance.columns(self, names, loaded[1])
         return H_x, H

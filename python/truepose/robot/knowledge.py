@@ -1,7 +1,5 @@
 """Covariances of a robot's parameters and readings: Σ_ξ and Σ_s."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -34,8 +32,7 @@ def learnable(robot: Kinematics) -> list[str]:
 def root(robot: Kinematics, names: list[str]) -> Array:
     """Return the lower triangular S of these parameters' covariance S Sᵀ, shape (p, p)."""
     sigma = np.array([robot.parameters[name].sigma for name in names])
-    learnt = robot.spec.calibration
-    if learnt is None:
+    if not (learnt := robot.spec.calibration):
         return np.diag(sigma)
     full = np.zeros((len(learnt.root), len(learnt.root)))
     full[np.tril_indices(len(full))] = np.concatenate(learnt.root or [()])
@@ -74,42 +71,53 @@ def left_out(robot: Kinematics) -> dict[str, float]:
     if robot.core.full.kind not in (kinds.exists, kinds.elastic):
         return {}
     drawn = robot.with_calibration(None)
-    return {
-        name: drawn.parameters[name].sigma for name in uncertain(drawn) if name.endswith(LEFT_OUT)
-    }
+    names = (name for name in uncertain(drawn) if name.endswith(LEFT_OUT))
+    return {name: drawn.parameters[name].sigma for name in names}
 
 
 def stated_error(robot: Kinematics) -> Array:
     """Return σ of the ideal level's model error in each reading, by calibration or prior."""
     learnt = robot.spec.calibration
-    if learnt is None:
-        return model_error(robot)
-    if not learnt.model_error:
+    if learnt and not learnt.model_error:
         return np.zeros(robot.n + robot.r)
-    allowed = dict(zip(robot.readings, model_error(robot), strict=True))
-    return np.array([learnt.model_error.get(name, allowed[name]) for name in robot.readings])
+    stated = learnt.model_error if learnt else {}
+    allowed = zip(robot.readings, model_error(robot), strict=True)
+    return np.array([stated.get(name, sigma) for name, sigma in allowed])
 
 
 def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
     """Return σ of the readings, shape (n + r,): their own and a level's model error."""
-    sigma = reading_sigma(robot)
-    if (level or robot.highest_level) == "full":
-        return sigma
-    return np.hypot(sigma, stated_error(robot))
+    full = (level or robot.highest_level) == "full"
+    return np.hypot(reading_sigma(robot), 0.0 if full else stated_error(robot))
 
 
 def model_error(robot: Kinematics) -> Array:
     """Return the rms difference of readings between the levels over the workspace, (n + r,)."""
-    errors = left_out(robot)
-    box = robot.spec.workspace
+    errors, box, names = left_out(robot), robot.spec.workspace, list(robot.parameters)
     if not errors or box is None:
         return np.zeros(robot.n + robot.r)
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
-    names = list(robot.parameters)
     at = [names.index(name) for name in errors]
     full, ideal = (robot.linearize(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
     off = (full - ideal) * np.array(list(errors.values()))
     return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
+
+
+class Known(NamedTuple):
+    """Parameter and reading covariances for the core."""
+
+    core: _core.Knowledge
+    parameters: int  #: p
+    nuisances: int  #: count, at the end
+    compliances: int = 0  #: count, before the nuisances
+
+    def own(self, root: Array) -> Array:
+        """Extract the root of the parameters' part from a root with auxiliary unknowns."""
+        p, k = self.parameters, self.compliances
+        if not k:
+            return root[:p, :p]
+        end = len(root) - self.nuisances
+        return triangular(root[[*range(p), *range(end - k, end)]])
 
 
 def knowledge(
@@ -137,23 +145,6 @@ def knowledge(
     counts = error and not guarded
     sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
     return Known(_core.Knowledge(at, whole, sigma.tolist()), p, len(errors), last)
-
-
-class Known(NamedTuple):
-    """Parameter and reading covariances for the core."""
-
-    core: _core.Knowledge
-    parameters: int  #: p
-    nuisances: int  #: count, at the end
-    compliances: int = 0  #: count, before the nuisances
-
-    def own(self, root: Array) -> Array:
-        """Extract the root of the parameters' part from a root with auxiliary unknowns."""
-        p, k = self.parameters, self.compliances
-        if not k:
-            return root[:p, :p]
-        end = len(root) - self.nuisances
-        return triangular(root[[*range(p), *range(end - k, end)]])
 
 
 def for_law(

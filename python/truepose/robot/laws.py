@@ -1,7 +1,5 @@
 """Control laws: the paper's three, and the two that weight the readings."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from truepose import _core

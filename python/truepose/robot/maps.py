@@ -1,7 +1,5 @@
 """Maps of a quantity over the first two coordinates of a workspace."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

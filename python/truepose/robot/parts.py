@@ -1,6 +1,4 @@
-"""Parts of a robot to draw: names, points, widths."""
-
-from __future__ import annotations
+"""Parts of a robot to draw: names, colours, points, widths."""
 
 from collections.abc import Iterator
 
@@ -12,6 +10,23 @@ from truepose.robot.kinematics import Kinematics
 from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import Chain
 from truepose.robotfile.to_core import PAIRED
+
+#: Colours of the parts in every picture and model.
+COLOURS = {
+    "base": "#8a8f98",
+    "rail": "#8a8f98",
+    "motor": "#30343b",
+    "carriage": "#30343b",
+    "arm": "#1f5fa8",
+    "leg": "#1f5fa8",
+    "rod": "#6aa84f",
+    "lateral bar": "#e08214",
+    "central bar": "#b2182b",
+    "passive axis": "#e08214",
+    "nacelle": "#b2182b",
+    "tool": "#7b3294",
+    "sensor": "#00868b",
+}
 
 Part = tuple[str, Array, float]  #: name, points (k, 3) in metres, line width
 

@@ -1,7 +1,5 @@
 """Positions of the passive axes of an ankle, wrist or neck."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -51,6 +51,10 @@ class AssemblyModes:
         return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
+#: Least size of the largest ellipse in the picture; smaller ones are magnified.
+_SHARE = 0.04
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Shown):
     """The pose estimated from all readings, and its covariance.
@@ -102,47 +106,44 @@ class Estimate(Shown):
         return Table("estimate", f"{self.robot.name}: estimated poses", header, rows)
 
     def _draw(self, figure: Any) -> None:
-        n = self.robot.n
-        P = self.covariance.reshape(-1, n, n)[:, :2, :2]
-        _ellipses(figure, self.robot, self.x.reshape(-1, n)[:, :2], P)
+        """Draw the first two coordinates and their ellipses; a single one over the pose number.
 
+        Poses with NaN are excluded. Ellipses too small to see are magnified by a power of ten given
+        in the title.
+        """
+        from matplotlib.patches import Ellipse
+        from matplotlib.ticker import MaxNLocator
 
-_SHARE = 0.04  #: minimum size of the largest ellipse in the picture; smaller ones are magnified
-
-
-def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
-    """Draw the first two coordinates of N poses, (N, 2), and covariances, (N, 2, 2).
-
-    Poses with NaN are excluded. Ellipses too small to see are magnified by a power of ten given
-    in the title. A single coordinate is drawn over the pose number.
-    """
-    from matplotlib.patches import Ellipse
-    from matplotlib.ticker import MaxNLocator
-
-    names = coordinate_axes(robot)[:2]
-    scale = np.array([axis.factor for axis in names])
-    good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
-    x, P = scale * x[good], np.outer(scale, scale) * P[good]
-    figure.set_size_inches(5.6, 5.0)
-    axes = figure.subplots()
-    axes.grid(alpha=0.3)
-    if x.shape[1] == 1:
-        colours = {"color": "#1f5fa8", "ecolor": "#b2182b"}
-        axes.errorbar(np.flatnonzero(good) + 1, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", **colours)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
-        return
-    axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
-    if len(x):
-        variance, directions = np.linalg.eigh(P)
-        half = np.sqrt(np.maximum(variance, 0.0))
-        largest, span = float(half.max()), float(np.ptp(x, axis=0).max())
-        small = 0 < largest < _SHARE * span
-        by = 10.0 ** np.ceil(np.log10(_SHARE * span / largest)) if small else 1.0
-        turns = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
-        for at, (small, large), turn in zip(x, 2 * by * half, turns, strict=True):
-            ellipse = Ellipse(tuple(at), large, small, angle=turn, fc="none", ec="#b2182b", lw=0.8)
-            axes.add_patch(ellipse)
-        axes.autoscale_view()
-        axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
-    label_axes(axes, names)
+        n, names = self.robot.n, coordinate_axes(self.robot)[:2]
+        scale = np.array([axis.factor for axis in names])
+        x = scale * self.x.reshape(-1, n)[:, :2]
+        P = np.outer(scale, scale) * self.covariance.reshape(-1, n, n)[:, :2, :2]
+        good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
+        x, P = x[good], P[good]
+        figure.set_size_inches(5.6, 5.0)
+        axes = figure.subplots()
+        axes.grid(alpha=0.3)
+        if x.shape[1] == 1:
+            colours = {"color": "#1f5fa8", "ecolor": "#b2182b"}
+            axes.errorbar(
+                np.flatnonzero(good) + 1, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", **colours
+            )
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
+            return
+        axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
+        if len(x):
+            variance, directions = np.linalg.eigh(P)
+            half = np.sqrt(np.maximum(variance, 0.0))
+            largest, span = float(half.max()), float(np.ptp(x, axis=0).max())
+            small = 0 < largest < _SHARE * span
+            by = 10.0 ** np.ceil(np.log10(_SHARE * span / largest)) if small else 1.0
+            turns = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
+            for at, (small, large), turn in zip(x, 2 * by * half, turns, strict=True):
+                ellipse = Ellipse(
+                    tuple(at), large, small, angle=turn, fc="none", ec="#b2182b", lw=0.8
+                )
+                axes.add_patch(ellipse)
+            axes.autoscale_view()
+            axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
+        label_axes(axes, names)

@@ -18,11 +18,12 @@ from truepose.robot.batches import at_poses, flattened, require_answers, togethe
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
-from truepose.robot.units import parameter_table
+from truepose.robot.units import in_print
 from truepose.robotfile.to_core import padded
 from truepose.show.page import as_uri
 from truepose.show.results import Shown, figure_of
-from truepose.show.table import Table
+from truepose.show.table import Cell, Table
+from truepose.show.units import SI
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,8 +33,7 @@ class Robot(Kinematics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
     Coordinates x follow the file's mobility (m, rad), motor positions q are readings of the motor
-    encoders (rad or m), redundant positions r those of the sensors in use. All methods take any
-    leading shape and run in C++. Frame: base, z up.
+    encoders (rad or m), redundant positions r those of the sensors in use. Frame: base, z up.
 
     Parameters
     ----------
@@ -50,7 +50,13 @@ class Robot(Kinematics, Shown):
         >>> next(row for row in tp.load("h4").table() if row["name"] == "pivot1.offset")
         {'name': 'pivot1.offset', 'value': 0.0, 'unit': 'rad', 'sigma': 0.00034907}
         """
-        return parameter_table(self, self.parameters)
+        rows = []
+        for name, p in self.parameters.items():
+            factor, unit = in_print(self, name)
+            value, sigma = (Cell(f"{factor * v:.4f}", float(v)) for v in (p.value, p.sigma))
+            rows.append([name, value, Cell(unit, SI[unit]), sigma])
+        title = f"{self.name}: {len(rows)} parameters"
+        return Table("parameters", title, ["name", "value", "unit", "sigma"], rows)
 
     def plot(self, x: ArrayLike | None = None) -> Figure:
         """Draw the robot with its sensors in use at a pose; home by default."""
@@ -59,11 +65,9 @@ class Robot(Kinematics, Shown):
         return figure_of(lambda figure: draw(figure, self, x))
 
     def _repr_html_(self) -> str:
-        image = as_uri(files.picture(self.plot(), ".svg"))
+        image = f'<img src="{as_uri(files.picture(self.plot(), ".svg"))}" alt="{self.name}"/>'
         listed = f"<details><summary>Parameters</summary>{super()._repr_html_()}</details>"
-        return (
-            f'<div><p>{escape(repr(self))}</p><img src="{image}" alt="{self.name}"/>{listed}</div>'
-        )
+        return f"<div><p>{escape(repr(self))}</p>{image}{listed}</div>"
 
     def sample(self, seed: int | np.random.SeedSequence) -> Self:
         """Return a robot with every parameter sampled from its tolerance in the robot file.
@@ -95,18 +99,15 @@ class Robot(Kinematics, Shown):
         """Find all poses of given motor positions by Newton iteration from many starts.
 
         The robot's own pose is one of them; the others differ in the sign of det J_x or of an entry
-        of J_q, or in neither. More starts may find more modes, never fewer. Raises InputError for a
-        wrong shape or values that are not finite.
+        of J_q, or in neither. More starts may find more modes, never fewer.
 
         Parameters
         ----------
         q : array_like, shape (n,)
-            Motor positions, rad or m.
-        starts : int
-            Number of random guesses, of all orientations, at positions that the rods could reach
-            from their ends at q; the workspace box is not used.
-        seed : int
-            Seed of the guesses; the same seed gives the same guesses.
+            Motor positions, rad or m; InputError unless finite.
+        starts, seed : int
+            Number of random guesses, and their seed: of all orientations, at positions that the
+            rods could reach from their ends at q; the workspace box is not used.
 
         Examples
         --------
@@ -121,13 +122,9 @@ class Robot(Kinematics, Shown):
             raise InputError(f"q: shape {(*lead, self.n)}, must be ({self.n},)")
         if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
             raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
-        motors = padded(rows[0])
-        return AssemblyModes(*_core.assembly_modes(self.core, motors, starts, check_seed(seed)))
-
-    @property
-    def has_inertia(self) -> bool:
-        """Whether the file's masses give every motion at home an inertia, as torques require."""
-        return bool(np.linalg.eigvalsh(self.mass_matrix(self.home)).min() > 0)
+        return AssemblyModes(
+            *_core.assembly_modes(self.core, padded(rows[0]), starts, check_seed(seed))
+        )
 
     def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Compute the mass matrix M(x) of the free twist, (..., n, n); kg, kg·m and kg·m².
@@ -160,8 +157,8 @@ class Robot(Kinematics, Shown):
         >>> print(h4.inverse_dynamics(h4.home, [0] * 4, [0] * 4).round(3))  # what holds its weight
         [-2.655 -2.655 -0.467 -0.467]
         """
-        x, *motion = together(self, errors, x=x, rate=rate, acceleration=acceleration)
-        return self._dynamics(_core.inverse_dynamics, x, motion, errors)
+        motion = {"x": x, "rate": rate, "acceleration": acceleration}
+        return self._dynamics(_core.inverse_dynamics, errors, **motion)
 
     def acceleration(
         self, x: ArrayLike, rate: ArrayLike, torque: ArrayLike, errors: Errors = "raise"
@@ -178,13 +175,11 @@ class Robot(Kinematics, Shown):
         >>> print((falling / 9.81).round(3)[2])  # no motor holds it; rotors and arms brake
         -0.972
         """
-        x, *motion = together(self, errors, x=x, rate=rate, torque=torque)
-        return self._dynamics(_core.acceleration, x, motion, errors)
+        return self._dynamics(_core.acceleration, errors, x=x, rate=rate, torque=torque)
 
-    def _dynamics(
-        self, function: Callable[..., Any], x: Array, motion: list[Array], errors: Errors
-    ) -> Array:
-        rows = [np.ascontiguousarray(each.reshape(-1, self.n)) for each in motion]
+    def _dynamics(self, function: Callable[..., Any], errors: Errors, **motion: ArrayLike) -> Array:
+        x, *others = together(self, errors, **motion)
+        rows = [np.ascontiguousarray(values.reshape(-1, self.n)) for values in others]
         return at_poses(self, x, errors, function, *rows)[0]
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
@@ -195,7 +190,7 @@ class Robot(Kinematics, Shown):
         fit weights the readings as the paper's TEJ: motors by 1, sensors by the file's ``weight``.
         """
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
-        if not self.r and self._spec.mobility != "translation":
+        if not self.r and self.spec.mobility != "translation":
             raise no_sensor(self, "the redundant FKM")
         x, status, chain = _core.redundant_fkm(self.core, rows)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
@@ -218,13 +213,10 @@ class Robot(Kinematics, Shown):
         ----------
         q_e : array_like, shape (..., n + r)
             Extended positions: motors, then the sensors in use.
-        guess : array_like, shape (n,) or (..., n), optional
-            Start of the iteration; the file's home pose by default.
-        errors : {"raise", "nan"}
-            Action where no pose is found.
+        guess, errors
+            As for :meth:`fkm`.
         level : {"ideal", "full"}, optional
-            One rod per chain, or every rod; by default :attr:`Robot.highest_level`. The ideal level
-            adds its model error to the readings.
+            By default :attr:`highest_level`. The ideal level adds its model error to the readings.
 
         Examples
         --------
@@ -261,7 +253,7 @@ class Robot(Kinematics, Shown):
         """Return the covariance of estimates whose weights neglect uncertain compliances."""
         names, every = knowledge.learnable(self), list(self.parameters)
         known = knowledge.knowledge(self, level=level).core
-        gain, *_ = _core.gain(self.core, known, x, self.is_full(level))
+        gain = _core.gain(self.core, known, x, self.is_full(level))[0]
         H_xi = self.linearize(x, "nan", level)[1][..., [every.index(name) for name in names]]
         half = gain @ H_xi @ knowledge.root(self, names)
         own = gain * knowledge.stated_sigma(self, level)
@@ -270,15 +262,10 @@ class Robot(Kinematics, Shown):
     def tej(
         self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
     ) -> tuple[Array, Array]:
-        """Compute the paper's extended-to-joint matrix at x.
+        """Compute the paper's extended-to-joint matrix at x; x and errors as for :meth:`ikm`.
 
-        Parameters
-        ----------
-        x, errors
-            As for :meth:`ikm`.
-        damped_below : float
-            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): bounded even
-            at a singularity, and equal to the paper's to the last bit elsewhere.
+        `damped_below` damps J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ):
+        bounded even at a singularity; elsewhere the paper's to the last bit.
 
         Returns
         -------
@@ -311,32 +298,19 @@ class Robot(Kinematics, Shown):
         >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
         True
         """
-        believed, known = knowledge.for_law(self, "weighted")
-
-        def gain(core: _core.Robot, rows: Array) -> tuple:
-            return _core.gain(core, known, rows, believed.level == "full")  # type: ignore[arg-type]
-
-        return at_poses(self, x, errors, gain, core=believed.core)[1]
+        robot, known = self.at_highest_level, knowledge.knowledge(self).core
+        full = robot.level == "full"
+        return at_poses(robot, x, errors, lambda core, rows: _core.gain(core, known, rows, full))[1]
 
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
     ) -> Array:
-        """Compute the sensitivity of the steady-state pose to an error of each reading.
+        """Compute the sensitivity, (..., n, n + r), of the steady-state pose to reading errors.
 
         To first order, δx = result @ δq_e: -[J 0] under the joint law, -J M⁺ under a TEJ,
-        -∂x̂/∂q_e under a law of the pose.
-
-        Parameters
-        ----------
-        x, errors
-            Desired poses, (..., n), m and rad; action at an unreachable or singular pose.
-        law, sigma_scale
-            As for :class:`truepose.Controller`; built-in laws only.
-
-        Returns
-        -------
-        ndarray, shape (..., n, n + r)
-            δx along the free twist (spatial: rotation vector in the base frame).
+        -∂x̂/∂q_e under a law of the pose. δx is along the free twist (spatial: rotation vector in
+        the base frame). Desired poses x and errors are as for :meth:`ikm`, law (built-in only) and
+        sigma_scale as for :class:`truepose.Controller`.
 
         Examples
         --------
@@ -352,11 +326,10 @@ class Robot(Kinematics, Shown):
             raise InputError(choose("law", law, _core.laws))
         require_sensors(self, law)
         believed, known = knowledge.for_law(self, law, sigma_scale)
-
-        def leakage(core: _core.Robot, rows: Array) -> tuple:
-            return _core.leakage(core, _core.laws[law].law, known, rows)
-
-        return at_poses(self, x, errors, leakage, core=believed.core)[0]
+        of = _core.laws[law].law
+        return at_poses(
+            believed, x, errors, lambda core, rows: _core.leakage(core, of, known, rows)
+        )[0]
 
 
 def list_robots() -> list[str]:
@@ -372,12 +345,7 @@ def list_robots() -> list[str]:
 
 
 def load(robot: str | Path) -> Robot:
-    """Load a shipped robot by name, or any robot from its file.
-
-    Parameters
-    ----------
-    robot : str or Path
-        A name of :func:`list_robots`, or the path of a robot file.
+    """Load a shipped robot by a name of :func:`list_robots`, or any robot by its file's path.
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """Units of readings and parameters: m, rad, 1/N or none."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,11 +8,11 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.robot.description import Description, Parameter
+from truepose.robot.description import Description
 from truepose.robotfile.base import is_compliance
 from truepose.robotfile.to_core import file_key
 from truepose.show.table import Cell, Table, number
-from truepose.show.units import PRINT, SI, printed
+from truepose.show.units import PRINT, printed
 
 
 def reading_units(robot: Description) -> list[str]:
@@ -55,16 +53,8 @@ class Summed(NamedTuple):
     name: str  #: position, or turn where all coordinates are angles (rotational platforms)
     unit: str  #: m or rad
     columns: list[int]  #: of the coordinates whose root sum of squares it is
-
-    @property
-    def factor(self) -> float:
-        """Factor into the unit that people read."""
-        return PRINT[self.unit][0]
-
-    @property
-    def label(self) -> str:
-        """Its name and the unit that people read."""
-        return f"{self.name} ({PRINT[self.unit][1]})"
+    factor: float  #: into the unit that people read
+    label: str  #: name and unit that people read
 
 
 class Axis(NamedTuple):
@@ -95,7 +85,8 @@ def summed(robot: Description) -> Summed:
     """Return which coordinates count where accuracy is one number."""
     units = [unit for _, unit in robot.coordinates]
     name, unit = ("position", "m") if "m" in units else ("turn", "rad")
-    return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])
+    columns, (factor, read) = [k for k, u in enumerate(units) if u == unit], PRINT[unit]
+    return Summed(name, unit, columns, factor, f"{name} ({read})")
 
 
 def label_axes(axes: Any, names: Sequence[Axis]) -> None:
@@ -134,36 +125,23 @@ def label(robot: Description, names: Sequence[str]) -> str:
         return "motors alone"
     if len(every) > 2 and sorted(names) == sorted(every):
         return f"all {len(every)}"
-    short = list(names)
+    short = dict.fromkeys(names)
     for kind in {sensor.kind for sensor in robot.spec.sensor}:
         group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
         glob = group[0].rstrip("0123456789") + "*"
         if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
-            short[short.index(group[0])] = glob
-            short = [name for name in short if name not in group]
+            short = dict.fromkeys(glob if name in group else name for name in short)
     return ", ".join(short)
-
-
-def parameter_table(robot: Description, known: Mapping[str, Parameter]) -> Table:
-    """Write parameters: name, value, unit, sigma; for programs in SI."""
-    rows = []
-    for name, p in known.items():
-        factor, unit = in_print(robot, name)
-        cells = [Cell(f"{factor * value:.4f}", float(value)) for value in (p.value, p.sigma)]
-        rows.append([name, cells[0], Cell(unit, SI[unit]), cells[1]])
-    title = f"{robot.name}: {len(rows)} parameters"
-    return Table("parameters", title, ["name", "value", "unit", "sigma"], rows)
 
 
 def coordinate_table(
     robot: Description, name: str, title: str, what: str, columns: Mapping[str, Array]
 ) -> Table:
     """Write values of the coordinates and last of their sum, (n + 1,): one row each."""
-    rows = []
-    total = summed(robot)
+    rows, total = [], summed(robot)
     for k, (coordinate, unit) in enumerate([*robot.coordinates, (total.name, total.unit)]):
         factor, shown = PRINT[unit]
-        values = factor * np.array([column[k] for column in columns.values()], dtype=float)
+        values = [factor * float(column[k]) for column in columns.values()]
         label = Cell(f"{coordinate} ({shown})", {what: coordinate, "unit": shown})
-        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values.tolist())])
+        rows.append([label, *(number(v if np.isfinite(v) else None) for v in values)])
     return Table(name, title, [what, *columns], rows)

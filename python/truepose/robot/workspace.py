@@ -1,7 +1,5 @@
 """A robot's workspace: the box in its file, and poses in it."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -39,19 +37,16 @@ def workspace_grid(robot: Description, points: int | None = None) -> Array:
     """
     box = workspace(robot)
     points = points or (5 if robot.n < 6 else 3)
-    axes = [
-        np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
-    ]
-    return np.array(list(itertools.product(*axes)))
+    return np.array([*itertools.product(*np.linspace(box.minimum, box.maximum, points).T)])
 
 
 def regular_grid(robot: Robot) -> tuple[Array, int]:
     """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not."""
     grid, model = workspace_grid(robot), robot.expected()
-    answers = [
+    answers = (
         model.cross_sensitivity(grid, "joint", "nan"),
         model.linearize(grid, "nan", "ideal")[0],
-    ]
+    )
     good = np.isfinite([values.sum(axis=(1, 2)) for values in answers]).all(axis=0)
     if not good.any():
         raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
@@ -86,27 +81,9 @@ class Figures:
 
 
 def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
-    """Evaluate a robot at poses sampled from its workspace box.
+    """Evaluate a robot at poses sampled from its workspace box; InputError if none is regular.
 
-    Parameters
-    ----------
-    robot : Robot
-    samples, seed : int
-        Number of poses; the same seed gives the same ones.
-    length : float
-        Factor of the platform's angles in condition numbers, m.
-
-    Raises
-    ------
-    InputError
-        The file has no workspace, or no pose of it is regular.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> figures = measure(tp.load("delta"), samples=1000)
-    >>> figures.reachable, [round(c, 1) for c in figures.condition]
-    (1.0, [1.0, 1.3, 1.9])
+    `length`, m, is the factor of the platform's angles in condition numbers.
     """
     x = workspace_samples(robot, samples, np.random.default_rng(seed))
     found = reach(robot, x)
@@ -167,25 +144,12 @@ def told(refused: dict[str, int]) -> str:
 
 
 def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
-    """Root mean square of full − ideal under the file's axis tolerances.
+    """Return the root mean square of full − ideal, (n,), m and rad, under axis tolerances.
 
     Samples `count` robots with yaw and tilt of every motor's axis, normal with the file's σ, and
-    compares at each pose the platform poses of both levels for the same motor positions.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        m and rad; None where the full level equals the ideal one or does not exist, the file has
-        no tolerance of an axis, or no pose is reachable with them (lengths in mm, for example).
-
-    Examples
-    --------
-    >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import article
-    >>> robot = tp.load("h4")
-    >>> rms = level_difference(robot, article.table2()[::25])
-    >>> bool((abs(rms[:3] * 1e3 - [0.11, 0.20, 0.14]) < 0.03).all())
-    True
+    compares at each pose the platform poses of both levels for the same motor positions. None where
+    the full level equals the ideal one or does not exist, the file has no tolerance of an axis, or
+    no pose is reachable with them (lengths in mm, for example).
     """
     sigma = {
         name: parameter.sigma
@@ -195,11 +159,11 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     paired = any(name.endswith(".rod_difference") for name in robot.parameters)
     if not (robot.full and paired and sigma):
         return None
-    names, spread = list(sigma), list(sigma.values())
-    nominal = np.array([robot.parameters[name].value for name in names])
+    nominal = np.array([robot.parameters[name].value for name in sigma])
     squares = []
-    for draw in np.random.default_rng(seed).normal(size=(count, len(names))):
-        real = robot.replace(dict(zip(names, (nominal + spread * draw).tolist(), strict=True)))
+    for draw in np.random.default_rng(seed).normal(size=(count, len(sigma))):
+        values = nominal + [*sigma.values()] * draw
+        real = robot.replace(dict(zip(sigma, values.tolist(), strict=True)))
         q = real.ikm(poses, errors="nan", level="full")
         squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
     if not np.isfinite(squares).any():

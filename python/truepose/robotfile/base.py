@@ -1,7 +1,5 @@
 """Values of robot files: numbers with units, vectors, directions, sections."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -81,8 +79,8 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-#: Range of a reading.
-Range = Annotated[tuple[Number, Number], AfterValidator(_rising), unit("m or rad")]
+#: Ends of a range.
+Ends = Annotated[tuple[Number, Number], AfterValidator(_rising)]
 Index = Annotated[int, Field(ge=1, strict=True)]
 
 

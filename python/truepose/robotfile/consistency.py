@@ -1,7 +1,5 @@
 """Checks that the parts of a robot file fit together."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator
@@ -15,6 +13,9 @@ _TAKEN = re.compile(
     r"(q|chain|bar|axis|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
     r"|time|pose|compliance|load_[xyz]|.*_tension|counted|near_singular|no_answer"
 )
+
+#: Mobilities that some kinds of sensors need.
+_NEEDS = {"axis_angle": ("rotational",), "platform_angle": ("planar", "schoenflies")}
 
 
 def taken(name: str) -> bool:
@@ -43,17 +44,15 @@ def problems(data: dict) -> Iterator[Problem]:
     elif axes:
         text = f"passive_axis: needs mobility rotational, not {mobility}"
         yield Problem(("passive_axis",), text)
-    if isinstance(mobility, str) and mobility in COORDINATES:
-        units = [unit for _, unit in COORDINATES[mobility]]
+    if units := [unit for _, unit in COORDINATES.get(str(mobility), ())]:
         yield from _sizes(data, f"{mobility} has {len(units)} freedoms", units)
     if len(bars) > _core.max_bars:
         text = f"{len(bars)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)
     counts = {"chain": len(chains), "axis": len(axes), "bar": len(bars)}
-    for number, chain in enumerate(chains):
-        yield from _missing(("chain", number), f"chain {number + 1}", chain, counts)
-    for number, sensor in enumerate(tables(data, "sensor")):
-        yield from _sensor(number, sensor, mobility, counts)
+    for key in ("chain", "sensor"):
+        for number, table in enumerate(tables(data, key)):
+            yield from _missing((key, number), table, mobility, counts)
     for key, what, several in (("passive_axis", "axis", "axes"), ("sensor", "sensor", "sensors")):
         names = [str(table.get("name")) for table in tables(data, key)]
         for number, name in enumerate(names):
@@ -65,21 +64,16 @@ def problems(data: dict) -> Iterator[Problem]:
                 yield Problem(path, text)
 
 
-def _sensor(
-    number: int, sensor: dict, mobility: object, counts: dict[str, int]
+def _missing(
+    path: tuple, table: dict, mobility: object, counts: dict[str, int]
 ) -> Iterator[Problem]:
-    """Yield what a sensor needs and the file has not: a mobility, or parts."""
-    needs = {"axis_angle": ("rotational",), "platform_angle": ("planar", "schoenflies")}
-    kind, what = str(sensor.get("kind")), f"sensor {sensor.get('name')}"
-    if (needed := needs.get(kind)) and mobility not in needed:
+    """Yield what a chain or a sensor needs and the file has not: a mobility, or parts."""
+    kind = str(table.get("kind"))
+    what = f"chain {path[1] + 1}" if path[0] == "chain" else f"sensor {table.get('name')}"
+    if (needed := _NEEDS.get(kind)) and mobility not in needed:
         text = f"{what}: {kind} needs mobility {' or '.join(needed)}, not {mobility}"
-        yield Problem(("sensor", number, "kind"), text)
-    else:
-        yield from _missing(("sensor", number), what, sensor, counts)
-
-
-def _missing(path: tuple, what: str, table: dict, counts: dict[str, int]) -> Iterator[Problem]:
-    """Yield the numbers of parts that do not exist."""
+        yield Problem((*path, "kind"), text)
+        return
     has = {"chain": "of {} chains", "axis": "but the file has {} axes"}
     for key, count in counts.items():
         value = table.get(key)

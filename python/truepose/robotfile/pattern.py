@@ -1,7 +1,5 @@
 """Chains of a repeated pattern, turned about an axis."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from fractions import Fraction

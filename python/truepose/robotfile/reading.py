@@ -1,7 +1,5 @@
 """Reader of robot files; every error is one line."""
 
-from __future__ import annotations
-
 import fnmatch
 import itertools
 import os
@@ -23,7 +21,6 @@ from truepose.robotfile.pattern import expand, misfits
 from truepose.robotfile.schema import (
     ACTUATORS,
     Chain,
-    Compliance,
     Pattern,
     RobotFile,
     Tolerance,
@@ -151,7 +148,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     try:
         whole, motif, problems = _resolved(data)
     except _ShorthandError as error:
-        return None, [error.problem]
+        return None, [Problem(*error.args)]
     problems += itertools.islice(consistency.problems(whole), _TOLD)
     problems += itertools.islice(_unknown_names(whole), _TOLD)
     try:
@@ -181,9 +178,17 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
 
 def _unknown_names(whole: dict) -> Iterator[Problem]:
     """Yield unknown names of parameters and of sensors in use, even if other keys are wrong."""
-    known = [str(sensor.get("name")) for sensor in tables(whole, "sensor")[:_TOLD]]
-    if parts := _parts(whole):
-        yield from _wrong_parameters(whole, parameter_names(parts))
+    chains, bars, axes, sensors = (
+        tables(whole, key)[:_TOLD] for key in ("chain", "bar", "passive_axis", "sensor")
+    )
+    mobility = str(whole.get("mobility"))
+    actuators = [str(chain.get("actuator")) for chain in chains]
+    known, kinds = ([str(sensor.get(key)) for sensor in sensors] for key in ("name", "kind"))
+    right = mobility in (*COORDINATES, "rotational") and set(actuators) <= set(ACTUATORS)
+    if right and set(kinds) <= set(SENSORS):
+        mounted = zip(known, map(SENSORS.__getitem__, kinds), strict=True)
+        names = parameter_names(mobility, actuators, len(bars), mounted, len(axes))
+        yield from _wrong_parameters(whole, names)
     used = whole.get("sensors")
     used = [s for s in used if isinstance(s, str)] if isinstance(used, list) else []
     for number, name in enumerate(used):
@@ -191,30 +196,6 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
             yield Problem(("sensors", number), choose("sensor", name, known))
     if len(set(used)) < len(used):
         yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
-
-
-def _parts(whole: dict) -> RobotFile | None:
-    """Return the parts that have parameters; None if the kind of one is unknown."""
-    chains, bars, axes, sensors = (
-        tables(whole, key)[:_TOLD] for key in ("chain", "bar", "passive_axis", "sensor")
-    )
-    actuators = [str(chain.get("actuator")) for chain in chains]
-    kinds = [str(sensor.get("kind")) for sensor in sensors]
-    mobility = str(whole.get("mobility"))
-    known = mobility in (*COORDINATES, "rotational")
-    if not (known and set(actuators) <= set(ACTUATORS) and set(kinds) <= set(SENSORS)):
-        return None
-    return RobotFile.model_construct(
-        mobility=mobility,
-        chain=[Chain.model_construct(actuator=actuator) for actuator in actuators],
-        bar=bars,
-        passive_axis=axes,
-        sensor=[
-            SENSORS[kind].model_construct(name=str(sensor.get("name")))
-            for kind, sensor in zip(kinds, sensors, strict=True)
-        ],
-        compliance=Compliance(),  # a file that names a compliance has it
-    )
 
 
 def _wrong_parameters(whole: dict, known: list[str]) -> Iterator[Problem]:
@@ -231,11 +212,11 @@ def _wrong_parameters(whole: dict, known: list[str]) -> Iterator[Problem]:
     entries += [(("parameters", name), name) for name in values]
     entries += [(("calibration", "parameters", k), name) for k, name in enumerate(names)]
     for path, name in entries:
-        if name not in known and not (path[0] == "tolerances" and fnmatch.filter(known, name)):
-            table = ".".join(map(str, path[:-1]))
+        table = ".".join(map(str, path[:-1]))
+        if name not in known and not (table == "tolerances" and fnmatch.filter(known, name)):
             yield Problem(path, f"{table}: {choose('parameter', name, known)}")
         elif path[0] == "calibration" and name in names[: path[-1]]:
-            yield Problem(path, f"calibration.parameters: {name}: a parameter is listed twice")
+            yield Problem(path, f"{table}: {name}: a parameter is listed twice")
     for name, value in values.items():
         if wrong := wrong_value(name, value):
             yield Problem(("parameters", name), f"parameters.{name} = {value}: {wrong}")
@@ -265,30 +246,19 @@ def mechanism_of(data: dict) -> RobotFile | None:
         whole, _, _ = _resolved(data)
     except _ShorthandError:
         return None
-    if any(problem.path[0] in _MECHANISM for problem in consistency.problems(whole)):
-        return None
-    told = itertools.islice(_unknown_names(whole | {"tolerances": {}}), _TOLD)
-    values, wrong = whole.get("parameters"), {problem.path for problem in told}
     moving = {key: whole[key] for key in _MECHANISM if key in whole}
+    moving |= {"name": str(whole.get("name")), "parameters": {}}
     moving["chain"] = [
         {key: chain[key] for key in chain if key in _MOVES} for chain in tables(whole, "chain")
     ]
-    moving["parameters"] = {
-        name: value
-        for name, value in (values if isinstance(values, dict) else {}).items()
-        if name.startswith(("chain", "bar", "axis")) and ("parameters", name) not in wrong
-    }
-    try:
-        return RobotFile.model_validate({"name": str(whole.get("name"))} | moving)
-    except ValidationError:
-        return None
+    if isinstance(values := whole.get("parameters"), dict):
+        wrong = {problem.path[1:] for problem in examine(moving | {"parameters": values})[1]}
+        moving["parameters"] = {n: v for n, v in values.items() if (n,) not in wrong}
+    return examine(moving)[0]
 
 
 class _ShorthandError(Exception):
-    """Shorthand in a robot file that cannot be expanded."""
-
-    def __init__(self, path: tuple[str | int, ...], text: str):
-        self.problem = Problem(path, text)
+    """Shorthand in a robot file that cannot be expanded; its arguments are those of a Problem."""
 
 
 def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
@@ -303,13 +273,12 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
     if not isinstance(chains, list):
         return data, 0, []
     chains = [shared | c if isinstance(c, dict) else c for c in chains]
-    motif = len(chains)
     try:  # the schema reports an unusable pattern
         pattern = Pattern.model_validate(pattern)
     except ValidationError:
-        return data | {"chain": chains}, motif, []
+        return data | {"chain": chains}, len(chains), []
     problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
-    return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, motif, problems
+    return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, len(chains), problems
 
 
 def _based_on(data: dict) -> dict:

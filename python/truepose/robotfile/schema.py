@@ -1,10 +1,8 @@
 """Keys of a robot file: type, unit, default, bounds, meaning."""
 
-from __future__ import annotations
-
 import fnmatch
 import math
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -13,6 +11,7 @@ from truepose.robotfile.base import (
     Angle,
     Counts,
     Direction,
+    Ends,
     Harmonics,
     Index,
     Inertia,
@@ -90,12 +89,10 @@ class Chain(Section):
         "(revolute)",
         (0, 0, 0, 0),
     )
-    limits: Annotated[tuple[Number, Number], unit("rad or m")] | None = key(
+    limits: Annotated[Ends, unit("rad or m")] | None = key(
         "stops of the motor, lower and upper: its position before the encoder's offset", None
     )
-    torque_limit: Annotated[Positive, unit("N·m or N")] | None = key(
-        "of the motor, either way", None
-    )
+    torque_limit: Annotated[Positive, unit("N·m or N")] | None = key("motor's, either way", None)
     speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = key(
         "of the motor, either way; paths that ask for more are refused", None
     )
@@ -107,52 +104,41 @@ class Chain(Section):
     arm_mass: Mass = key("arm, or carriage", 0.0)
     rod_mass: Mass = key("all rods of the chain together", 0.0)
     viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key("of the motor", 0.0)
-    coulomb_friction: Annotated[NonNegative, unit("N·m or N")] = key(
-        "of the motor, at any speed", 0.0
-    )
+    coulomb_friction: Annotated[NonNegative, unit("N·m or N")] = key("motor's, at any speed", 0.0)
 
     @model_validator(mode="after")
-    def _complete(self) -> Chain:
-        if self.actuator == "revolute":
-            if self.arm is None:
-                raise ValueError("a revolute chain needs 'arm' (m)")
-            lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
-            if abs(lean) > 1e-6:
-                raise ValueError(
-                    f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}"
-                )
+    def _complete(self) -> Self:
+        turns = self.actuator == "revolute"
+        if turns and self.arm is None:
+            raise ValueError("a revolute chain needs 'arm' (m)")
+        lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
+        if turns and abs(lean) > 1e-6:
+            raise ValueError(f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}")
         if self.gain == 0:
             raise ValueError("gain = 0: a motor whose encoder reads nothing")
-        if self.actuator != "revolute" and any(self.eccentricity):
+        if any(self.eccentricity) and not turns:
             raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
-        if self.actuator == "revolute" and self.spool_buildup:
+        if self.spool_buildup and turns:
             raise ValueError("'spool_buildup' is for prismatic and telescopic chains, not revolute")
-        if self.limits is not None and self.limits[0] >= self.limits[1]:
-            raise ValueError("'limits' must be [lower, upper]")
-        if self.actuator == "revolute":
+        if turns:
             not_degrees("limits", self.limits or ())
         not_degrees("yaw", self.yaw)
         not_degrees("tilt", self.tilt)
-        self._heavy_enough()
-        if self.actuator != "prismatic" and self.pair_axis is not None:
-            raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
-        if self.actuator != "telescopic" and self.rod is None:
-            raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
-        return self
-
-    def _heavy_enough(self) -> None:
-        """Refuse a drive lighter than the arm (slender) or the carriage that it includes."""
-        part, least, unit = "", 0.0, ""
-        if self.actuator == "revolute":
-            part, unit = "arm_mass · arm²/3 of a slender arm", "kg·m²"
-            least = self.arm_mass * (self.arm or 0.0) ** 2 / 3
-        elif self.actuator == "prismatic":
-            part, unit, least = "arm_mass of the carriage", "kg", self.arm_mass
+        slender = self.arm_mass * (self.arm or 0.0) ** 2 / 3
+        least, unit, part = {  # the arm or the carriage that a drive includes
+            "revolute": (slender, "kg·m²", "arm_mass · arm²/3 of a slender arm"),
+            "prismatic": (self.arm_mass, "kg", "arm_mass of the carriage"),
+        }.get(self.actuator, (0.0, "", ""))
         if self.drive_inertia < least * (1 - 1e-9):
             raise ValueError(
                 f"drive_inertia = {self.drive_inertia:g} {unit}: must be at least {least:.3g} "
                 f"{unit}, the {part}, which is part of it"
             )
+        if self.actuator != "prismatic" and self.pair_axis is not None:
+            raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
+        if self.actuator != "telescopic" and self.rod is None:
+            raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
+        return self
 
 
 class Bar(Section):
@@ -169,18 +155,12 @@ class PassiveAxis(Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = key(
         "of its angle, a coordinate of x: letters, digits and _"
     )
-    origin: Point = key(
-        "a point of it, from that of the axis before, or in the base frame", (0, 0, 0)
-    )
+    origin: Point = key("a point of it, from that of the axis before or the base's", (0, 0, 0))
     direction: Direction = key("in the frame of the axis before, x = 0 the base's")
-    limits: Annotated[tuple[Number, Number], unit("rad")] | None = key(
-        "stops of the joint, lower and upper", None
-    )
+    limits: Annotated[Ends, unit("rad")] | None = key("stops of the joint, lower and upper", None)
 
     @model_validator(mode="after")
-    def _ordered(self) -> PassiveAxis:
-        if self.limits is not None and self.limits[0] >= self.limits[1]:
-            raise ValueError("'limits' must be [lower, upper]")
+    def _in_radians(self) -> Self:
         not_degrees("limits", self.limits or ())
         return self
 
@@ -216,7 +196,7 @@ class Workspace(Section):
     maximum: Pose = key("largest value of each coordinate")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Workspace:
+    def _ordered(self) -> Self:
         if len(self.minimum) != len(self.maximum):
             raise ValueError("'minimum' and 'maximum' must have the same number of coordinates")
         if any(low > high for low, high in zip(self.minimum, self.maximum, strict=True)):
@@ -249,7 +229,7 @@ class Tolerance(Section):
     price_steps: tuple[PriceStep, ...] = key("finer levels for truepose design, any order", ())
 
     @model_validator(mode="after")
-    def _one(self) -> Tolerance:
+    def _one(self) -> Self:
         if (self.sigma is None) == (self.interval is None):
             raise ValueError("give either 'sigma' or 'interval'")
         if self.interval is not None and self.interval[0] > self.interval[1]:
@@ -287,7 +267,7 @@ class CalibrationSection(Section):
     model_error: dict[str, Sigma] = key("σ of each reading's deviation from the ideal level", {})
 
     @model_validator(mode="after")
-    def _square(self) -> CalibrationSection:
+    def _square(self) -> Self:
         size = len(self.parameters)
         if len(self.mean) != size or [len(row) for row in self.root] != list(range(1, size + 1)):
             raise ValueError(f"'mean' and 'root' must have {size} rows, row i of 'root' i numbers")
@@ -324,15 +304,11 @@ class RobotFile(Section):
     pattern: Pattern | None = key("the file's chains are a motif, repeated about an axis", None)
     chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
     bar: tuple[Bar, ...] = key("lateral bars of an articulated platform, two at most", ())
-    passive_axis: tuple[PassiveAxis, ...] = key(
-        "of a rotational platform: 1 to 3, base's first", ()
-    )
+    passive_axis: tuple[PassiveAxis, ...] = key("rotational platform's: 1 to 3, base's first", ())
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
     compliance: Compliance | None = key("deflection of rods, legs, belts; without it: stiff", None)
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
-    tolerances: dict[str, Tolerance] = key(
-        "uncertainty by parameter; the first glob that fits counts", {}
-    )
+    tolerances: dict[str, Tolerance] = key("of parameters; the first glob that fits counts", {})
     parameters: Annotated[dict[str, Number], unit("m or rad")] = key(
         "values other than nominal; tolerances stay about the nominal ones", {}
     )

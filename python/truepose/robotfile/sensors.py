@@ -4,23 +4,21 @@ A position tracker is three `coordinate` sensors, a pose tracker three more `rot
 Every sensor reads gain · value − offset, in steps of its resolution.
 """
 
-from __future__ import annotations
-
 import math
 import re
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
 from truepose.robotfile.base import (
     Counts,
     Direction,
+    Ends,
     Harmonics,
     Index,
     NonNegative,
     Number,
     Point,
-    Range,
     Resolution,
     Seconds,
     Section,
@@ -53,7 +51,9 @@ class SensorSection(Section):
     weight: NonNegative = key("of its row in the TEJ (paper: 1)", 1.0)
     sample_period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
     latency: Seconds = key("of a sample when it arrives at the controller", 0.0)
-    range: Range | None = key("of its readings; the fault monitor fails others", None)
+    range: Annotated[Ends, unit("m or rad")] | None = key(
+        "of its readings; the fault monitor fails others", None
+    )
     price: NonNegative | None = key("cost in any currency, for truepose design", None)
 
     @property
@@ -62,7 +62,7 @@ class SensorSection(Section):
         return isinstance(self, PlatformAngle) and self.gear != 1
 
     @model_validator(mode="after")
-    def _usable(self) -> SensorSection:
+    def _usable(self) -> Self:
         if self.gain == 0:
             raise ValueError("gain = 0: a sensor that reads nothing")
         return self

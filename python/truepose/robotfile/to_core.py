@@ -1,7 +1,5 @@
 """Parameters ξ of a robot, and the core's structs from its file."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -12,7 +10,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
 from truepose.robotfile.base import COMMON, Section
-from truepose.robotfile.schema import Chain, Compliance, RobotFile
+from truepose.robotfile.schema import Bar, Chain, Compliance, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
@@ -26,10 +24,9 @@ _ECCENTRICITY = [f"eccentricity.{harmonic}" for harmonic in _HARMONICS]
 DIRECTIONS = ("direction", "normal")
 
 #: Members of the core's structs, and the file's keys where these have another name.
+_SAME = ("base", "axis", "arm", "rod", "working_mode", "encoder_offset", "encoder_noise")
 _CHAIN = {
-    **{key: key for key in ("base", "axis", "arm", "rod", "working_mode", "encoder_offset")},
-    **{key: key for key in ("encoder_noise", "torque_limit", "drive_inertia")},
-    **{key: key for key in ("arm_mass", "rod_mass")},
+    **{key: key for key in (*_SAME, "torque_limit", "drive_inertia", "arm_mass", "rod_mass")},
     "zero": "arm_zero",
     "encoder_gain": "gain",
     "encoder_buildup": "spool_buildup",
@@ -42,26 +39,31 @@ def _xyz(*vectors: str) -> list[str]:
     return [f"{vector}.{axis}" for vector in vectors for axis in "xyz"]
 
 
-def parameter_names(spec: RobotFile) -> list[str]:
-    """Return the names of all geometric parameters; of `spec`, only kinds and counts are read."""
+def parameter_names(
+    mobility: str,
+    actuators: Iterable[str],
+    bars: int,
+    sensors: Iterable[tuple[str, type[SensorSection]]],
+    axes: int,
+    stretches: bool = True,
+) -> list[str]:
+    """Return the names of all geometric parameters of these parts."""
     names = []
-    for number, chain in enumerate(spec.chain, 1):
-        revolute = chain.actuator == "revolute"
+    for number, actuator in enumerate(actuators, 1):
+        revolute = actuator == "revolute"
         keys = [*_xyz("base", "anchor"), "encoder_offset", "yaw", "tilt"]
-        keys += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
-        keys += ["arm"] * revolute + ["rod"] * (chain.actuator != "telescopic")
+        keys += ["rod_difference", "rod_spacing"] * (mobility in PAIRED)
+        keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
         keys += _ECCENTRICITY * revolute + ["gain"] + ["spool_buildup"] * (not revolute)
-        keys += ["compliance"] * spec.stretches
+        keys += ["compliance"] * stretches
         names += [f"chain{number}.{key}" for key in keys]
-    names += [f"bar{number}.pivot" for number in range(1, len(spec.bar) + 1)]
-    names += [COMMON] * spec.stretches
-    for sensor in spec.sensor:
-        keys = ["offset", "gain", *_xyz(*sensor.mounting.values())]
-        keys += _ECCENTRICITY * isinstance(sensor, Encoder)
-        names += [f"{sensor.name}.{key}" for key in keys]
-    for number in range(1, len(spec.passive_axis) + 1):
-        names += [f"axis{number}.{key}" for key in _xyz("origin", "direction")]
-    return names
+    names += [f"bar{number}.pivot" for number in range(1, bars + 1)] + [COMMON] * stretches
+    for name, kind in sensors:
+        keys = ["offset", "gain", *_xyz(*kind.mounting.values())]
+        keys += _ECCENTRICITY * issubclass(kind, Encoder)
+        names += [f"{name}.{key}" for key in keys]
+    axis = _xyz("origin", "direction")
+    return names + [f"axis{number}.{key}" for number in range(1, axes + 1) for key in axis]
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
@@ -71,7 +73,10 @@ def drawn(spec: RobotFile) -> dict[str, float]:
         parts |= {f"{kind}{number}": part for number, part in enumerate(of_kind, 1)}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
     values = {}
-    for name in parameter_names(spec):
+    actuators = [chain.actuator for chain in spec.chain]
+    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
+    counts = len(spec.bar), sensors, len(spec.passive_axis)
+    for name in parameter_names(spec.mobility, actuators, *counts, spec.stretches):
         part, key, *component = name.split(".")
         value: Any = getattr(parts[part], key) or 0.0  # a chain's own compliance may be None
         values[name] = value[_COMPONENTS[component[0]]] if component else value
@@ -133,9 +138,8 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
-        bar = spec.bar[chain.bar - 1]
         turned = np.asarray(_core.rotations(np.array([[0.0, 0.0, theta]]))).reshape(3, 3)
-        A += turned @ (bar.pivot * np.array(bar.direction))
+        A += turned @ _hinge(spec.bar[chain.bar - 1])
     across = np.cross(chain.axis, A - chain.base)
     length = float(np.linalg.norm(across))
     if not length > 1e-3 * (chain.rod or 0.0):  # the rods' distance from the rail
@@ -158,48 +162,43 @@ def build(spec: RobotFile) -> _core.Robot:
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
     for j, axis in enumerate(spec.passive_axis):
-        built = _filled(_core.PassiveAxis(), axis, {"origin": "origin", "direction": "direction"})
-        robot.set_axis(j, _limited(built, axis.limits))
+        keys = {"origin": "origin", "direction": "direction"}
+        robot.set_axis(j, _filled(_core.PassiveAxis(), axis, keys))
     for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
     body.mass = spec.platform.mass
     body.pivot = np.array(spec.platform.centre)
-    body.inertia = np.diag(
-        [spec.platform.inertia_x, spec.platform.inertia_y, spec.platform.inertia_z]
-    ).astype(float)
+    body.inertia = np.diag([float(getattr(spec.platform, f"inertia_{axis}")) for axis in "xyz"])
     robot.add_body(body)
     for k, bar in enumerate(spec.bar):
         body = _core.Body()
         body.mass, body.bar = bar.mass, k
-        body.pivot = bar.pivot * np.array(bar.direction)
+        body.pivot = _hinge(bar)
         robot.add_body(body)
     return robot
 
 
+def _hinge(bar: Bar) -> Array:
+    return bar.pivot * np.array(bar.direction)
+
+
 def _filled(struct: Any, part: Section, keys: dict[str, str]) -> Any:
-    """Set members of a core's struct to a part's keys; an absent number is 0."""
+    """Set members of a core's struct to a part's keys, and its limits; an absent number is 0."""
     for member, key in keys.items():
         value = getattr(part, key)
         setattr(struct, member, np.array(value) if isinstance(value, tuple) else value or 0.0)
-    return struct
-
-
-def _limited(struct: Any, limits: tuple[float, float] | None) -> Any:
-    if limits is not None:
+    if limits := getattr(part, "limits", None):
         struct.low, struct.high = limits
     return struct
 
 
 def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
-    built = _limited(_filled(_core.Chain(), chain, _CHAIN), chain.limits)
+    built = _filled(_core.Chain(), chain, _CHAIN)
     built.actuator = getattr(_core.Actuator, chain.actuator)
-    if chain.bar is None:
-        built.pivot = np.array(chain.anchor)
-    else:
-        bar = spec.bar[chain.bar - 1]
-        built.pivot = bar.pivot * np.array(bar.direction)
-        built.anchor = np.array(chain.anchor)
+    built.pivot = np.array(chain.anchor)
+    if chain.bar is not None:
+        built.pivot, built.anchor = _hinge(spec.bar[chain.bar - 1]), built.pivot
         built.bar = chain.bar - 1
     built.encoder_step = encoder_step(chain) * spec.quantized
     built.set_eccentricity(chain.eccentricity, 1.0)

@@ -1,7 +1,5 @@
 """Line numbers of keys in a TOML file."""
 
-from __future__ import annotations
-
 import re
 from collections import deque
 from collections.abc import Iterator
@@ -32,8 +30,15 @@ def lines(text: str) -> dict[Path, int]:
         if sign == "\n":
             tokens.popleft()
         elif sign == "[":
-            array = tokens[1][1] == "["
-            table = _header(list(_key(tokens, "\n")), array, line, counts, found)
+            array, key, table = tokens[1][1] == "[", list(_key(tokens, "\n")), ()
+            for number, part in enumerate(key, 1):
+                table += (part,)
+                found.setdefault(table, line)
+                if array and number == len(key):
+                    counts[table] = counts.get(table, -1) + 1
+                if table in counts:  # inside an array of tables it belongs to the last one
+                    table += (counts[table],)
+                    found.setdefault(table, line)
         else:
             _entry(tokens, table, found)
     return found
@@ -59,22 +64,6 @@ def _key(tokens: deque[Token], end: str) -> Iterator[str]:
     while (token := tokens.popleft()[1]) != end:
         if token not in ("[", "]", "."):
             yield token[1:-1] if token[0] in "'\"" else token
-
-
-def _header(
-    key: list[str], array: bool, line: int, counts: dict[Path, int], found: dict[Path, int]
-) -> Path:
-    """Place a [table] or [[table]]; inside an array of tables it belongs to the last one."""
-    path: Path = ()
-    for number, part in enumerate(key, 1):
-        path += (part,)
-        found.setdefault(path, line)
-        if array and number == len(key):
-            counts[path] = counts.get(path, -1) + 1
-        if path in counts:
-            path += (counts[path],)
-            found.setdefault(path, line)
-    return path
 
 
 def _entry(tokens: deque[Token], path: Path, found: dict[Path, int]) -> None:

@@ -1,14 +1,12 @@
 """Writer of robot files that keeps order and comments."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import tomlkit
 
 from truepose.files import Output
 from truepose.robotfile.reading import parse
-from truepose.robotfile.schema import CalibrationSection, RobotFile
+from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import drawn
 
 
@@ -32,8 +30,14 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     _mount(document, spec, before)
     if spec.calibration != before.calibration:
         document.pop("calibration", None)
-        if spec.calibration:
-            document["calibration"] = _calibration(spec.calibration)
+        if learnt := spec.calibration:
+            table, rows = tomlkit.table(), tomlkit.array()
+            table.update(learnt.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
+            for row in learnt.root:
+                rows.add_line(list(row))
+            rows.add_line()
+            table["root"] = rows
+            document["calibration"] = table
     told = {n: v for n, v in values.items() if v != nominal[n] or n in spec.parameters}
     if told:
         document.setdefault("parameters", tomlkit.table()).update(told)
@@ -54,17 +58,6 @@ def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -
     for name, key, place in moved:
         tables[name][key] = list(place)
         tables[name][key].comment(f"was {list(getattr(known[name], key))}")
-
-
-def _calibration(calibration: CalibrationSection) -> tomlkit.items.Table:
-    table = tomlkit.table()
-    table.update(calibration.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
-    rows = tomlkit.array()
-    for row in calibration.root:
-        rows.add_line(list(row))
-    rows.add_line()
-    table["root"] = rows
-    return table
 
 
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:

@@ -1,7 +1,5 @@
 """Charts of values by unit: lines over a common axis, ranges in rows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Self-contained HTML pages with a table of contents and zoomable figures."""
 
-from __future__ import annotations
-
 import base64
 import platform
 import re
@@ -38,7 +36,7 @@ def table_html(table: Table) -> str:
     return str(_template("page.html.j2").module.show(table))  # type: ignore[attr-defined]
 
 
-def _template(name: str) -> Template:
+def _template(name: str) -> "Template":
     import jinja2
 
     environment = jinja2.Environment(

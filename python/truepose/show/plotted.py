@@ -1,7 +1,5 @@
 """Data of a figure as records."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,31 +1,22 @@
 """Tables as text, CSV, Markdown and records."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 
 class Cell(str):
-    """A printed text with its data: a number with all digits.
-
-    Parameters
-    ----------
-    text : str
-    data : object
-        A number or a word, or a dict of several, each a column of its own.
-    """
+    """A printed text with its data: a number or a word, or a dict of several, each a column."""
 
     __slots__ = ("data",)
     data: Any
 
-    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – see the class
+    def __new__(cls, text: str, data: object = None) -> Self:  # noqa: D102 – see the class
         cell = super().__new__(cls, text)
         cell.data = data
         return cell
@@ -51,7 +42,7 @@ class Table:
     def __iter__(self) -> Iterator[dict[str, object]]:
         return iter(self.records())
 
-    def columns(self, *which: int) -> Table:
+    def columns(self, *which: int) -> "Table":
         """Return a narrower table."""
         rows = [[row[k] for k in which] for row in self.rows]
         return Table(self.name, self.title, [self.header[k] for k in which], rows)

@@ -1,7 +1,5 @@
 """Output of tables to a terminal, a file or another program."""
 
-from __future__ import annotations
-
 import codecs
 import contextlib
 import functools

@@ -1,7 +1,5 @@
 """Printed units: millimeters and degrees; the package uses SI."""
 
-from __future__ import annotations
-
 import math
 
 from truepose.show.table import Cell, number
@@ -24,13 +22,7 @@ WRITTEN = {
 
 
 def printed(value: float, unit: str, form: str = ".2f") -> str:
-    """Format a value with its printed unit.
-
-    Examples
-    --------
-    >>> printed(-0.4, "m", "g"), printed(math.pi / 6, "rad")
-    ('-400 mm', '30.00°')
-    """
+    """Format a value with its printed unit: 30.00°, -400.00 mm."""
     factor, name = PRINT[unit]
     return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
 

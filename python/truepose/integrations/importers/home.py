@@ -11,8 +11,8 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace_grid
-from truepose.robotfile import RobotFile, validate
-from truepose.robotfile.schema import Workspace
+from truepose.robotfile import validate
+from truepose.robotfile.schema import RobotFile, Workspace
 
 _GRID = 21  # poses along each coordinate of a workspace that are checked
 _SHARES = 20  # shares of the axes' ranges that are tried

@@ -88,7 +88,7 @@ def command(
 
 def read(path: Path, heights: list[float]) -> tuple[Array, Array]:
     """Return lengths in m and their row numbers; raise InputError if they are not a sled's."""
-    lengths, lines = logs.table(path, BELTS)
+    lengths, lines = logs.reading.table(path, BELTS)
     for k, name in enumerate(BELTS):
         if (wrong := np.flatnonzero(~(lengths[:, k] > 0))).size:
             at = f"line {lines[wrong[0]]}: {name} = {lengths[wrong[0], k]:g}"

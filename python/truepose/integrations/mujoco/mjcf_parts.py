@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.robot.frames import rotation
-from truepose.show.colours import COLOURS
+from truepose.robot.parts import COLOURS
 
 MASSLESS = 1e-9  # kg: MuJoCo needs a mass of moving bodies
 _NEEDLE = 1e-9  # ratio of a slender rod's axial to transverse inertia

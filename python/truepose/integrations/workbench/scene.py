@@ -16,8 +16,7 @@ from truepose.integrations.workbench.answers import Rest, conditioning_map, elli
 from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames
 from truepose.robot.laws import LAWS, Law
-from truepose.robot.parts import Part, parts_of
-from truepose.show.colours import COLOURS
+from truepose.robot.parts import COLOURS, Part, parts_of
 
 #: Colour of each law, in the scene and in the table.
 LAW_COLOURS = dict(zip(LAWS, ("#d6604d", "#4393c3", "#5aae61", "#e08214", "#9970ab"), strict=True))
