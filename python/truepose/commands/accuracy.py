@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
 
 from typer import Option
 
@@ -21,21 +20,18 @@ from truepose.show.terminal import Format, show
 
 def command(
     robot: options.RobotName,
-    sensors: Annotated[
-        list[str] | None,
-        Option(
-            help="A set: names or globs separated by commas, none, or all. Repeatable: one set "
-            "each.",
-            show_default="none, those in use, these with each other one, with each kind, all",
-        ),
-    ] = None,
+    sensors: list[str] | None = Option(
+        None,
+        help="A set: names or globs separated by commas, none, or all. Repeatable: one set each.",
+        show_default="none, those in use, these with each other one, with each kind, all",
+    ),
     poses: options.Poses = None,
-    calibrated: Annotated[
-        bool, Option("--calibrated", help="Also after self-calibration over these poses.")
-    ] = False,
+    calibrated: bool = Option(
+        False, "--calibrated", help="Also after self-calibration over these poses."
+    ),
     reference_pose: options.ReferencePose = None,
     level: options.ModelLevel = None,
-    plot: Annotated[Path | None, options.plot_option("a map of the first set's position σ")] = None,
+    plot: Path | None = options.plot_option("a map of the first set's position σ"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 from typer import Argument, Option
@@ -35,92 +35,68 @@ Registration = Literal["unknown", "known"]
 
 def command(
     robot: options.RobotName,
-    log: Annotated[
-        Path | None,
-        Argument(
-            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
-            "point; SI. Not needed with --known-pose on a calibrated robot.",
-            show_default=False,
-        ),
-    ] = None,
+    log: Path | None = Argument(
+        None,
+        help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
+        "point; SI. Not needed with --known-pose on a calibrated robot.",
+        show_default=False,
+    ),
     out: options.CalibratedFile = None,
-    report: Annotated[
-        Path | None, Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("each parameter's change and σ")] = None,
+    report: Path | None = Option(
+        None, help="Report to write (HTML).", show_default="beside -o, as OUT.html"
+    ),
+    plot: Path | None = options.plot_option("each parameter's change and σ"),
     sensors: options.SensorsOption = None,
     level: options.ModelLevel = None,
-    loss: Annotated[Loss, Option(help="Loss function for gross errors.")] = "student",
-    tuning: Annotated[
-        float | None,
-        Option(help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"),
-    ] = None,
-    model_error: Annotated[
-        ModelError, Option(help="Include the model error of the ideal level.")
-    ] = "on",
-    measured_sigma: Annotated[
-        str | None,
-        Option(
-            help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
-            show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
-        ),
-    ] = None,
-    registration: Annotated[
-        Registration, Option(help="known: measured_… are platform coordinates in the base frame.")
-    ] = "unknown",
-    known_pose: Annotated[
-        Path | None,
-        Option(
-            help="Log of poses known in the base frame: measured_x, …; exact, or with σ in "
-            "measured_x_sigma, …."
-        ),
-    ] = None,
-    reference_pose: Annotated[
-        str | None,
-        Option(
-            help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
-            show_default="home",
-        ),
-    ] = None,
-    homed: Annotated[
-        str | None,
-        Option(
-            "--rehomed",
-            help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
-            show_default="no change",
-        ),
-    ] = None,
-    touch_sigma: Annotated[
-        str | None,
-        between_option("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
-    ] = None,
-    tilt: Annotated[
-        str | None, between_option("σ of a plane's inclination: 1deg.", "level")
-    ] = None,
-    tool: Annotated[
-        str | None,
-        between_option(
-            "Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"
-        ),
-    ] = None,
-    tool_sigma: Annotated[str | None, between_option("σ of --tool: 1mm.", "exactly known")] = None,
-    distances: Annotated[
-        Path | None,
-        between_option(
-            "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
-            "sigma, times.",
-            metavar="CSV",
-        ),
-    ] = None,
-    distance_sigma: Annotated[
-        str | None, between_option("σ of a distance.", "the column sigma, else 0.02mm")
-    ] = None,
-    shrinkage: Annotated[
-        float, between_option("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
-    ] = 0.0,
-    line_width: Annotated[
-        str | None, between_option("σ of a print's line width: 0.05mm.", "known")
-    ] = None,
+    loss: Loss = Option("student", help="Loss function for gross errors."),
+    tuning: float | None = Option(
+        None, help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"
+    ),
+    model_error: ModelError = Option("on", help="Include the model error of the ideal level."),
+    measured_sigma: str | None = Option(
+        None,
+        help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
+        show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
+    ),
+    registration: Registration = Option(
+        "unknown", help="known: measured_… are platform coordinates in the base frame."
+    ),
+    known_pose: Path | None = Option(
+        None,
+        help="Log of poses known in the base frame: measured_x, …; exact, or with σ in "
+        "measured_x_sigma, ….",
+    ),
+    reference_pose: str | None = Option(
+        None,
+        help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
+        show_default="home",
+    ),
+    homed: str | None = Option(
+        None,
+        "--rehomed",
+        help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
+        show_default="no change",
+    ),
+    touch_sigma: str | None = between_option(
+        "σ of a contact with a plane or a point: columns plane, point.", "0.02mm"
+    ),
+    tilt: str | None = between_option("σ of a plane's inclination: 1deg.", "level"),
+    tool: str | None = between_option(
+        "Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"
+    ),
+    tool_sigma: str | None = between_option("σ of --tool: 1mm.", "exactly known"),
+    distances: Path | None = between_option(
+        "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
+        "sigma, times.",
+        metavar="CSV",
+    ),
+    distance_sigma: str | None = between_option(
+        "σ of a distance.", "the column sigma, else 0.02mm"
+    ),
+    shrinkage: float = between_option(
+        "σ of a print's relative shrinkage: 0.002.", value=0.0, min=0.0, max=1.0
+    ),
+    line_width: str | None = between_option("σ of a print's line width: 0.05mm.", "known"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:

@@ -6,7 +6,7 @@ import fnmatch
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from typer import Option
@@ -33,66 +33,48 @@ OTHERWISE = "10"
 
 def command(
     robot: options.RobotName,
-    price: Annotated[
-        str | None,
-        Option(
-            metavar="A=90,B*=250",
-            help="Prices of candidate sensors, names or globs; 'none': no sensor.",
-            show_default="the keys price of the file",
-        ),
-    ] = None,
-    price_steps: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ROD*=1mm:40,0.1mm:200",
-            help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
-            "Repeatable; 'none': none.",
-            show_default="the keys price_steps of the file",
-        ),
-    ] = None,
-    budget: Annotated[
-        float | None, Option(help="Find the most accurate set within this price.")
-    ] = None,
-    target: Annotated[
-        str | None, Option(metavar="0.1mm", help="Find the cheapest set with this σ or less.")
-    ] = None,
-    must: Annotated[
-        str | None, Option(metavar="A,B*", help="Sensors that every set contains.")
-    ] = None,
-    calibrated: Annotated[
-        str | None,
-        Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
-    ] = None,
+    price: str | None = Option(
+        None,
+        metavar="A=90,B*=250",
+        help="Prices of candidate sensors, names or globs; 'none': no sensor.",
+        show_default="the keys price of the file",
+    ),
+    price_steps: list[str] | None = Option(
+        None,
+        metavar="ROD*=1mm:40,0.1mm:200",
+        help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
+        "Repeatable; 'none': none.",
+        show_default="the keys price_steps of the file",
+    ),
+    budget: float | None = Option(None, help="Find the most accurate set within this price."),
+    target: str | None = Option(
+        None, metavar="0.1mm", help="Find the cheapest set with this σ or less."
+    ),
+    must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
+    calibrated: str | None = Option(
+        None, metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."
+    ),
     reference_pose: options.ReferencePose = None,
-    survives: Annotated[
-        bool, Option("--survives", help="Accuracy after the worst failure of one sensor.")
-    ] = False,
-    poses: Annotated[
-        Path | None,
-        Option(
-            help="CSV file of the poses where accuracy counts.",
-            show_default="32 over the workspace",
-        ),
-    ] = None,
-    place: Annotated[
-        str | None,
-        Option(
-            metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
-        ),
-    ] = None,
-    within: Annotated[
-        list[str] | None,
-        Option(
-            metavar="wire1.origin.z=-0.2m..100mm",
-            help="With --place: range of a coordinate or a glob. Repeatable.",
-            show_default="box of the motors, and of the rods' ends at home",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="With --place: robot file to write.")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("accuracy against price")] = None,
-    report: Annotated[Path | None, Option(help="Report to write (HTML).")] = None,
+    survives: bool = Option(
+        False, "--survives", help="Accuracy after the worst failure of one sensor."
+    ),
+    poses: Path | None = Option(
+        None,
+        help="CSV file of the poses where accuracy counts.",
+        show_default="32 over the workspace",
+    ),
+    place: str | None = Option(
+        None, metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
+    ),
+    within: list[str] | None = Option(
+        None,
+        metavar="wire1.origin.z=-0.2m..100mm",
+        help="With --place: range of a coordinate or a glob. Repeatable.",
+        show_default="box of the motors, and of the rods' ends at home",
+    ),
+    out: Path | None = Option(None, "-o", "--out", help="With --place: robot file to write."),
+    plot: Path | None = options.plot_option("accuracy against price"),
+    report: Path | None = Option(None, help="Report to write (HTML)."),
     seed: options.Seed = 0,
     how: options.How = Format.table,
     force: options.Force = False,

@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Argument, Option
@@ -40,39 +39,31 @@ KNOWN_EFFECTS = ("backlash", "eccentricity")
 
 def command(
     robot: options.RobotName,
-    log: Annotated[
-        Path | None,
-        Argument(
-            help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
-            "and each sensor's name; SI.",
-            show_default=False,
-        ),
-    ] = None,
+    log: Path | None = Argument(
+        None,
+        help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
+        "and each sensor's name; SI.",
+        show_default=False,
+    ),
     sensors: options.SensorsOption = None,
     poses: options.Poses = None,
-    calibrated: Annotated[
-        bool, Option("--calibrated", help="After self-calibration over these poses.")
-    ] = False,
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
-        ),
-    ] = "none",
+    calibrated: bool = Option(
+        False, "--calibrated", help="After self-calibration over these poses."
+    ),
+    effects: str = options.effects_option(
+        "none", "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
+    ),
     level: options.ModelLevel = None,
-    false_alarm: Annotated[
-        float | None,
-        Option(
-            metavar="P",
-            help="Probability of a false alarm in each test (one a cycle).",
-            show_default=f"one in {HOURS:g} hours at 1 kHz",
-        ),
-    ] = None,
-    boxes: Annotated[
-        int,
-        Option(min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."),
-    ] = 1,
-    plot: Annotated[Path | None, options.plot_option("the limits of each reading")] = None,
+    false_alarm: float | None = Option(
+        None,
+        metavar="P",
+        help="Probability of a false alarm in each test (one a cycle).",
+        show_default=f"one in {HOURS:g} hours at 1 kHz",
+    ),
+    boxes: int = Option(
+        1, min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
+    ),
+    plot: Path | None = options.plot_option("the limits of each reading"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:

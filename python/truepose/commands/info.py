@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from typer import Option
 
@@ -22,14 +22,12 @@ from truepose.show.units import PRINT, printed
 
 def command(
     robot: options.RobotName,
-    plot: Annotated[Path | None, options.plot_option("the conditioning map")] = None,
-    samples: Annotated[
-        int, Option(min=1, max=10_000_000, help="Poses sampled from the workspace.")
-    ] = 100_000,
+    plot: Path | None = options.plot_option("the conditioning map"),
+    samples: int = Option(100_000, min=1, max=10_000_000, help="Poses sampled from the workspace."),
     seed: options.Seed = 0,
-    length: Annotated[
-        float, Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m.")
-    ] = LENGTH,
+    length: float = Option(
+        LENGTH, min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."
+    ),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from typer import Option
@@ -24,33 +24,26 @@ _FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
 
 def command(
     robot: options.RobotName,
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Effects that the model omits: all, none, or some: delay,compliance,…"
-        ),
-    ] = "all",
-    law: Annotated[
-        list[str] | None,
-        Option(
-            help=f"{', '.join(LAWS)}. Repeatable.",
-            autocompletion=options.completing(lambda: LAWS),
-            show_default="joint and, with sensors, tej, weighted, estimated",
-        ),
-    ] = None,
-    rate: Annotated[float, Option(metavar="HZ", help="Control cycles per second.")] = 1000.0,
+    effects: str = options.effects_option(
+        "all", "Effects that the model omits: all, none, or some: delay,compliance,…"
+    ),
+    law: list[str] | None = Option(
+        None,
+        help=f"{', '.join(LAWS)}. Repeatable.",
+        autocompletion=options.completing(lambda: LAWS),
+        show_default="joint and, with sensors, tej, weighted, estimated",
+    ),
+    rate: float = Option(1000.0, metavar="HZ", help="Control cycles per second."),
     sensors: options.SensorsOption = None,
-    own: Annotated[
-        str | None,
-        Option(
-            "--gains",
-            metavar="POLES[,FILTER[,DAMPING]]",
-            help="Given gains: poles and velocity filter, rad/s (default 10 times the poles), and "
-            "damping (default 1).",
-            show_default="the fastest with 6 dB, 30° and two cycles",
-        ),
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("each law's loop")] = None,
+    own: str | None = Option(
+        None,
+        "--gains",
+        metavar="POLES[,FILTER[,DAMPING]]",
+        help="Given gains: poles and velocity filter, rad/s (default 10 times the poles), and "
+        "damping (default 1).",
+        show_default="the fastest with 6 dB, 30° and two cycles",
+    ),
+    plot: Path | None = options.plot_option("each law's loop"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from typer import Argument, Option
-from typer.models import OptionInfo
 
 from truepose import _core, files
 from truepose.arguments import Array, Level, selected
@@ -78,14 +77,14 @@ How = Annotated[
 ]
 
 
-def plot_option(what: str) -> OptionInfo:
+def plot_option(what: str) -> Any:
     """Return the option of a picture of `what`, for :func:`plot_to`."""
-    return Option(help=f"Also draw {what} (PNG, SVG, PDF).")
+    return Option(None, help=f"Also draw {what} (PNG, SVG, PDF).")
 
 
-def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
+def effects_option(default: str, text: str, known: Sequence[str] = Effects.groups()) -> Any:
     """Return the option that :func:`effects_of` parses."""
-    return Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
+    return Option(default, help=text, autocompletion=completing(lambda: ("all", "none", *known)))
 
 
 def _fitting_kinds(incomplete: str) -> list[str]:
@@ -283,10 +282,10 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     return true.with_level(true.highest_level)
 
 
-def between_option(text: str, default: str | bool = True, **more: Any) -> OptionInfo:
+def between_option(text: str, shown: str | bool = True, value: Any = None, **more: Any) -> Any:
     """Return an option of differences between poses."""
     panel = "Differences between poses"
-    return Option(help=text, rich_help_panel=panel, show_default=default, **more)
+    return Option(value, help=text, rich_help_panel=panel, show_default=shown, **more)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Option
@@ -27,43 +26,37 @@ from truepose.show.units import measured, printed
 
 def command(
     robot: options.RobotName,
-    count: Annotated[
-        int | None, Option(metavar="N", help="Number of poses to choose.", show_default="30")
-    ] = None,
-    target: Annotated[
-        str | None, Option(metavar="0.1mm", help="Choose as many as reach this σ of the position.")
-    ] = None,
-    candidates: Annotated[
-        str,
-        Option(
-            metavar="N|CSV", help="Candidates: N poses of the workspace, or those of a CSV file."
-        ),
-    ] = str(COUNT),
-    after: Annotated[
-        Path | None,
-        Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
-    ] = None,
-    outside: Annotated[
-        str | None,
-        Option(
-            metavar="0.02mm,0.01deg",
-            help="σ of a tracker, in a frame of its own, that measures each pose.",
-        ),
-    ] = None,
+    count: int | None = Option(
+        None, metavar="N", help="Number of poses to choose.", show_default="30"
+    ),
+    target: str | None = Option(
+        None, metavar="0.1mm", help="Choose as many as reach this σ of the position."
+    ),
+    candidates: str = Option(
+        str(COUNT),
+        metavar="N|CSV",
+        help="Candidates: N poses of the workspace, or those of a CSV file.",
+    ),
+    after: Path | None = Option(
+        None, metavar="LOG", help="Log of earlier readings, to which the plan adds poses."
+    ),
+    outside: str | None = Option(
+        None,
+        metavar="0.02mm,0.01deg",
+        help="σ of a tracker, in a frame of its own, that measures each pose.",
+    ),
     poses: options.Poses = None,
     reference_pose: options.ReferencePose = None,
-    seen: Annotated[
-        bool, Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame.")
-    ] = False,
-    relative_to: Annotated[
-        str | None, Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad.")
-    ] = None,
+    seen: bool = Option(
+        False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
+    ),
+    relative_to: str | None = Option(
+        None, metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."
+    ),
     sensors: options.SensorsOption = None,
     level: options.ModelLevel = None,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="Poses to write, in tour order (CSV).")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("predictions and the tour")] = None,
+    out: Path | None = Option(None, "-o", "--out", help="Poses to write, in tour order (CSV)."),
+    plot: Path | None = options.plot_option("predictions and the tour"),
     seed: options.Seed = 0,
     how: options.How = Format.table,
     force: options.Force = False,

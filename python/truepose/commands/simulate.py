@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from typer import Option
@@ -41,83 +41,61 @@ _UNITS = ("N", "N·m")
 
 def command(
     robot: options.RobotName,
-    start: Annotated[
-        str | None, Option("--from", metavar="X,Y,…", help="Start pose, m and rad.")
-    ] = None,
-    end: Annotated[
-        str | None,
-        Option("--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"),
-    ] = None,
-    path: Annotated[
-        Path | None,
-        Option(
-            help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
-            "rad; the log has the readings at rest. With a column time, s, the robot passes the "
-            "poses at these times, and the log has every cycle."
-        ),
-    ] = None,
-    way_points: Annotated[
-        Path | None,
-        Option(
-            help="Instead: CSV file of poses to move through, with a stop at each; the log has "
-            "every cycle."
-        ),
-    ] = None,
-    circle: Annotated[
-        str | None,
-        Option(
-            metavar="R,HZ[,TURNS]",
-            help="Instead: a horizontal circle about the pose of --from (default: home), m and "
-            "turns per second.",
-        ),
-    ] = None,
-    law: Annotated[
-        Law | None,
-        Option(
-            help="Control law; joint is standard control, tej the paper's law.",
-            show_default="tej; joint where no sensor is in use",
-        ),
-    ] = None,
-    true: Annotated[
-        str,
-        Option(
-            help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
-            "name or file.",
-            autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
-        ),
-    ] = "drawn",
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Effects that the model omits: all, none, or some: friction,delay,…"
-        ),
-    ] = "none",
+    start: str | None = Option(None, "--from", metavar="X,Y,…", help="Start pose, m and rad."),
+    end: str | None = Option(
+        None, "--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"
+    ),
+    path: Path | None = Option(
+        None,
+        help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
+        "rad; the log has the readings at rest. With a column time, s, the robot passes the "
+        "poses at these times, and the log has every cycle.",
+    ),
+    way_points: Path | None = Option(
+        None,
+        help="Instead: CSV file of poses to move through, with a stop at each; the log has "
+        "every cycle.",
+    ),
+    circle: str | None = Option(
+        None,
+        metavar="R,HZ[,TURNS]",
+        help="Instead: a horizontal circle about the pose of --from (default: home), m and "
+        "turns per second.",
+    ),
+    law: Law | None = Option(
+        None,
+        help="Control law; joint is standard control, tej the paper's law.",
+        show_default="tej; joint where no sensor is in use",
+    ),
+    true: str = Option(
+        "drawn",
+        help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
+        "name or file.",
+        autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
+    ),
+    effects: str = options.effects_option(
+        "none", "Effects that the model omits: all, none, or some: friction,delay,…"
+    ),
     fault: options.Faults = None,
-    watch: Annotated[
-        bool, Option("--watch", help="Fault monitor: continue or stop when a reading is faulty.")
-    ] = False,
+    watch: bool = Option(
+        False, "--watch", help="Fault monitor: continue or stop when a reading is faulty."
+    ),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
-    duration: Annotated[
-        float | None, Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each")
-    ] = None,
-    hold: Annotated[
-        float | None, Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
-    ] = None,
-    frequency: Annotated[
-        float | None,
-        Option(
-            help="Poles of the PD, rad/s.",
-            show_default="150, visiting 40; with effects the fastest with margins",
-        ),
-    ] = None,
-    since: Annotated[
-        float, Option(help="Time since switch-on of the cold robot, s (warm-up).")
-    ] = 0.0,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("the errors")] = None,
+    duration: float | None = Option(
+        None, help="Duration of a move, s.", show_default="0.2; visiting 0.5 each"
+    ),
+    hold: float | None = Option(
+        None, help="Hold after it, s.", show_default="0.2; visiting 0.4 each"
+    ),
+    frequency: float | None = Option(
+        None,
+        help="Poles of the PD, rad/s.",
+        show_default="150, visiting 40; with effects the fastest with margins",
+    ),
+    since: float = Option(0.0, help="Time since switch-on of the cold robot, s (warm-up)."),
+    out: Path | None = Option(None, "-o", "--out", help="Log to write: .csv, .parquet or .mcap."),
+    plot: Path | None = options.plot_option("the errors"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Argument, Option
@@ -21,25 +20,21 @@ _POSES = 500
 
 def command(
     robot: options.RobotName,
-    log: Annotated[
-        Path, Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI.")
-    ],
+    log: Path = Argument(
+        help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI."
+    ),
     out: options.CalibratedFile = None,
-    at: Annotated[
-        str | None,
-        Option(
-            metavar="X,Y,…",
-            help="Reference pose; m, rad.",
-            show_default="zero of a rotational platform, else home",
-        ),
-    ] = None,
-    sigma: Annotated[
-        str | None,
-        Option(
-            help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
-            show_default="0.05deg of a rotational platform",
-        ),
-    ] = None,
+    at: str | None = Option(
+        None,
+        metavar="X,Y,…",
+        help="Reference pose; m, rad.",
+        show_default="zero of a rotational platform, else home",
+    ),
+    sigma: str | None = Option(
+        None,
+        help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
+        show_default="0.05deg of a rotational platform",
+    ),
     sensors: options.SensorsOption = None,
     how: options.How = Format.table,
     force: options.Force = False,
