@@ -43,16 +43,16 @@ def command(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    save = options.plot_to(plot, [robot, poses], force)
+    write = options.writer([robot, poses], force, plot=plot)
     loaded = load(robot)
     sets = [options.parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = options.parse_given(loaded, reference_pose, "--reference-pose")
+    touched = options.parse_pose(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     slice_ = workspace_slice(shown) if plot else shown.home
-    save(lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
+    write(plot=lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
     first = overview(found, level)
     answers = [*best(first), f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
     shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import typer
 from typer import Argument, Option
 
-from truepose import files, logs, robotfile
+from truepose import logs
 from truepose.calibration import log_checks, rehomed, review
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fitting import Loss, ModelError
@@ -110,17 +110,14 @@ def command(
     if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
     read = (robot, log, known_pose, distances)
-    save = options.plot_to(plot, read, force)
-    robot_out = robotfile.output(out, "-o") if out else None
-    page_out = files.Output(report, "report", "--report") if report else None
-    files.check(filter(None, (robot_out, page_out)), options.paths(read), force)
+    write = options.writer(read, force, robot=out, report=report, plot=plot)
     made = options.load_with(robot, sensors)
     sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
     if homed is not None:
         units = reading_units(made)[: made.n]
         sizes = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
         made = rehomed(made, sizes)
-    at = options.parse_given(made, reference_pose, "--reference-pose")
+    at = options.parse_pose(made, reference_pose, "--reference-pose")
     asked = options.Asked(
         touch_sigma, tilt, tool, tool_sigma, distances, distance_sigma, shrinkage, line_width
     )
@@ -140,14 +137,14 @@ def command(
             bar(advance=1, description=what)
 
         where, result = _assess(made, log, known_pose, asked, settings, done)
-        contents = {}
-        if page_out:
-            from truepose.commands import calibration_figures
 
-            contents[page_out] = calibration_figures.page(result, where.name, settings["loss"])
-        if robot_out:
-            contents[robot_out] = options.file_text(result.fit.robot)
-        files.write(contents, options.paths(read), force)
+        def page() -> str:
+            from truepose.commands import calibration_figures  # matplotlib takes its time
+
+            return calibration_figures.page(result, where.name, settings["loss"])
+
+        fit = result.fit
+        write(robot=lambda: options.file_text(fit.robot), report=page, plot=fit.plot)
         done("written")
     for note in result.notes:
         say(f"{where}: {note}", err=True)
@@ -156,8 +153,7 @@ def command(
         few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
         tables.sort(key=lambda table: table.name != "accuracy")
-    save(result.fit.plot)
-    show(tables, how, [f"{result.fit.verdicts}."], written=(out, report, plot))
+    show(tables, how, [f"{fit.verdicts}."], written=(out, report, plot))
 
 
 def _assess(

@@ -87,7 +87,7 @@ def command(
         isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
-    save = options.plot_to(plot, [robot, poses], force)
+    write = options.writer([robot, poses], force, plot=plot)
     loaded = options.load_with(robot, sensors)
     subject = options.effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
@@ -100,7 +100,7 @@ def command(
             show([found.table()], how)
         say(unwatched(loaded), how)
         return
-    save(found.plot)
+    write(plot=found.plot)
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
     others = dict(_beside(loaded, subject, at, visited, found, effects))
     tables = [found.table(), *parts, *harm(found), beside(others)]

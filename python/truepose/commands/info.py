@@ -35,10 +35,10 @@ def command(
 
     Example: **truepose info hexa --plot hexa.png**
     """
-    save = options.plot_to(plot, [robot], force)
+    write = options.writer([robot], force, plot=plot)
     loaded = load(robot)
     measured = measure(loaded, samples, seed, length)
-    save(lambda: figure_of(lambda figure: draw(figure, loaded, length)))
+    write(plot=lambda: figure_of(lambda figure: draw(figure, loaded, length)))
     title = loaded.spec.title or loaded.name
     listed = [list(row) for row in rows(loaded, measured)]
     show([Table("info", title, ["figure", "value"], listed)], how, written=(plot,))

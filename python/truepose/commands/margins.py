@@ -55,7 +55,7 @@ def command(
     Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
     **truepose margins h4 --law tej --gains 40,300**
     """
-    save = options.plot_to(plot, [robot], force)
+    write = options.writer([robot], force, plot=plot)
     positive("--rate", rate)
     loaded = options.load_with(robot, sensors)
     forgotten = options.effects_of(effects)
@@ -70,7 +70,7 @@ def command(
             refused.append(error)
     if not found:
         raise refused[0]
-    save(lambda: figure_of(lambda figure: draw(figure, found)))
+    write(plot=lambda: figure_of(lambda figure: draw(figure, found)))
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from typer import Option
 
-from truepose import files, logs
+from truepose import logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
@@ -69,11 +69,8 @@ def command(
     **truepose plan h4 --target 1.6mm**
     """
     given = None if candidates.isdigit() else Path(candidates)
-    inputs = options.paths((robot, after, poses, given))
-    save = options.plot_to(plot, inputs, force)
+    write = options.writer((robot, after, poses, given), force, plan=out, plot=plot)
     loaded = options.load_with(robot, sensors)
-    output = files.Output(out, "plan", "-o") if out is not None else None
-    files.check([output] if output else [], inputs, force)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
     found = plan_poses(
@@ -83,19 +80,20 @@ def command(
         after=None if after is None else fit_of(loaded, after),
         poses=None if poses is None else read_poses(loaded, poses),
         target=options.parse_target(loaded, target),
-        reference_pose=options.parse_given(loaded, reference_pose, "--reference-pose"),
-        relative_to=options.parse_given(loaded, relative_to, "--relative-to"),
+        reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
+        relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,
         seed=seed,
     )
-    save(found.plot)
     said = notes(found)
-    if output is not None and found.steps:
-        files.write({output: written(found)}, inputs, force)
-    elif output is not None:
+    if found.steps or out is None:
+        write(plan=lambda: written(found), plot=found.plot)
+    else:
+        write(plot=found.plot)
         said.append(f"{out}: not written: the plan has no poses")
-    show([found.table()], how, said, written=(out if found.steps else None, plot))
+        out = None
+    show([found.table()], how, said, written=(out, plot))
 
 
 def fit_of(robot: Robot, path: Path) -> Calibration:

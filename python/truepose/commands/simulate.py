@@ -109,9 +109,9 @@ def command(
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
     then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
     """
-    read = options.paths([robot, path, way_points, None if true in ("drawn", "nominal") else true])
-    save = options.plot_to(plot, read, force)
-    log = None if out is None else logs.check(out, read, force)
+    read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
+    write = options.writer(read, force, plot=plot)
+    log = None if out is None else logs.check(out, options.paths(read), force)
     believed = options.load_with(robot, sensors)
     truth = options.true_robot(believed, true, seed)
     forgotten = None if effects == "none" else options.effects_of(effects)
@@ -120,11 +120,16 @@ def command(
     law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting=visiting)
     usual = VISIT if visiting else MOVE
-    duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
-    settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
-    settings["effects"] = forgotten
-    settings["faults"] = faults = options.faults_of(fault)
-    settings["watch"] = FaultMonitor(effects=forgotten) if watch else None
+    faults = options.faults_of(fault)
+    settings: dict[str, Any] = {
+        "duration": usual[0] if duration is None else duration,
+        "hold": usual[1] if hold is None else hold,
+        "seed": seed,
+        "time": since,
+        "effects": forgotten,
+        "faults": faults,
+        "watch": FaultMonitor(effects=forgotten) if watch else None,
+    }
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, dict):
@@ -135,9 +140,10 @@ def command(
             ran = _visit(believed, truth, controller, motion, settings)
             over, error = np.arange(len(motion)), ran.x - motion
             tables, torque, status = [error_table(believed, error)], None, _reached(ran)
-    save(lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
+    write(plot=lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
     if log is not None:
-        files.write({log: logs.encoded(log.path, logs.columns(ran, truth))}, read, force)
+        text = logs.encoded(log.path, logs.columns(ran, truth))
+        files.write({log: text}, options.paths(read), force)
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
@@ -181,7 +187,7 @@ def _asked(
         each = MOVE_DURATION if duration is None else duration
         return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
     first, last = (
-        None if text is None else options.parse_pose(robot, text, option, False)
+        options.parse_pose(robot, text, option, False)
         for option, text in (("--from", start), ("--to", end))
     )
     if circle is not None:

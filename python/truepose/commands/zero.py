@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from typer import Argument, Option
 
-from truepose import files, logs, robotfile
+from truepose import logs
 from truepose.calibration.zeroing import Zeroing, zero
 from truepose.commands import options
 from truepose.robot.workspace import workspace_samples
@@ -47,19 +47,16 @@ def command(
 
     Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
-    output = robotfile.output(out, "-o") if out else None
-    inputs = (log, robotfile.path_of(robot))
-    files.check([output] if output else [], inputs, force)
+    write = options.writer((log, robot), force, robot=out)
     loaded = options.load_with(robot, sensors)
-    pose = None if at is None else options.parse_pose(loaded, at, "--at", False)
+    pose = options.parse_pose(loaded, at, "--at", False)
     units = [unit for _, unit in loaded.coordinates]
     whose = f"{loaded.name}'s coordinates are in"
     sizes = None if sigma is None else options.parse_each(sigma, "--sigma", units, whose)
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    if output:
-        files.write({output: options.file_text(found.robot)}, inputs, force)
+    write(robot=lambda: options.file_text(found.robot))
     show([found.table(), known(found)], how, open_questions(found), written=(out,))
 
 
