@@ -29,7 +29,7 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_axes, label, reading_axes
 from truepose.robot.workspace import regular_grid
 from truepose.show.table import Cell, Table
-from truepose.show.terminal import Format, show
+from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT, measured
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.

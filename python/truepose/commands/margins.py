@@ -59,13 +59,11 @@ def command(
     positive("--rate", rate)
     loaded = options.load_with(robot, sensors)
     forgotten = options.effects_of(effects)
-    found, refused = [], []
-    period = 1 / rate
+    found, refused, period = [], [], 1 / rate
     for each in laws_of(law, loaded):
-        controller = each if own is None else parse_gains(own, each, period)
+        given: Any = (each, period) if own is None else (parse_gains(own, each, period), None)
         try:
-            at = period if own is None else None
-            found.append(stability_margins(loaded, controller, forgotten, period=at))
+            found.append(stability_margins(loaded, given[0], forgotten, period=given[1]))
         except InputError as error:
             refused.append(error)
     if not found:
@@ -94,23 +92,23 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
     numbers: list[float] = options.numbers_of(text).tolist()
     if np.isnan(numbers).any() or len(numbers) > 3:
         raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers")
-    frequency, bandwidth, damping = (numbers + [_FILTER * numbers[0], 1.0][len(numbers) - 1 :])[:3]
-    gains: dict[str, Any] = {"velocity_bandwidth": bandwidth, "damping": damping}
-    return Controller(law=law, period=period, frequency=frequency, **gains)
+    poles, filtered, damping = *numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :]
+    gains: dict[str, Any] = {"frequency": poles, "velocity_bandwidth": filtered, "damping": damping}
+    return Controller(law=law, period=period, **gains)
 
 
 def chosen(found: list[StabilityMargins]) -> Table:
     """Return a table with one row per law: gains, torque noise, limit cycle at the worst pose."""
     header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
     units = np.array([unit for _, unit in found[0].robot.coordinates])
-    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in dict.fromkeys(units)]
+    kinds = dict.fromkeys(units)
+    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in kinds]
     rows = []
     for each in found:
-        control = each.controller
+        control, cycle = each.controller, each.limit_cycle
         values = [control.frequency, control.damping, control.velocity_bandwidth]
-        values.append(100 * each.dither.max())
-        for unit in dict.fromkeys(units):
-            values.append(PRINT[unit][0] * each.limit_cycle[:, units == unit].max())
+        values += [100 * each.dither.max()]
+        values += [PRINT[unit][0] * cycle[:, units == unit].max() for unit in kinds]
         rows.append([control.built_in, *(number(float(v)) for v in values)])
     return Table("gains", "Gains", header, rows)
 

@@ -118,7 +118,13 @@ def command(
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, dict)
     law = laws.usual(believed) if law is None else law
-    controller = _controller(believed, law, forgotten, frequency, visiting=visiting)
+    exact = forgotten in (None, Effects.none())
+    if frequency is None and not (visiting and exact):
+        controller = controller_of(law, believed, forgotten)
+    else:
+        poles = VISITING if frequency is None else frequency
+        wide = (BANDWIDTH if visiting or not exact else 10.0) * poles
+        controller = Controller(law=law, frequency=poles, velocity_bandwidth=wide)
     usual = VISIT if visiting else MOVE
     faults = options.faults_of(fault)
     settings: dict[str, Any] = {
@@ -137,9 +143,12 @@ def command(
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
         else:
-            ran = _visit(believed, truth, controller, motion, settings)
-            over, error = np.arange(len(motion)), ran.x - motion
-            tables, torque, status = [error_table(believed, error)], None, _reached(ran)
+            x, q_e, reasons = visit(believed, truth, motion, controller, **settings)
+            ran, status = Visit(q_e, frames(truth, x), x, reasons), _reached(x, reasons)
+            if not np.isfinite(x).any():
+                raise PoseError(f"{believed.name}: {status}")
+            over, error = np.arange(len(motion)), x - motion
+            tables, torque = [error_table(believed, error)], None
     write(plot=lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
     if log is not None:
         text = logs.encoded(log.path, logs.columns(ran, truth))
@@ -147,20 +156,8 @@ def command(
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
-    poles = f"{controller.frequency:.3g} rad/s"
-    answer = f"{believed.name}, law {law}, poles {poles}, {who}: {status}"
+    answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))
-
-
-def _controller(
-    robot: Robot, law: Law, effects: Effects | None, frequency: float | None, *, visiting: bool
-) -> Controller:
-    exact = effects in (None, Effects.none())
-    if frequency is None and not (visiting and exact):
-        return controller_of(law, robot, effects)
-    poles = VISITING if frequency is None else frequency
-    ratio = BANDWIDTH if visiting or not exact else 10.0
-    return Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
 
 
 def _asked(
@@ -186,24 +183,19 @@ def _asked(
     if way_points is not None:
         each = MOVE_DURATION if duration is None else duration
         return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
-    first, last = (
-        options.parse_pose(robot, text, option, False)
-        for option, text in (("--from", start), ("--to", end))
-    )
+    first = options.parse_pose(robot, start, "--from", False)
+    last = options.parse_pose(robot, end, "--to", False)
     if circle is not None:
-        return {"path": _circle(circle, robot.home if first is None else first)}
+        numbers = options.numbers_of(circle)
+        if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
+            raise InputError(f"--circle {circle}: must be radius, turns per second, and turns")
+        radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
+        centre = robot.home if first is None else first
+        return {"path": Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)}
     if first is None or last is None:
         usual = default_move(robot)
         first, last = usual[0] if first is None else first, usual[1] if last is None else last
     return {"start": first, "end": last}
-
-
-def _circle(text: str, centre: Array) -> Circle:
-    numbers = options.numbers_of(text)
-    if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
-        raise InputError(f"--circle {text}: must be radius, turns per second, and turns")
-    radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
-    return Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:
@@ -216,20 +208,10 @@ def _motors(robot: Robot, run: Simulation) -> Table:
     return Table("motors", title, ["motor", "largest", "limit"], rows)
 
 
-def _visit(
-    robot: Robot, truth: Robot, controller: Controller, x_d: Array, settings: dict[str, Any]
-) -> Visit:
-    x, q_e, status = visit(robot, truth, x_d, controller, **settings)
-    found = Visit(q_e, frames(truth, x), x, status)
-    if not np.isfinite(x).any():
-        raise PoseError(f"{robot.name}: {_reached(found)}")
-    return found
-
-
-def _reached(found: Visit) -> str:
-    words = f"{np.isfinite(found.x).all(axis=1).sum()} of {len(found.x)} poses reached"
-    for reason in dict.fromkeys(found.status[found.status != "ok"].tolist()):
-        poses = np.flatnonzero(found.status == reason)
+def _reached(x: Array, status: Array) -> str:
+    words = f"{np.isfinite(x).all(axis=1).sum()} of {len(x)} poses reached"
+    for reason in dict.fromkeys(status[status != "ok"].tolist()):
+        poses = np.flatnonzero(status == reason)
         words += f"; pose {poses[0]}" + f" and {len(poses) - 1} more" * (len(poses) > 1)
         words += f": {reason}"
     return words

@@ -126,7 +126,7 @@ def place_sensors(
         return robot.with_mounting(_named(names, place)).with_sensors(*used)
 
     def sigma(place: Array) -> float:
-        known = {"reference_sigma": reference_sigma, "errors": "nan"}
+        known: dict[str, Any] = {"reference_sigma": reference_sigma, "errors": "nan"}
         P = accuracy(placed(place), over, calibrated_on, reference_pose, **known)
         return float(np.sqrt((P.sigma[:, -1] ** 2).mean()))
 
