@@ -202,8 +202,8 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
 
 
 @pytest.mark.parametrize("sigma", ["1m", "20um", "0.02mm,0.01deg", "0.01°, 2e-5m", "1e-5m,1mrad"])
-def test_sigma_of_lengths_and_of_angles_are_two(sigma):
-    lengths, angles = options.parse_sizes(sigma, "--measured-sigma")
+def test_sigma_of_lengths_and_of_angles_are_two(h4, sigma):
+    lengths, angles = options.parse_sigmas(h4, sigma, "--measured-sigma")
     expected = {
         "1m": (1.0, None),
         "20um": (2e-5, None),

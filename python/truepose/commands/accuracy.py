@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
 
 from typer import Option
 
@@ -21,21 +20,18 @@ from truepose.show.terminal import Format, show
 
 def command(
     robot: options.RobotName,
-    sensors: Annotated[
-        list[str] | None,
-        Option(
-            help="A set: names or globs separated by commas, none, or all. Repeatable: one set "
-            "each.",
-            show_default="none, those in use, these with each other one, with each kind, all",
-        ),
-    ] = None,
+    sensors: list[str] | None = Option(
+        None,
+        help="A set: names or globs separated by commas, none, or all. Repeatable: one set each.",
+        show_default="none, those in use, these with each other one, with each kind, all",
+    ),
     poses: options.Poses = None,
-    calibrated: Annotated[
-        bool, Option("--calibrated", help="Also after self-calibration over these poses.")
-    ] = False,
+    calibrated: bool = Option(
+        False, "--calibrated", help="Also after self-calibration over these poses."
+    ),
     reference_pose: options.ReferencePose = None,
     level: options.ModelLevel = None,
-    plot: Annotated[Path | None, options.plot_option("a map of the first set's position σ")] = None,
+    plot: Path | None = options.plot_option("a map of the first set's position σ"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -47,16 +43,16 @@ def command(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    save = options.plot_to(plot, [robot, poses], force)
+    write = options.writer([robot, poses], force, plot=plot)
     loaded = load(robot)
     sets = [options.parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = options.parse_given(loaded, reference_pose, "--reference-pose")
+    touched = options.parse_pose(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     slice_ = workspace_slice(shown) if plot else shown.home
-    save(lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
+    write(plot=lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
     first = overview(found, level)
     answers = [*best(first), f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
     shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 from typer import Argument, Option
 
-from truepose import files, logs, robotfile
+from truepose import logs
 from truepose.calibration import log_checks, rehomed, review
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fitting import Loss, ModelError
@@ -35,92 +35,68 @@ Registration = Literal["unknown", "known"]
 
 def command(
     robot: options.RobotName,
-    log: Annotated[
-        Path | None,
-        Argument(
-            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
-            "point; SI. Not needed with --known-pose on a calibrated robot.",
-            show_default=False,
-        ),
-    ] = None,
+    log: Path | None = Argument(
+        None,
+        help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
+        "point; SI. Not needed with --known-pose on a calibrated robot.",
+        show_default=False,
+    ),
     out: options.CalibratedFile = None,
-    report: Annotated[
-        Path | None, Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("each parameter's change and σ")] = None,
+    report: Path | None = Option(
+        None, help="Report to write (HTML).", show_default="beside -o, as OUT.html"
+    ),
+    plot: Path | None = options.plot_option("each parameter's change and σ"),
     sensors: options.SensorsOption = None,
     level: options.ModelLevel = None,
-    loss: Annotated[Loss, Option(help="Loss function for gross errors.")] = "student",
-    tuning: Annotated[
-        float | None,
-        Option(help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"),
-    ] = None,
-    model_error: Annotated[
-        ModelError, Option(help="Include the model error of the ideal level.")
-    ] = "on",
-    measured_sigma: Annotated[
-        str | None,
-        Option(
-            help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
-            show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
-        ),
-    ] = None,
-    registration: Annotated[
-        Registration, Option(help="known: measured_… are platform coordinates in the base frame.")
-    ] = "unknown",
-    known_pose: Annotated[
-        Path | None,
-        Option(
-            help="Log of poses known in the base frame: measured_x, …; exact, or with σ in "
-            "measured_x_sigma, …."
-        ),
-    ] = None,
-    reference_pose: Annotated[
-        str | None,
-        Option(
-            help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
-            show_default="home",
-        ),
-    ] = None,
-    homed: Annotated[
-        str | None,
-        Option(
-            "--rehomed",
-            help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
-            show_default="no change",
-        ),
-    ] = None,
-    touch_sigma: Annotated[
-        str | None,
-        between_option("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
-    ] = None,
-    tilt: Annotated[
-        str | None, between_option("σ of a plane's inclination: 1deg.", "level")
-    ] = None,
-    tool: Annotated[
-        str | None,
-        between_option(
-            "Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"
-        ),
-    ] = None,
-    tool_sigma: Annotated[str | None, between_option("σ of --tool: 1mm.", "exactly known")] = None,
-    distances: Annotated[
-        Path | None,
-        between_option(
-            "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
-            "sigma, times.",
-            metavar="CSV",
-        ),
-    ] = None,
-    distance_sigma: Annotated[
-        str | None, between_option("σ of a distance.", "the column sigma, else 0.02mm")
-    ] = None,
-    shrinkage: Annotated[
-        float, between_option("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
-    ] = 0.0,
-    line_width: Annotated[
-        str | None, between_option("σ of a print's line width: 0.05mm.", "known")
-    ] = None,
+    loss: Loss = Option("student", help="Loss function for gross errors."),
+    tuning: float | None = Option(
+        None, help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"
+    ),
+    model_error: ModelError = Option("on", help="Include the model error of the ideal level."),
+    measured_sigma: str | None = Option(
+        None,
+        help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
+        show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
+    ),
+    registration: Registration = Option(
+        "unknown", help="known: measured_… are platform coordinates in the base frame."
+    ),
+    known_pose: Path | None = Option(
+        None,
+        help="Log of poses known in the base frame: measured_x, …; exact, or with σ in "
+        "measured_x_sigma, ….",
+    ),
+    reference_pose: str | None = Option(
+        None,
+        help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
+        show_default="home",
+    ),
+    homed: str | None = Option(
+        None,
+        "--rehomed",
+        help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
+        show_default="no change",
+    ),
+    touch_sigma: str | None = between_option(
+        "σ of a contact with a plane or a point: columns plane, point.", "0.02mm"
+    ),
+    tilt: str | None = between_option("σ of a plane's inclination: 1deg.", "level"),
+    tool: str | None = between_option(
+        "Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"
+    ),
+    tool_sigma: str | None = between_option("σ of --tool: 1mm.", "exactly known"),
+    distances: Path | None = between_option(
+        "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
+        "sigma, times.",
+        metavar="CSV",
+    ),
+    distance_sigma: str | None = between_option(
+        "σ of a distance.", "the column sigma, else 0.02mm"
+    ),
+    shrinkage: float = between_option(
+        "σ of a print's relative shrinkage: 0.002.", value=0.0, min=0.0, max=1.0
+    ),
+    line_width: str | None = between_option("σ of a print's line width: 0.05mm.", "known"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -134,17 +110,14 @@ def command(
     if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
     read = (robot, log, known_pose, distances)
-    save = options.plot_to(plot, read, force)
-    robot_out = robotfile.output(out, "-o") if out else None
-    page_out = files.Output(report, "report", "--report") if report else None
-    files.check(filter(None, (robot_out, page_out)), options.paths(read), force)
+    write = options.writer(read, force, robot=out, report=report, plot=plot)
     made = options.load_with(robot, sensors)
     sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
     if homed is not None:
         units = reading_units(made)[: made.n]
         sizes = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
         made = rehomed(made, sizes)
-    at = options.parse_given(made, reference_pose, "--reference-pose")
+    at = options.parse_pose(made, reference_pose, "--reference-pose")
     asked = options.Asked(
         touch_sigma, tilt, tool, tool_sigma, distances, distance_sigma, shrinkage, line_width
     )
@@ -164,14 +137,14 @@ def command(
             bar(advance=1, description=what)
 
         where, result = _assess(made, log, known_pose, asked, settings, done)
-        contents = {}
-        if page_out:
-            from truepose.commands import calibration_figures
 
-            contents[page_out] = calibration_figures.page(result, where.name, settings["loss"])
-        if robot_out:
-            contents[robot_out] = options.file_text(result.fit.robot)
-        files.write(contents, options.paths(read), force)
+        def page() -> str:
+            from truepose.commands import calibration_figures  # matplotlib takes its time
+
+            return calibration_figures.page(result, where.name, settings["loss"])
+
+        fit = result.fit
+        write(robot=lambda: options.file_text(fit.robot), report=page, plot=fit.plot)
         done("written")
     for note in result.notes:
         say(f"{where}: {note}", err=True)
@@ -180,8 +153,7 @@ def command(
         few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
         tables.sort(key=lambda table: table.name != "accuracy")
-    save(result.fit.plot)
-    show(tables, how, [f"{result.fit.verdicts}."], written=(out, report, plot))
+    show(tables, how, [f"{fit.verdicts}."], written=(out, report, plot))
 
 
 def _assess(

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import fnmatch
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from typer import Option
 
-from truepose import files, robotfile
 from truepose.arguments import Array
 from truepose.commands import options
 from truepose.design.candidates import drawn, reachable
-from truepose.design.placement import Placement
-from truepose.design.placement import place_sensors as find_place
-from truepose.design.selection import SensorSelection, SensorSet, machined
+from truepose.design.placement import Placement, place_sensors
+from truepose.design.selection import SensorSelection, candidate, described, sets_table
+from truepose.design.selection import page as design_page
 from truepose.design.sensors import in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
 from truepose.logs.pose_file import read_poses
@@ -33,66 +32,48 @@ OTHERWISE = "10"
 
 def command(
     robot: options.RobotName,
-    price: Annotated[
-        str | None,
-        Option(
-            metavar="A=90,B*=250",
-            help="Prices of candidate sensors, names or globs; 'none': no sensor.",
-            show_default="the keys price of the file",
-        ),
-    ] = None,
-    price_steps: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ROD*=1mm:40,0.1mm:200",
-            help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
-            "Repeatable; 'none': none.",
-            show_default="the keys price_steps of the file",
-        ),
-    ] = None,
-    budget: Annotated[
-        float | None, Option(help="Find the most accurate set within this price.")
-    ] = None,
-    target: Annotated[
-        str | None, Option(metavar="0.1mm", help="Find the cheapest set with this σ or less.")
-    ] = None,
-    must: Annotated[
-        str | None, Option(metavar="A,B*", help="Sensors that every set contains.")
-    ] = None,
-    calibrated: Annotated[
-        str | None,
-        Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
-    ] = None,
+    price: str | None = Option(
+        None,
+        metavar="A=90,B*=250",
+        help="Prices of candidate sensors, names or globs; 'none': no sensor.",
+        show_default="the keys price of the file",
+    ),
+    price_steps: list[str] | None = Option(
+        None,
+        metavar="ROD*=1mm:40,0.1mm:200",
+        help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
+        "Repeatable; 'none': none.",
+        show_default="the keys price_steps of the file",
+    ),
+    budget: float | None = Option(None, help="Find the most accurate set within this price."),
+    target: str | None = Option(
+        None, metavar="0.1mm", help="Find the cheapest set with this σ or less."
+    ),
+    must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
+    calibrated: str | None = Option(
+        None, metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."
+    ),
     reference_pose: options.ReferencePose = None,
-    survives: Annotated[
-        bool, Option("--survives", help="Accuracy after the worst failure of one sensor.")
-    ] = False,
-    poses: Annotated[
-        Path | None,
-        Option(
-            help="CSV file of the poses where accuracy counts.",
-            show_default="32 over the workspace",
-        ),
-    ] = None,
-    place: Annotated[
-        str | None,
-        Option(
-            metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
-        ),
-    ] = None,
-    within: Annotated[
-        list[str] | None,
-        Option(
-            metavar="wire1.origin.z=-0.2m..100mm",
-            help="With --place: range of a coordinate or a glob. Repeatable.",
-            show_default="box of the motors, and of the rods' ends at home",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="With --place: robot file to write.")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("accuracy against price")] = None,
-    report: Annotated[Path | None, Option(help="Report to write (HTML).")] = None,
+    survives: bool = Option(
+        False, "--survives", help="Accuracy after the worst failure of one sensor."
+    ),
+    poses: Path | None = Option(
+        None,
+        help="CSV file of the poses where accuracy counts.",
+        show_default="32 over the workspace",
+    ),
+    place: str | None = Option(
+        None, metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
+    ),
+    within: list[str] | None = Option(
+        None,
+        metavar="wire1.origin.z=-0.2m..100mm",
+        help="With --place: range of a coordinate or a glob. Repeatable.",
+        show_default="box of the motors, and of the rods' ends at home",
+    ),
+    out: Path | None = Option(None, "-o", "--out", help="With --place: robot file to write."),
+    plot: Path | None = options.plot_option("accuracy against price"),
+    report: Path | None = Option(None, help="Report to write (HTML)."),
     seed: options.Seed = 0,
     how: options.How = Format.table,
     force: options.Force = False,
@@ -105,7 +86,6 @@ def command(
     **truepose design h4 --place wire1 -o placed.toml**
     """
     visits = None if calibrated is None or calibrated.isdigit() else calibrated
-    inputs = options.paths((robot, poses, visits))
     for_choosing = {
         "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
         "--survives": survives or None, "--plot": plot, "--report": report,
@@ -115,22 +95,18 @@ def command(
         if value is not None:
             other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
-    save = options.plot_to(plot, inputs, force)
-    written = robotfile.output(out, "-o") if out is not None else None
-    page_out = files.Output(report, "report", "--report") if report is not None else None
-    files.check([output for output in (written, page_out) if output], inputs, force)
+    write = options.writer((robot, poses, visits), force, robot=out, plot=plot, report=report)
     loaded = load(robot)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
-        "reference_pose": options.parse_given(loaded, reference_pose, "--reference-pose"),
+        "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),
         "poses": None if poses is None else read_poses(loaded, poses),
     }
     if place is not None:
         known |= {"within": parse_boxes(within or []), "seed": seed}
         known["beside"] = None if must is None else options.parse_set(loaded, must)
-        there = find_place(loaded, options.parse_set(loaded, place), **known)
-        if out is not None:
-            there.robot.save(out, force=force)
+        there = place_sensors(loaded, options.parse_set(loaded, place), **known)
+        write(robot=lambda: options.file_text(there.robot))
         show([there.table()], how, _placement_notes(there), written=(out,))
         return
     found = select_sensors(
@@ -143,17 +119,17 @@ def command(
         survives=survives,
         **known,
     )
-    save(found.plot)
-    shown = found.table()
-    if page_out is not None:
-        from truepose.design import figures  # matplotlib takes its time
 
+    def page() -> str:
         visited = known["calibrated_on"] if calibrated else _visited(loaded, OTHERWISE)
         at = known["reference_pose"] if reference_pose else loaded.home
-        told = [shown, each(found), states(found, in_other_states(found, visited, at))]
-        text = figures.page(found, told, notes(found), len(visited), bool(reference_pose))
-        files.write({page_out: text}, inputs, force)
-    show([shown], how, notes(found), written=(plot, report))
+        other = {k: 1e3 * v for k, v in in_other_states(found, visited, at).items()}
+        title = "σ of the position (mm) of these sets in other states, all sensors healthy"
+        told = [found.table(), each(found), sets_table(found, "states", title, other)]
+        return design_page(found, told, notes(found), len(visited), bool(reference_pose))
+
+    write(plot=found.plot, report=page)
+    show([found.table()], how, notes(found), written=(plot, report))
 
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
@@ -161,11 +137,16 @@ def parse_prices(robot: Robot, text: str) -> dict[str, float]:
     result: dict[str, float] = {}
     for part in text.split(",") if text != "none" else ():
         name, _, value = part.partition("=")
-        price = options.number_of(value)
-        if not 0 <= price < np.inf:
-            raise InputError(f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
+        price = _price(value, f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
         result |= dict.fromkeys(options.parse_set(robot, name.strip()), price)
     return result
+
+
+def _price(text: str, otherwise: str) -> float:
+    price = options.number_of(text)
+    if not 0 <= price < np.inf:
+        raise InputError(otherwise)
+    return price
 
 
 def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, float]]:
@@ -181,15 +162,10 @@ def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[floa
         curve = result.setdefault(group, {})
         for level in levels.split(","):
             size, _, value = level.partition(":")
-            price = options.number_of(value)
-            if not 0 <= price < np.inf:
-                raise InputError(
-                    f"--price-steps {text}: must be PARAMETERS=SIGMA:PRICE,… as "
-                    "chain*.rod=0.1mm:200"
-                )
-            curve[options.parse_size(size, f"--price-steps {group}:", unit_of(robot, fits[0]))] = (
-                price
-            )
+            example = "PARAMETERS=SIGMA:PRICE,… as chain*.rod=0.1mm:200"
+            price = _price(value, f"--price-steps {text}: must be {example}")
+            unit = unit_of(robot, fits[0])
+            curve[options.parse_size(size, f"--price-steps {group}:", unit)] = price
     return result
 
 
@@ -222,28 +198,13 @@ def _visited(robot: Robot, text: str) -> Array:
     return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
 
 
-def states(found: SensorSelection, sigma: Mapping[str, Array]) -> Table:
-    """Return a table of the front's sets: σ of each in every state."""
-    rows = []
-    for k, choice in enumerate(found.front):
-        machining = [machined(found.robot, choice)] if found.levels else []
-        own = [label(found.robot, choice.sensors), *machining, number(choice.price)]
-        rows.append([*own, *(number(1e3 * float(values[k])) for values in sigma.values())])
-    header = ["sensors", *["machined to"] * bool(found.levels), "price"]
-    title = "σ of the position (mm) of these sets in other states, all sensors healthy"
-    return Table("states", title, [*header, *sigma], rows)
-
-
 def each(found: SensorSelection) -> Table:
     """Return a table of the candidates: σ with each alone, and with all others."""
     total, rows = summed(found.robot), []
     unit = PRINT[total.unit][1]
     for own in found.alone:
-        name = own.sensor
-        if own.level is not None:
-            name = machined(found.robot, SensorSet((), 0.0, 0.0, ((own.sensor, own.level),)))
         cells = (number(total.factor * sigma) for sigma in (own.sigma, own.without))
-        rows.append([name, number(own.price), *cells])
+        rows.append([candidate(found.robot, own), number(own.price), *cells])
     title = f"Each candidate: σ of the {total.name} with it alone, and with all others"
     header = ["candidate", "price", f"alone ({unit})", f"all others ({unit})"]
     return Table("each", title, header, rows)
@@ -265,8 +226,7 @@ def notes(found: SensorSelection) -> list[str]:
         )
     if (best := found.best) is not None:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
-        own = label(robot, best.sensors)
-        own += f"; machined: {machined(robot, best)}" if best.machined else ""
+        own = described(robot, best, "; machined: ")
         sigma = measured(best.sigma, summed(robot).unit)
         lines.append(f"Best: {own}: {best.price:g}, {sigma}; {sure}.")
     return lines

@@ -42,21 +42,16 @@ def c(
     force: options.Force = False,
     sensors: options.SensorsOption = None,
     level: ChosenLevel = None,
-    law: Annotated[Law | None, Option(help="Control law of the gains.", show_default=USUAL)] = None,
-    period: Annotated[float, Option(help="Control cycle, s.")] = 1e-3,
-    frequency: Annotated[
-        float | None,
-        Option(help="Poles of the PD, rad/s.", show_default="the fastest with margins"),
-    ] = None,
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Effects that gains tolerate and the fault monitor allows for: all, none, or friction,…"
-        ),
-    ] = "all",
-    name: Annotated[
-        str | None, Option(help="Prefix of the tables.", show_default="the robot's name")
-    ] = None,
+    law: Law | None = Option(None, help="Control law of the gains.", show_default=USUAL),
+    period: float = Option(1e-3, help="Control cycle, s."),
+    frequency: float | None = Option(
+        None, help="Poles of the PD, rad/s.", show_default="the fastest with margins"
+    ),
+    effects: str = options.effects_option(
+        "all",
+        "Effects that gains tolerate and the fault monitor allows for: all, none, or friction,…",
+    ),
+    name: str | None = Option(None, help="Prefix of the tables.", show_default="the robot's name"),
 ) -> None:
     """Write a robot as constant tables for a program in C or C++: truepose/truepose.h.
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Argument, Option
@@ -26,9 +25,8 @@ from truepose.faults.limits import (
 )
 from truepose.logs.pose_file import read_poses
 from truepose.robot import knowledge
-from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.units import label, reading_axes
+from truepose.robot.units import coordinate_axes, label, reading_axes
 from truepose.robot.workspace import regular_grid
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
@@ -40,39 +38,31 @@ KNOWN_EFFECTS = ("backlash", "eccentricity")
 
 def command(
     robot: options.RobotName,
-    log: Annotated[
-        Path | None,
-        Argument(
-            help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
-            "and each sensor's name; SI.",
-            show_default=False,
-        ),
-    ] = None,
+    log: Path | None = Argument(
+        None,
+        help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
+        "and each sensor's name; SI.",
+        show_default=False,
+    ),
     sensors: options.SensorsOption = None,
     poses: options.Poses = None,
-    calibrated: Annotated[
-        bool, Option("--calibrated", help="After self-calibration over these poses.")
-    ] = False,
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
-        ),
-    ] = "none",
+    calibrated: bool = Option(
+        False, "--calibrated", help="After self-calibration over these poses."
+    ),
+    effects: str = options.effects_option(
+        "none", "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
+    ),
     level: options.ModelLevel = None,
-    false_alarm: Annotated[
-        float | None,
-        Option(
-            metavar="P",
-            help="Probability of a false alarm in each test (one a cycle).",
-            show_default=f"one in {HOURS:g} hours at 1 kHz",
-        ),
-    ] = None,
-    boxes: Annotated[
-        int,
-        Option(min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."),
-    ] = 1,
-    plot: Annotated[Path | None, options.plot_option("the limits of each reading")] = None,
+    false_alarm: float | None = Option(
+        None,
+        metavar="P",
+        help="Probability of a false alarm in each test (one a cycle).",
+        show_default=f"one in {HOURS:g} hours at 1 kHz",
+    ),
+    boxes: int = Option(
+        1, min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
+    ),
+    plot: Path | None = options.plot_option("the limits of each reading"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -87,17 +77,16 @@ def command(
     Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**, then
     **truepose faults calibrated.toml tour.csv**
     """
+    loaded = options.load_with(robot, sensors)
     if log is not None:
         given = {"--poses": poses, "--calibrated": calibrated, "--plot": plot}
         given |= {"--effects": effects != "none", "--boxes": boxes > 1}
         if extra := [name for name, value in given.items() if value]:
             raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
-        loaded = options.load_with(robot, sensors)
         isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
-    save = options.plot_to(plot, [robot, poses], force)
-    loaded = options.load_with(robot, sensors)
+    write = options.writer([robot, poses], force, plot=plot)
     subject = options.effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
@@ -109,13 +98,12 @@ def command(
             show([found.table()], how)
         say(unwatched(loaded), how)
         return
-    save(found.plot)
+    write(plot=found.plot)
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
-    others = dict(_beside(loaded, subject, at, visited, found, effects))
-    tables = [found.table(), *parts, *harm(found), beside(others)]
+    parts += [*harm(found), beside(loaded, at, visited, found, effects)]
     where = f"{options.over(at, poses, left_out)}; {found.state}."
     answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
-    show(tables, how, [answer], list(notes(found)), (plot,))
+    show([found.table(), *parts], how, [answer], list(notes(found)), (plot,))
 
 
 def unwatched(robot: Robot) -> str:
@@ -128,87 +116,71 @@ def unwatched(robot: Robot) -> str:
     )
 
 
-def _beside(
-    robot: Robot,
-    subject: Robot,
-    poses: Array,
-    visited: Array | None,
-    found: Detectability,
-    effects: str,
-) -> Iterator[tuple[str, Detectability]]:
-    """Yield the limits under other assumptions, each with its name."""
+def beside(
+    robot: Robot, poses: Array, visited: Array | None, found: Detectability, effects: str
+) -> Table:
+    """Return medians, detected and isolated, under other assumptions: one row each."""
     levels: dict[str, tuple[Level, bool]] = {f"{found.level} level": (found.level, True)}
     if knowledge.left_out(robot):
         levels = {"full level": ("full", True), "ideal level": ("ideal", True)}
         levels["ideal level, robot on paper"] = ("ideal", False)
     states = {"as built": None} | ({} if visited is None else {"self-calibrated": visited})
-    doubts = {"": robot} | ({} if effects == "none" else {f", effects {effects}": subject})
-    cases = itertools.product(states.items(), levels.items(), doubts.items())
+    subjects = {"": robot} | ({} if effects == "none" else {f", effects {effects}": found.robot})
+    cases = itertools.product(states.items(), levels.items(), subjects.items())
+    rows = []
     for (state, learnt), (name, how), (doubt, one) in cases:
         told = detectability(one, poses, learnt, *how, false_alarm=found.false_alarm, moving=1)
-        yield f"{state}, {name}{doubt}", told
+        rows.append([f"{state}, {name}{doubt}", *_pairs(told)])
+    title = "Detected / isolated, medians, under other assumptions"
+    header = ["assumption", *(axis.label for axis in reading_axes(robot))]
+    return Table("faults_beside", title, header, rows)
 
 
 def harm(found: Detectability) -> list[Table]:
     """Return tables of the pose error of a fault just below detection: one column per law."""
     robot, laws = found.robot, list(found.cross_sensitivity)
-    worst = {
-        law: found.pose_error(law).reshape(-1, len(robot.readings), 2).max(axis=0) for law in laws
-    }
-    moving = {law: found.moving_pose_error(law) for law in laws}
-
-    def table(name: str, title: str, errors: Mapping[Law, Array]) -> Table:
-        rows = [
-            [reading, *(_offset(robot, law, errors[law][c]) for law in laws)]
-            for c, reading in enumerate(robot.readings)
+    shape = (-1, len(robot.readings), 2)
+    worst = [found.pose_error(law).reshape(shape).max(axis=0) for law in laws]
+    moving = [found.moving_pose_error(law) for law in laws]
+    result = []
+    for name, title, errors in (
+        ("harm_at_rest", "Pose error of a fault just below detection, worst pose", worst),
+        ("harm_moving", f"The same for a fault that {found.moving} poses do not reveal", moving),
+    ):
+        columns = [
+            [_offset(robot, law, e) for e in error] for law, error in zip(laws, errors, strict=True)
         ]
-        return Table(name, title, ["reading", *laws], rows)
-
-    return [
-        table("harm_at_rest", "Pose error of a fault just below detection, worst pose", worst),
-        table(
-            "harm_moving", f"The same for a fault that {found.moving} poses do not reveal", moving
-        ),
-    ]
-
-
-def beside(others: dict[str, Detectability]) -> Table:
-    """Return medians over the poses, detected and isolated: one row per assumption."""
-    rows = [[name, *_pairs(found, np.s_[:])] for name, found in others.items()]
-    title = "Detected / isolated, medians, under other assumptions"
-    axes = reading_axes(next(iter(others.values())).robot)
-    return Table("faults_beside", title, ["assumption", *(axis.label for axis in axes)], rows)
+        rows = list(zip(robot.readings, *columns, strict=True))
+        result.append(Table(name, title, ["reading", *laws], rows))
+    return result
 
 
 def by_box(found: Detectability, poses: Array, parts: int) -> Table:
     """Return medians, detected and isolated: one row per part of a coordinate's range."""
     rows = []
-    for k, (name, unit) in enumerate(found.robot.coordinates):
-        factor, printed = PRINT[unit]
-        edges = np.linspace(poses[:, k].min(), poses[:, k].max(), parts + 1)
-        part = np.clip(np.searchsorted(edges, poses[:, k], side="right") - 1, 0, parts - 1)
-        for i, (low, high) in enumerate(itertools.pairwise((factor * edges).tolist())):
-            inside = np.flatnonzero(part == i)
-            if not len(inside):
-                continue
-            ends = {"from": low, "to": high, "poses": len(inside)}
-            named = f"{name} {low:.4g} to {high:.4g} {printed}".replace(" °", "°")
-            box = Cell(named, {"box": name, "unit": printed} | ends)
-            rows.append([box, *_pairs(found, inside)])
+    for (name, factor, unit), values in zip(coordinate_axes(found.robot), poses.T, strict=True):
+        edges = np.linspace(values.min(), values.max(), parts + 1)
+        part = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, parts - 1)
+        for i in np.unique(part):
+            inside = part == i
+            low, high = (factor * edges[i : i + 2]).tolist()
+            named = f"{name} {low:.4g} to {high:.4g} {unit}".replace(" °", "°")
+            data = {"box": name, "unit": unit, "from": low, "to": high, "poses": int(inside.sum())}
+            rows.append([Cell(named, data), *_pairs(found, inside)])
     title = "Detected / isolated, medians over the poses of each box"
     header = ["box", *(axis.label for axis in reading_axes(found.robot))]
     return Table("faults_by_box", title, header, rows)
 
 
-def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
+def _pairs(found: Detectability, inside: Array | slice = np.s_[:]) -> list[Cell]:
     """Return medians over some poses of each reading's detectable and isolable fault."""
     cells = []
     for c, (reading, factor, unit) in enumerate(reading_axes(found.robot)):
-        every = (values[..., c].ravel()[inside] for values in (found.detected, found.isolated))
-        pair = [factor * float(np.median(values)) for values in every]
-        names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
-        text = " / ".join(map(limit_cell, pair))
-        cells.append(Cell(text, dict(zip(names, pair, strict=True))))
+        pair = {
+            f"{reading} {what} ({unit})": factor * float(np.median(sizes[..., c].ravel()[inside]))
+            for what, sizes in (("detected", found.detected), ("isolated", found.isolated))
+        }
+        cells.append(Cell(" / ".join(map(limit_cell, pair.values())), pair))
     return cells
 
 
@@ -225,10 +197,8 @@ def notes(found: Detectability) -> Iterator[str]:
         f"Confused with: readings whose faults explain a fault of {TIMES:g} times the limit as "
         "well, at most of the poses where it is detected."
     )
-    for where, groups in (
-        ("at any one pose", found.alike_at_rest),
-        (f"over all {found.detected[..., 0].size} poses", found.alike),
-    ):
+    every = f"over all {found.detected[..., 0].size} poses"
+    for where, groups in (("at any one pose", found.alike_at_rest), (every, found.alike)):
         told = "; ".join(" = ".join(group) for group in groups) or "none"
         yield f"Indistinguishable {where} (parallel signatures): {told}."
     if found.unseen:
@@ -253,20 +223,20 @@ def verdict(found: Isolation) -> list[str]:
         f"{found.chi2:.4g}, {found.freedom} degrees of freedom; a healthy robot exceeds "
         f"{found.limit:.4g} with probability {found.false_alarm:.2g}."
     )
-    kinds = [hypothesis.kind for hypothesis in found.may_be]
     if not found.faulty:
-        said = "No fault detected: the readings are consistent."
-    elif not kinds:
+        return [test, "No fault detected: the readings are consistent."]
+    kinds, readings = [hypothesis.kind for hypothesis in found.may_be], found.readings
+    if not kinds:
         said = (
             "No single bias or gain explains it: a fault that began within the log, several "
             "faults, a change of the geometry, or another robot's file."
         )
-    elif len(found.readings) > 1:
+    elif len(readings) > 1:
         said = (
-            f"One of these is faulty: {', '.join(found.readings)}. More poses or another sensor "
+            f"One of these is faulty: {', '.join(readings)}. More poses or another sensor "
             "distinguish them (see truepose faults)."
         )
     else:
         why = f"its {kinds[0]} is wrong" if len(kinds) == 1 else "a " + " or a ".join(kinds)
-        said = f"Faulty: {found.readings[0]}: {why}."
+        said = f"Faulty: {readings[0]}: {why}."
     return [test, said]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from typer import Option
 
@@ -22,14 +22,12 @@ from truepose.show.units import PRINT, printed
 
 def command(
     robot: options.RobotName,
-    plot: Annotated[Path | None, options.plot_option("the conditioning map")] = None,
-    samples: Annotated[
-        int, Option(min=1, max=10_000_000, help="Poses sampled from the workspace.")
-    ] = 100_000,
+    plot: Path | None = options.plot_option("the conditioning map"),
+    samples: int = Option(100_000, min=1, max=10_000_000, help="Poses sampled from the workspace."),
     seed: options.Seed = 0,
-    length: Annotated[
-        float, Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m.")
-    ] = LENGTH,
+    length: float = Option(
+        LENGTH, min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."
+    ),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -37,13 +35,13 @@ def command(
 
     Example: **truepose info hexa --plot hexa.png**
     """
-    save = options.plot_to(plot, [robot], force)
+    write = options.writer([robot], force, plot=plot)
     loaded = load(robot)
     measured = measure(loaded, samples, seed, length)
-    save(lambda: figure_of(lambda figure: draw(figure, loaded, length)))
+    write(plot=lambda: figure_of(lambda figure: draw(figure, loaded, length)))
     title = loaded.spec.title or loaded.name
-    listed = [list(row) for row in rows(loaded, measured)]
-    show([Table("info", title, ["figure", "value"], listed)], how, written=(plot,))
+    table = Table("info", title, ["figure", "value"], rows(loaded, measured))
+    show([table], how, written=(plot,))
 
 
 def draw(figure: Any, robot: Robot, length: float = LENGTH) -> None:
@@ -66,8 +64,8 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
         ("further sensors in the file", ", ".join(spare) or "none"),
         ("geometric parameters", Cell(str(len(robot.parameters)), len(robot.parameters))),
     ]
-    for (name, unit), low, high in zip(robot.coordinates, box.minimum, box.maximum, strict=True):
-        result.append((f"workspace {name}", _range(low, high, unit)))
+    sides = zip(robot.coordinates, box.minimum, box.maximum, strict=True)
+    result += [(f"workspace {name}", _range(low, high, unit)) for (name, unit), low, high in sides]
     share, regular = 100 * figures.reachable, 100 * figures.regular
     data = {"value": share, "unit": "%", "poses": figures.samples, "seed": figures.seed}
     text = f"{share:.4g} % of {figures.samples} poses, seed {figures.seed}"
@@ -89,29 +87,22 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
         if speed is not None:
             result.append((f"fastest motor at {per}", _speed(robot, speed)))
     if spec.stretches:
-        result += _stretch(robot)
+        forces = robot.rod_forces(robot.home, errors="nan")
+        strains = robot.compliance * forces
+        result.append(("tension of each chain at home", _each_chain(forces, "N")))
+        result.append(("strain of its rods there", _each_chain(strains, "µm/m", 1e6)))
     result.append(("full level", robot.full.reason))
     if figures.full_less_ideal is not None:
-        for (name, unit), v in zip(
-            robot.coordinates, figures.full_less_ideal.tolist(), strict=True
-        ):
+        apart = zip(robot.coordinates, figures.full_less_ideal.tolist(), strict=True)
+        for (name, unit), v in apart:
             cell = Cell(printed(v, unit), {"value": v, "unit": unit})
             result.append((f"full − ideal of {name}, rms under the axes' tolerances", cell))
     return result
 
 
-def _stretch(robot: Robot) -> list[tuple[str, str]]:
-    """Return rod forces at home and the strains."""
-    at = robot.rod_forces(robot.home, errors="nan")
-
-    def each(values: Array, unit: str, factor: float = 1.0) -> Cell:
-        text = f"{', '.join(f'{factor * v + 0.0:.3g}' for v in values)} {unit}"
-        return Cell(text, {f"chain {k}": float(v) for k, v in enumerate(values, 1)})
-
-    return [
-        ("tension of each chain at home", each(at, "N")),
-        ("strain of its rods there", each(robot.compliance * at, "µm/m", 1e6)),
-    ]
+def _each_chain(values: Array, unit: str, factor: float = 1.0) -> Cell:
+    text = f"{', '.join(f'{factor * v + 0.0:.3g}' for v in values)} {unit}"
+    return Cell(text, {f"chain {k}": float(v) for k, v in enumerate(values, 1)})
 
 
 def _range(low: float, high: float, unit: str) -> Cell:
@@ -125,5 +116,5 @@ def _speed(robot: Robot, speed: Speed) -> Cell:
     pose = list(zip(robot.coordinates, speed.pose.tolist(), strict=True))
     where = ", ".join(f"{name} = {printed(v, u, '.0f')}" for (name, u), v in pose)
     data = {"value": speed.value, "unit": unit, "motor": speed.motor}
-    text = f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}"
-    return Cell(text, data | {f"{name} ({u})": v for (name, u), v in pose})
+    data |= {f"{name} ({u})": v for (name, u), v in pose}
+    return Cell(f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}", data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from typer import Option
@@ -24,33 +24,26 @@ _FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
 
 def command(
     robot: options.RobotName,
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Effects that the model omits: all, none, or some: delay,compliance,…"
-        ),
-    ] = "all",
-    law: Annotated[
-        list[str] | None,
-        Option(
-            help=f"{', '.join(LAWS)}. Repeatable.",
-            autocompletion=options.completing(lambda: LAWS),
-            show_default="joint and, with sensors, tej, weighted, estimated",
-        ),
-    ] = None,
-    rate: Annotated[float, Option(metavar="HZ", help="Control cycles per second.")] = 1000.0,
+    effects: str = options.effects_option(
+        "all", "Effects that the model omits: all, none, or some: delay,compliance,…"
+    ),
+    law: list[str] | None = Option(
+        None,
+        help=f"{', '.join(LAWS)}. Repeatable.",
+        autocompletion=options.completing(lambda: LAWS),
+        show_default="joint and, with sensors, tej, weighted, estimated",
+    ),
+    rate: float = Option(1000.0, metavar="HZ", help="Control cycles per second."),
     sensors: options.SensorsOption = None,
-    own: Annotated[
-        str | None,
-        Option(
-            "--gains",
-            metavar="POLES[,FILTER[,DAMPING]]",
-            help="Given gains: poles and velocity filter, rad/s (default 10 times the poles), and "
-            "damping (default 1).",
-            show_default="the fastest with 6 dB, 30° and two cycles",
-        ),
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("each law's loop")] = None,
+    own: str | None = Option(
+        None,
+        "--gains",
+        metavar="POLES[,FILTER[,DAMPING]]",
+        help="Given gains: poles and velocity filter, rad/s (default 10 times the poles), and "
+        "damping (default 1).",
+        show_default="the fastest with 6 dB, 30° and two cycles",
+    ),
+    plot: Path | None = options.plot_option("each law's loop"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -62,22 +55,20 @@ def command(
     Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
     **truepose margins h4 --law tej --gains 40,300**
     """
-    save = options.plot_to(plot, [robot], force)
+    write = options.writer([robot], force, plot=plot)
     positive("--rate", rate)
     loaded = options.load_with(robot, sensors)
     forgotten = options.effects_of(effects)
-    found, refused = [], []
-    period = 1 / rate
+    found, refused, period = [], [], 1 / rate
     for each in laws_of(law, loaded):
-        controller = each if own is None else parse_gains(own, each, period)
+        given: Any = (each, period) if own is None else (parse_gains(own, each, period), None)
         try:
-            at = period if own is None else None
-            found.append(stability_margins(loaded, controller, forgotten, period=at))
+            found.append(stability_margins(loaded, given[0], forgotten, period=given[1]))
         except InputError as error:
             refused.append(error)
     if not found:
         raise refused[0]
-    save(lambda: figure_of(lambda figure: draw(figure, found)))
+    write(plot=lambda: figure_of(lambda figure: draw(figure, found)))
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)
@@ -101,23 +92,23 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
     numbers: list[float] = options.numbers_of(text).tolist()
     if np.isnan(numbers).any() or len(numbers) > 3:
         raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers")
-    frequency, bandwidth, damping = (numbers + [_FILTER * numbers[0], 1.0][len(numbers) - 1 :])[:3]
-    gains: dict[str, Any] = {"velocity_bandwidth": bandwidth, "damping": damping}
-    return Controller(law=law, period=period, frequency=frequency, **gains)
+    poles, filtered, damping = *numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :]
+    gains: dict[str, Any] = {"frequency": poles, "velocity_bandwidth": filtered, "damping": damping}
+    return Controller(law=law, period=period, **gains)
 
 
 def chosen(found: list[StabilityMargins]) -> Table:
     """Return a table with one row per law: gains, torque noise, limit cycle at the worst pose."""
     header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
     units = np.array([unit for _, unit in found[0].robot.coordinates])
-    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in dict.fromkeys(units)]
+    kinds = dict.fromkeys(units)
+    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in kinds]
     rows = []
     for each in found:
-        control = each.controller
+        control, cycle = each.controller, each.limit_cycle
         values = [control.frequency, control.damping, control.velocity_bandwidth]
-        values.append(100 * each.dither.max())
-        for unit in dict.fromkeys(units):
-            values.append(PRINT[unit][0] * each.limit_cycle[:, units == unit].max())
+        values += [100 * each.dither.max()]
+        values += [PRINT[unit][0] * cycle[:, units == unit].max() for unit in kinds]
         rows.append([control.built_in, *(number(float(v)) for v in values)])
     return Table("gains", "Gains", header, rows)
 

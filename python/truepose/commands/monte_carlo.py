@@ -6,7 +6,6 @@ import re
 import shlex
 from math import isnan
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Argument, Option
@@ -30,38 +29,29 @@ AT_REST = ("backlash", "eccentricity", "quantization")
 
 def simulate_log_command(
     robot: options.RobotName,
-    out: Annotated[
-        Path, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
-    ] = Path("simulated.csv"),
-    truth: Annotated[
-        Path | None,
-        Option(help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"),
-    ] = None,
-    found: Annotated[
-        Path | None,
-        Option(
-            help="Calibrated robot file: print its errors against the true robot; write nothing."
-        ),
-    ] = None,
-    count: Annotated[
-        int, Option(min=1, max=100_000, help="Number of poses, sampled from the workspace.")
-    ] = 100,
+    out: Path = Option(
+        Path("simulated.csv"), "-o", "--out", help="Log to write: .csv, .parquet or .mcap."
+    ),
+    truth: Path | None = Option(
+        None, help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"
+    ),
+    found: Path | None = Option(
+        None, help="Calibrated robot file: print its errors against the true robot; write nothing."
+    ),
+    count: int = Option(
+        100, min=1, max=100_000, help="Number of poses, sampled from the workspace."
+    ),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
-    tracker: Annotated[
-        bool | None,
-        Option(
-            "--tracker/--no-tracker",
-            help="Simulate an external tracker in a frame of its own.",
-            show_default="where no sensor is in use",
-        ),
-    ] = None,
-    effects: Annotated[
-        str,
-        options.effects_option(
-            f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
-        ),
-    ] = "quantization",
+    tracker: bool | None = Option(
+        None,
+        "--tracker/--no-tracker",
+        help="Simulate an external tracker in a frame of its own.",
+        show_default="where no sensor is in use",
+    ),
+    effects: str = options.effects_option(
+        "quantization", f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
+    ),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -155,36 +145,28 @@ MEANING = {
 
 
 def study_command(
-    function: Annotated[
-        str,
-        Argument(
-            help="calibration: errors after self-calibration; rest: errors of the static"
-            " equilibrium under each law; or your own function, file.py:function."
-        ),
-    ],
-    robots: Annotated[list[str], Argument(help="Shipped robots' names, or robot files.")],
-    count: Annotated[int, Option(min=1, help="True robots to sample of each.")] = 100,
+    function: str = Argument(
+        help="calibration: errors after self-calibration; rest: errors of the static"
+        " equilibrium under each law; or your own function, file.py:function."
+    ),
+    robots: list[str] = Argument(help="Shipped robots' names, or robot files."),
+    count: int = Option(100, min=1, help="True robots to sample of each."),
     sensors: options.SensorsOption = None,
-    grid: Annotated[
-        list[str] | None,
-        Option(
-            help="name=value,value,…: evaluates every combination for every robot. Names: those "
-            "that the function reads from case.values; calibration: poses; rest: law."
-        ),
-    ] = None,
+    grid: list[str] | None = Option(
+        None,
+        help="name=value,value,…: evaluates every combination for every robot. Names: those "
+        "that the function reads from case.values; calibration: poses; rest: law.",
+    ),
     seed: options.Seed = 0,
-    out: Annotated[
-        Path | None,
-        Option("--out", "-o", help="Folder of the results; an interrupted study resumes from it."),
-    ] = None,
-    chunk: Annotated[int, Option(min=1, help="Cases per task of a worker.")] = 16,
-    workers: Annotated[
-        int | None, Option(min=0, help="Processes; 0: only this one.", show_default="all cores")
-    ] = None,
-    on: Annotated[On, Option(help="Kind of the parallel workers.")] = "processes",
-    cluster: Annotated[
-        str | None, Option(help="Address of a dask scheduler: tcp://host:8786.")
-    ] = None,
+    out: Path | None = Option(
+        None, "--out", "-o", help="Folder of the results; an interrupted study resumes from it."
+    ),
+    chunk: int = Option(16, min=1, help="Cases per task of a worker."),
+    workers: int | None = Option(
+        None, min=0, help="Processes; 0: only this one.", show_default="all cores"
+    ),
+    on: On = Option("processes", help="Kind of the parallel workers."),
+    cluster: str | None = Option(None, help="Address of a dask scheduler: tcp://host:8786."),
     how: options.How = Format.table,
 ) -> None:
     """Evaluate a function over many robots sampled from their tolerances.

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from typer import Argument, Option
-from typer.models import OptionInfo
 
 from truepose import _core, files
 from truepose.arguments import Array, Level, selected
@@ -78,14 +77,14 @@ How = Annotated[
 ]
 
 
-def plot_option(what: str) -> OptionInfo:
-    """Return the option of a picture of `what`, for :func:`plot_to`."""
-    return Option(help=f"Also draw {what} (PNG, SVG, PDF).")
+def plot_option(what: str) -> Any:
+    """Return the option of a picture of `what`."""
+    return Option(None, help=f"Also draw {what} (PNG, SVG, PDF).")
 
 
-def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
+def effects_option(default: str, text: str, known: Sequence[str] = Effects.groups()) -> Any:
     """Return the option that :func:`effects_of` parses."""
-    return Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
+    return Option(default, help=text, autocompletion=completing(lambda: ("all", "none", *known)))
 
 
 def _fitting_kinds(incomplete: str) -> list[str]:
@@ -107,15 +106,39 @@ Faults = Annotated[
 ]
 
 
-def plot_to(
-    path: Path | None, inputs: Iterable[str | Path | None], force: bool
-) -> Callable[[Callable[[], Figure]], None]:
-    """Check that --plot may be written; return a function that draws and saves the figure."""
-    if path is None:
-        return lambda draw: None
-    output, read = files.Output(path, "picture", "--plot"), paths(inputs)
-    files.check([output], read, force)
-    return lambda draw: files.write({output: files.picture(draw(), path.suffix)}, read, force)
+#: Kind of file and option, by the keyword of :func:`writer`.
+_OUTPUTS = {
+    "plot": ("picture", "--plot"),
+    "report": ("report", "--report"),
+    "plan": ("plan", "-o"),
+    "robot": ("robot file", "-o"),
+}
+
+
+def writer(
+    inputs: Iterable[str | Path | None], force: bool, **outputs: Path | None
+) -> Callable[..., None]:
+    """Check that files may be written; return a function that writes them.
+
+    Its keywords are the same, each with a function that returns a text or a figure; it is called
+    where a path was given.
+    """
+    read = paths(inputs)
+    asked = {k: files.Output(path, *_OUTPUTS[k]) for k, path in outputs.items() if path is not None}
+    files.check(asked.values(), read, force)
+
+    def write(**contents: Callable[[], str | Figure]) -> None:
+        made = {asked[key]: make() for key, make in contents.items() if key in asked}
+        files.write(
+            {
+                output: one if isinstance(one, str) else files.picture(one, output.path.suffix)
+                for output, one in made.items()
+            },
+            read,
+            force,
+        )
+
+    return write
 
 
 def file_text(robot: Robot) -> str:
@@ -155,8 +178,10 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
     return selected("sensor", [part.strip() for part in text.split(",")], names)
 
 
-def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Array:
+def parse_pose(robot: Robot, text: str | None, name: str, reached: bool = True) -> Array | None:
     """Parse a pose, m and rad separated by commas; check by default that the robot reaches it."""
+    if text is None:
+        return None
     pose = numbers_of(text)
     if np.isnan(pose).any():
         raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad")
@@ -169,11 +194,6 @@ def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Arra
         except PoseError as error:
             raise PoseError(f"{name} {text}: {error}") from None
     return pose
-
-
-def parse_given(robot: Robot, text: str | None, name: str) -> Array | None:
-    """Parse a pose that the robot reaches; None without one."""
-    return None if text is None else parse_pose(robot, text, name)
 
 
 #: Descriptions of valid sizes, by their units.
@@ -199,18 +219,13 @@ def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, f
     return result
 
 
-def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Parse a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit."""
-    result = _sizes(text, option, ("m", "rad"))
-    return result.get("m"), result.get("rad")
-
-
 def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Parse σ of measured lengths and angles; refuse a unit that no coordinate has."""
+    """Parse σ of measured lengths and angles, "0.02mm,0.01deg" or one of them, with units."""
     units = {unit for _, unit in robot.coordinates}
-    if _sizes(text, option, ("m", "rad")).keys() - units:
+    result = _sizes(text, option, ("m", "rad"))
+    if result.keys() - units:
         raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {min(units)}")
-    return parse_sizes(text, option)
+    return result.get("m"), result.get("rad")
 
 
 def parse_each(text: str, option: str, units: Sequence[str], whose: str) -> list[float]:
@@ -243,9 +258,8 @@ def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
     """Parse effects: all, none, or names separated by commas."""
     words = {"all": known, "none": ()}
     names = words.get(text, [name.strip() for name in text.split(",")])
-    for name in names:
-        if name not in known:
-            raise InputError(f"--effects: {choose('effect', name, ['all', 'none', *known])}")
+    if unknown := [name for name in names if name not in known]:
+        raise InputError(f"--effects: {choose('effect', unknown[0], ['all', 'none', *known])}")
     return Effects().only(*names)
 
 
@@ -283,10 +297,10 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     return true.with_level(true.highest_level)
 
 
-def between_option(text: str, default: str | bool = True, **more: Any) -> OptionInfo:
+def between_option(text: str, shown: str | bool = True, value: Any = None, **more: Any) -> Any:
     """Return an option of differences between poses."""
     panel = "Differences between poses"
-    return Option(help=text, rich_help_panel=panel, show_default=default, **more)
+    return Option(value, help=text, rich_help_panel=panel, show_default=shown, **more)
 
 
 @dataclass(frozen=True)

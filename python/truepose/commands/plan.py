@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Option
 
-from truepose import files, logs
+from truepose import logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
@@ -27,43 +26,37 @@ from truepose.show.units import measured, printed
 
 def command(
     robot: options.RobotName,
-    count: Annotated[
-        int | None, Option(metavar="N", help="Number of poses to choose.", show_default="30")
-    ] = None,
-    target: Annotated[
-        str | None, Option(metavar="0.1mm", help="Choose as many as reach this σ of the position.")
-    ] = None,
-    candidates: Annotated[
-        str,
-        Option(
-            metavar="N|CSV", help="Candidates: N poses of the workspace, or those of a CSV file."
-        ),
-    ] = str(COUNT),
-    after: Annotated[
-        Path | None,
-        Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
-    ] = None,
-    outside: Annotated[
-        str | None,
-        Option(
-            metavar="0.02mm,0.01deg",
-            help="σ of a tracker, in a frame of its own, that measures each pose.",
-        ),
-    ] = None,
+    count: int | None = Option(
+        None, metavar="N", help="Number of poses to choose.", show_default="30"
+    ),
+    target: str | None = Option(
+        None, metavar="0.1mm", help="Choose as many as reach this σ of the position."
+    ),
+    candidates: str = Option(
+        str(COUNT),
+        metavar="N|CSV",
+        help="Candidates: N poses of the workspace, or those of a CSV file.",
+    ),
+    after: Path | None = Option(
+        None, metavar="LOG", help="Log of earlier readings, to which the plan adds poses."
+    ),
+    outside: str | None = Option(
+        None,
+        metavar="0.02mm,0.01deg",
+        help="σ of a tracker, in a frame of its own, that measures each pose.",
+    ),
     poses: options.Poses = None,
     reference_pose: options.ReferencePose = None,
-    seen: Annotated[
-        bool, Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame.")
-    ] = False,
-    relative_to: Annotated[
-        str | None, Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad.")
-    ] = None,
+    seen: bool = Option(
+        False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
+    ),
+    relative_to: str | None = Option(
+        None, metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."
+    ),
     sensors: options.SensorsOption = None,
     level: options.ModelLevel = None,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="Poses to write, in tour order (CSV).")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("predictions and the tour")] = None,
+    out: Path | None = Option(None, "-o", "--out", help="Poses to write, in tour order (CSV)."),
+    plot: Path | None = options.plot_option("predictions and the tour"),
     seed: options.Seed = 0,
     how: options.How = Format.table,
     force: options.Force = False,
@@ -76,11 +69,8 @@ def command(
     **truepose plan h4 --target 1.6mm**
     """
     given = None if candidates.isdigit() else Path(candidates)
-    inputs = options.paths((robot, after, poses, given))
-    save = options.plot_to(plot, inputs, force)
+    write = options.writer((robot, after, poses, given), force, plan=out, plot=plot)
     loaded = options.load_with(robot, sensors)
-    output = files.Output(out, "plan", "-o") if out is not None else None
-    files.check([output] if output else [], inputs, force)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
     found = plan_poses(
@@ -90,19 +80,20 @@ def command(
         after=None if after is None else fit_of(loaded, after),
         poses=None if poses is None else read_poses(loaded, poses),
         target=options.parse_target(loaded, target),
-        reference_pose=options.parse_given(loaded, reference_pose, "--reference-pose"),
-        relative_to=options.parse_given(loaded, relative_to, "--relative-to"),
+        reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
+        relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,
         seed=seed,
     )
-    save(found.plot)
     said = notes(found)
-    if output is not None and found.steps:
-        files.write({output: written(found)}, inputs, force)
-    elif output is not None:
+    if found.steps or out is None:
+        write(plan=lambda: written(found), plot=found.plot)
+    else:
+        write(plot=found.plot)
         said.append(f"{out}: not written: the plan has no poses")
-    show([found.table()], how, said, written=(out if found.steps else None, plot))
+        out = None
+    show([found.table()], how, said, written=(out, plot))
 
 
 def fit_of(robot: Robot, path: Path) -> Calibration:

@@ -7,7 +7,6 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import tomlkit
@@ -72,16 +71,12 @@ def _shortly(names: Sequence[str]) -> str:
 
 
 def new_command(
-    robot: Annotated[
-        str,
-        Argument(
-            help="A shipped robot to start from.",
-            autocompletion=options.completing(robotfile.shipped),
-        ),
-    ],
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
-    ] = None,
+    robot: str = Argument(
+        help="A shipped robot to start from.", autocompletion=options.completing(robotfile.shipped)
+    ),
+    out: Path | None = Option(
+        None, "-o", "--out", help="File to write.", show_default="ROBOT.toml"
+    ),
 ) -> None:
     """Write a commented starter file from a shipped robot.
 
@@ -122,7 +117,7 @@ GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 _LARGEST = 20.0  # m; no part of a robot is as long; most files in mm have a greater number
 
 
-def check_command(file: Annotated[Path, Argument(help="A robot file (TOML).")]) -> None:
+def check_command(file: Path = Argument(help="A robot file (TOML).")) -> None:
     """Check a robot file: one line for each error, and exit status 2.
 
     An error states file, line, key, value and the valid choices. For a valid file the command

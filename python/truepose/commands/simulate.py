@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from typer import Option
@@ -41,83 +41,61 @@ _UNITS = ("N", "N·m")
 
 def command(
     robot: options.RobotName,
-    start: Annotated[
-        str | None, Option("--from", metavar="X,Y,…", help="Start pose, m and rad.")
-    ] = None,
-    end: Annotated[
-        str | None,
-        Option("--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"),
-    ] = None,
-    path: Annotated[
-        Path | None,
-        Option(
-            help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
-            "rad; the log has the readings at rest. With a column time, s, the robot passes the "
-            "poses at these times, and the log has every cycle."
-        ),
-    ] = None,
-    way_points: Annotated[
-        Path | None,
-        Option(
-            help="Instead: CSV file of poses to move through, with a stop at each; the log has "
-            "every cycle."
-        ),
-    ] = None,
-    circle: Annotated[
-        str | None,
-        Option(
-            metavar="R,HZ[,TURNS]",
-            help="Instead: a horizontal circle about the pose of --from (default: home), m and "
-            "turns per second.",
-        ),
-    ] = None,
-    law: Annotated[
-        Law | None,
-        Option(
-            help="Control law; joint is standard control, tej the paper's law.",
-            show_default="tej; joint where no sensor is in use",
-        ),
-    ] = None,
-    true: Annotated[
-        str,
-        Option(
-            help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
-            "name or file.",
-            autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
-        ),
-    ] = "drawn",
-    effects: Annotated[
-        str,
-        options.effects_option(
-            "Effects that the model omits: all, none, or some: friction,delay,…"
-        ),
-    ] = "none",
+    start: str | None = Option(None, "--from", metavar="X,Y,…", help="Start pose, m and rad."),
+    end: str | None = Option(
+        None, "--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"
+    ),
+    path: Path | None = Option(
+        None,
+        help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
+        "rad; the log has the readings at rest. With a column time, s, the robot passes the "
+        "poses at these times, and the log has every cycle.",
+    ),
+    way_points: Path | None = Option(
+        None,
+        help="Instead: CSV file of poses to move through, with a stop at each; the log has "
+        "every cycle.",
+    ),
+    circle: str | None = Option(
+        None,
+        metavar="R,HZ[,TURNS]",
+        help="Instead: a horizontal circle about the pose of --from (default: home), m and "
+        "turns per second.",
+    ),
+    law: Law | None = Option(
+        None,
+        help="Control law; joint is standard control, tej the paper's law.",
+        show_default="tej; joint where no sensor is in use",
+    ),
+    true: str = Option(
+        "drawn",
+        help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
+        "name or file.",
+        autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
+    ),
+    effects: str = options.effects_option(
+        "none", "Effects that the model omits: all, none, or some: friction,delay,…"
+    ),
     fault: options.Faults = None,
-    watch: Annotated[
-        bool, Option("--watch", help="Fault monitor: continue or stop when a reading is faulty.")
-    ] = False,
+    watch: bool = Option(
+        False, "--watch", help="Fault monitor: continue or stop when a reading is faulty."
+    ),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
-    duration: Annotated[
-        float | None, Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each")
-    ] = None,
-    hold: Annotated[
-        float | None, Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
-    ] = None,
-    frequency: Annotated[
-        float | None,
-        Option(
-            help="Poles of the PD, rad/s.",
-            show_default="150, visiting 40; with effects the fastest with margins",
-        ),
-    ] = None,
-    since: Annotated[
-        float, Option(help="Time since switch-on of the cold robot, s (warm-up).")
-    ] = 0.0,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
-    ] = None,
-    plot: Annotated[Path | None, options.plot_option("the errors")] = None,
+    duration: float | None = Option(
+        None, help="Duration of a move, s.", show_default="0.2; visiting 0.5 each"
+    ),
+    hold: float | None = Option(
+        None, help="Hold after it, s.", show_default="0.2; visiting 0.4 each"
+    ),
+    frequency: float | None = Option(
+        None,
+        help="Poles of the PD, rad/s.",
+        show_default="150, visiting 40; with effects the fastest with margins",
+    ),
+    since: float = Option(0.0, help="Time since switch-on of the cold robot, s (warm-up)."),
+    out: Path | None = Option(None, "-o", "--out", help="Log to write: .csv, .parquet or .mcap."),
+    plot: Path | None = options.plot_option("the errors"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -131,22 +109,33 @@ def command(
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
     then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
     """
-    read = options.paths([robot, path, way_points, None if true in ("drawn", "nominal") else true])
-    save = options.plot_to(plot, read, force)
-    log = None if out is None else logs.writing.check(out, read, force)
+    read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
+    write = options.writer(read, force, plot=plot)
+    log = None if out is None else logs.writing.check(out, options.paths(read), force)
     believed = options.load_with(robot, sensors)
     truth = options.true_robot(believed, true, seed)
     forgotten = None if effects == "none" else options.effects_of(effects)
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, dict)
     law = laws.usual(believed) if law is None else law
-    controller = _controller(believed, law, forgotten, frequency, visiting=visiting)
+    exact = forgotten in (None, Effects.none())
+    if frequency is None and not (visiting and exact):
+        controller = controller_of(law, believed, forgotten)
+    else:
+        poles = VISITING if frequency is None else frequency
+        wide = (BANDWIDTH if visiting or not exact else 10.0) * poles
+        controller = Controller(law=law, frequency=poles, velocity_bandwidth=wide)
     usual = VISIT if visiting else MOVE
-    duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
-    settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
-    settings["effects"] = forgotten
-    settings["faults"] = faults = options.faults_of(fault)
-    settings["watch"] = FaultMonitor(effects=forgotten) if watch else None
+    faults = options.faults_of(fault)
+    settings: dict[str, Any] = {
+        "duration": usual[0] if duration is None else duration,
+        "hold": usual[1] if hold is None else hold,
+        "seed": seed,
+        "time": since,
+        "effects": forgotten,
+        "faults": faults,
+        "watch": FaultMonitor(effects=forgotten) if watch else None,
+    }
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, dict):
@@ -154,29 +143,21 @@ def command(
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
         else:
-            ran = _visit(believed, truth, controller, motion, settings)
-            over, error = np.arange(len(motion)), ran.x - motion
-            tables, torque, status = [error_table(believed, error)], None, _reached(ran)
-    save(lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
+            x, q_e, reasons = visit(believed, truth, motion, controller, **settings)
+            ran, status = Visit(q_e, frames(truth, x), x, reasons), _reached(x, reasons)
+            if not np.isfinite(x).any():
+                raise PoseError(f"{believed.name}: {status}")
+            over, error = np.arange(len(motion)), x - motion
+            tables, torque = [error_table(believed, error)], None
+    write(plot=lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
     if log is not None:
-        files.write({log: logs.writing.encoded(log.path, logs.columns(ran, truth))}, read, force)
+        text = logs.writing.encoded(log.path, logs.columns(ran, truth))
+        files.write({log: text}, options.paths(read), force)
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
-    poles = f"{controller.frequency:.3g} rad/s"
-    answer = f"{believed.name}, law {law}, poles {poles}, {who}: {status}"
+    answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))
-
-
-def _controller(
-    robot: Robot, law: Law, effects: Effects | None, frequency: float | None, *, visiting: bool
-) -> Controller:
-    exact = effects in (None, Effects.none())
-    if frequency is None and not (visiting and exact):
-        return controller_of(law, robot, effects)
-    poles = VISITING if frequency is None else frequency
-    ratio = BANDWIDTH if visiting or not exact else 10.0
-    return Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
 
 
 def _asked(
@@ -202,24 +183,19 @@ def _asked(
     if way_points is not None:
         each = MOVE_DURATION if duration is None else duration
         return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
-    first, last = (
-        None if text is None else options.parse_pose(robot, text, option, False)
-        for option, text in (("--from", start), ("--to", end))
-    )
+    first = options.parse_pose(robot, start, "--from", False)
+    last = options.parse_pose(robot, end, "--to", False)
     if circle is not None:
-        return {"path": _circle(circle, robot.home if first is None else first)}
+        numbers = options.numbers_of(circle)
+        if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
+            raise InputError(f"--circle {circle}: must be radius, turns per second, and turns")
+        radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
+        centre = robot.home if first is None else first
+        return {"path": Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)}
     if first is None or last is None:
         usual = default_move(robot)
         first, last = usual[0] if first is None else first, usual[1] if last is None else last
     return {"start": first, "end": last}
-
-
-def _circle(text: str, centre: Array) -> Circle:
-    numbers = options.numbers_of(text)
-    if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
-        raise InputError(f"--circle {text}: must be radius, turns per second, and turns")
-    radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
-    return Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:
@@ -232,20 +208,10 @@ def _motors(robot: Robot, run: Simulation) -> Table:
     return Table("motors", title, ["motor", "largest", "limit"], rows)
 
 
-def _visit(
-    robot: Robot, truth: Robot, controller: Controller, x_d: Array, settings: dict[str, Any]
-) -> Visit:
-    x, q_e, status = visit(robot, truth, x_d, controller, **settings)
-    found = Visit(q_e, frames(truth, x), x, status)
-    if not np.isfinite(x).any():
-        raise PoseError(f"{robot.name}: {_reached(found)}")
-    return found
-
-
-def _reached(found: Visit) -> str:
-    words = f"{np.isfinite(found.x).all(axis=1).sum()} of {len(found.x)} poses reached"
-    for reason in dict.fromkeys(found.status[found.status != "ok"].tolist()):
-        poses = np.flatnonzero(found.status == reason)
+def _reached(x: Array, status: Array) -> str:
+    words = f"{np.isfinite(x).all(axis=1).sum()} of {len(x)} poses reached"
+    for reason in dict.fromkeys(status[status != "ok"].tolist()):
+        poses = np.flatnonzero(status == reason)
         words += f"; pose {poses[0]}" + f" and {len(poses) - 1} more" * (len(poses) > 1)
         words += f": {reason}"
     return words

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from typer import Argument, Option
 
-from truepose import files, logs, robotfile
+from truepose import logs
 from truepose.calibration.zeroing import Zeroing, zero
 from truepose.commands import options
 from truepose.robot.workspace import workspace_samples
@@ -21,25 +20,21 @@ _POSES = 500
 
 def command(
     robot: options.RobotName,
-    log: Annotated[
-        Path, Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI.")
-    ],
+    log: Path = Argument(
+        help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI."
+    ),
     out: options.CalibratedFile = None,
-    at: Annotated[
-        str | None,
-        Option(
-            metavar="X,Y,…",
-            help="Reference pose; m, rad.",
-            show_default="zero of a rotational platform, else home",
-        ),
-    ] = None,
-    sigma: Annotated[
-        str | None,
-        Option(
-            help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
-            show_default="0.05deg of a rotational platform",
-        ),
-    ] = None,
+    at: str | None = Option(
+        None,
+        metavar="X,Y,…",
+        help="Reference pose; m, rad.",
+        show_default="zero of a rotational platform, else home",
+    ),
+    sigma: str | None = Option(
+        None,
+        help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
+        show_default="0.05deg of a rotational platform",
+    ),
     sensors: options.SensorsOption = None,
     how: options.How = Format.table,
     force: options.Force = False,
@@ -52,19 +47,16 @@ def command(
 
     Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
-    output = robotfile.output(out, "-o") if out else None
-    inputs = (log, robotfile.path_of(robot))
-    files.check([output] if output else [], inputs, force)
+    write = options.writer((log, robot), force, robot=out)
     loaded = options.load_with(robot, sensors)
-    pose = None if at is None else options.parse_pose(loaded, at, "--at", False)
+    pose = options.parse_pose(loaded, at, "--at", False)
     units = [unit for _, unit in loaded.coordinates]
     whose = f"{loaded.name}'s coordinates are in"
     sizes = None if sigma is None else options.parse_each(sigma, "--sigma", units, whose)
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    if output:
-        files.write({output: options.file_text(found.robot)}, inputs, force)
+    write(robot=lambda: options.file_text(found.robot))
     show([found.table(), known(found)], how, open_questions(found), written=(out,))
 
 

@@ -59,36 +59,9 @@ def to_c(
 ) -> str:
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
 
-    Parameters
-    ----------
-    robot : Robot
-        Nominal or calibrated. Below its highest level it has a second description, ``…_finest``,
-        for weighted laws and fault monitor; :meth:`Robot.with_level` chooses one level.
-    controller : Controller, optional
-        Its gains are placed at home. Without one there are no tables of control and fault monitor.
-    watch : FaultMonitor, optional
-        Fault monitor; needs the controller.
-    name : str, optional
-        Prefix of the tables, by default the robot's name: programs with two robots need two.
-
-    Returns
-    -------
-    str
-        ``NAME`` and, with sensors, ``NAME_knowledge``; with a controller ``NAME_control`` and, with
-        sensors and a fault monitor, ``NAME_fault_monitor``.
-
-    Raises
-    ------
-    InputError
-        A multirate or delayed sensor, which C does not support, or an invalid name.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.deploy.c_tables import to_c
-    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.FaultMonitor(), name="left")
-    >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
-    ['left', 'left_control']
+    Below its highest level a robot has a second description, ``NAME_finest``, for weighted laws and
+    fault monitor. The controller's gains are placed at home. Raises InputError for a multirate or
+    delayed sensor, which C does not support, or an invalid name.
     """
     require_prompt(robot, controller.period if controller else _PERIOD)
     name = named(robot, name)

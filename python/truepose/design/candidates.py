@@ -92,6 +92,17 @@ def drawn(robot: Robot, count: int, seed: int) -> Array:
     return low + inside * (high - low)
 
 
+def given_poses(robot: Robot, poses: ArrayLike | None, name: str, one: bool = False) -> Array:
+    """Return poses that the robot reaches, (N, n), or `one`, (1, n); (0, n) without any."""
+    if poses is None:
+        return np.zeros((0, robot.n))
+    x, shape = flattened(robot, poses, robot.n, name, "raise")
+    if one and shape:
+        raise InputError(f"{name}: shape {np.shape(poses)}, must be ({robot.n},)")
+    robot.expected().ikm(x)
+    return x
+
+
 def reachable(robot: Robot, x: Array, level: Level) -> Array:
     """Return whether the robot can reach poses (N, n) and be read there, (N,).
 

@@ -11,6 +11,7 @@ the size of the unknowns.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -37,15 +38,7 @@ def posterior(information: Array, C: Array, chosen: Iterable[int]) -> Array:
 
 @dataclass(eq=False)
 class Exchange:
-    """A set of candidates, its Σ, and the effect of each of the N candidates.
-
-    Examples
-    --------
-    >>> C = np.array([[[1.0, 0.0]], [[0.0, 2.0]], [[3.0, 0.0]]])
-    >>> pick = Exchange(C, np.eye(2), np.diag([1.0, 1.0]))
-    >>> pick.worth().round(2).tolist(), pick.grow(2).chosen
-    ([0.5, 0.8, 0.9], [2, 1])
-    """
+    """A set of candidates, its Σ, and the effect of each of the N candidates."""
 
     C: Array  #: (N, r, p) rows of each candidate, padded with zeros
     information: Array  #: (p, p) prior Σ⁻¹
@@ -127,24 +120,18 @@ def chosen_of(
     weights: Callable[[Array], Array],
     cost: Callable[[Array], float],
 ) -> list[int]:
-    """Return n of N candidates with a small `cost`, in order of gain.
-
-    `cost` is the minimum of tr(M Σ) + constant over the M of `weights`, because an estimate
-    chooses its own gains. It only falls when M is updated after each round of exchanges. Both take
-    the root of a Σ.
-    """
-
-    def left(chosen: Iterable[int]) -> Array:
-        return posterior(information, C, chosen)
-
+    """Return n of N candidates with a small `cost`, a function of Σ's root, in order of gain."""
+    # The cost is the minimum of tr(M Σ) + constant over the M of `weights`, because an estimate
+    # chooses its own gains: it only falls when M is updated after a round of exchanges.
+    left = functools.partial(posterior, information, C)
     best = Exchange(C, information, weights(left([]))).grow(n).chosen
     least = cost(left(best))
     begin: list[int] = []
     for _ in range(ROUNDS):
         M = weights(left(best))
         pick = Exchange(C, information, M, list(begin)).grow(n)
-        worth, few = pick.worth(), max(PER_CHOSEN * n, AT_LEAST)
-        short = [*pick.chosen, *np.argsort(-worth)[: min(few, len(C) - n)].tolist()]
+        few = min(max(PER_CHOSEN * n, AT_LEAST), len(C) - n)
+        short = [*pick.chosen, *np.argsort(-pick.worth())[:few].tolist()]
         pick = Exchange(C[short], information, M, list(range(n))).settle()
         found = [short[k] for k in pick.chosen]
         gained = least - cost(left(found))

@@ -42,10 +42,10 @@ class Placement(Shown):
 
     def table(self) -> Table:
         """Return a table with one row per coordinate."""
-        rows = []
-        for name, place in self.places.items():
-            values = (*self.within[name], self.file[name], place)
-            rows.append([name, *(number(1e3 * value) for value in values)])
+        rows = [
+            [name, *(number(1e3 * v) for v in (*self.within[name], self.file[name], place))]
+            for name, place in self.places.items()
+        ]
         title = f"Best places for the {summed(self.robot).name}, {self.state}"
         header = ["coordinate", "from (mm)", "to (mm)", "in the file (mm)", "best (mm)"]
         return Table("place", title, header, rows)
@@ -114,7 +114,6 @@ def place_sensors(
     from scipy.optimize import minimize
 
     require(robot, Robot, "robot", "truepose.load(name)")
-
     knowledge.require_uncertain(robot)
     names = _searched(robot, sensors)
     boxes = _boxes(robot, names, within or {})
@@ -124,18 +123,11 @@ def place_sensors(
     low, high = np.array([boxes[name] for name in names]).T
 
     def placed(place: Array) -> Robot:
-        there = dict(zip(names, place.tolist(), strict=True))
-        return robot.with_mounting(there).with_sensors(*used)
+        return robot.with_mounting(_named(names, place)).with_sensors(*used)
 
     def sigma(place: Array) -> float:
-        P = accuracy(
-            placed(place),
-            over,
-            calibrated_on,
-            reference_pose,
-            errors="nan",
-            reference_sigma=reference_sigma,
-        )
+        known: dict[str, Any] = {"reference_sigma": reference_sigma, "errors": "nan"}
+        P = accuracy(placed(place), over, calibrated_on, reference_pose, **known)
         return float(np.sqrt((P.sigma[:, -1] ** 2).mean()))
 
     def at(share: Array) -> Array:
@@ -149,29 +141,34 @@ def place_sensors(
         return _room(placed(at(share)), sensors, over)
 
     file = np.array([robot.parameters[name].value for name in names])
-    span = np.where(high > low, high - low, 1.0)
-    starts = [(np.clip(file, low, high) - low) / span]
-    some = np.random.default_rng(check_seed(seed)).uniform(size=(DRAWN, len(names)))
-    starts += sorted(some, key=cost)[: STARTS - 1]
-    ranged = any(s.name in sensors and s.range is not None for s in robot.spec.sensor)
-    free = [(0.0, float(there)) for there in high > low]
-    limits = [{"type": "ineq", "fun": room}] if ranged else ()
     best = np.clip(file, low, high)
     least = sigma(best)
+    some = np.random.default_rng(check_seed(seed)).uniform(size=(DRAWN, len(names)))
+    starts = [(best - low) / np.where(high > low, high - low, 1.0)]
+    starts += sorted(some, key=cost)[: STARTS - 1]
+    free = [(0.0, float(there)) for there in high > low]
+    limits = {"type": "ineq", "fun": room}
+    ranged = len(room(starts[0])) > 0
     for start in starts:
-        found = minimize(cost, start, method="SLSQP", bounds=free, constraints=limits).x
-        if (not ranged or (room(found) >= -1e-9).all()) and sigma(at(found)) < least:
-            best, least = at(found), sigma(at(found))
+        found = minimize(
+            cost, start, method="SLSQP", bounds=free, constraints=limits if ranged else ()
+        )
+        if (room(found.x) >= -1e-9).all() and sigma(at(found.x)) < least:
+            best, least = at(found.x), sigma(at(found.x))
     return Placement(
         robot=placed(best),
-        places=dict(zip(names, best.tolist(), strict=True)),
-        file=dict(zip(names, file.tolist(), strict=True)),
+        places=_named(names, best),
+        file=_named(names, file),
         within=boxes,
         sigma=least,
         before=sigma(file),
         over=over,
         state=state_of(calibrated_on, reference_pose),
     )
+
+
+def _named(names: Sequence[str], values: Array) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
 
 
 def _searched(robot: Robot, sensors: Sequence[str]) -> list[str]:

@@ -44,22 +44,21 @@ class PosePlan(Shown):
         reached = np.flatnonzero(self.sigma[:, -1] <= self.target)
         return int(reached[0]) if len(reached) else None
 
+    @cached_property
+    def _stops(self) -> list[tuple[int, Array]]:
+        """Number of the step and pose of each stop of the tour."""
+        stops = [(k, x) for k, step in enumerate(self.steps) for x in step.poses]
+        return [stops[k] for k in tour(self.robot, np.array([x for _, x in stops]))]
+
     @property
     def poses(self) -> Array:
         """Poses to visit, (m, c), on a near-shortest tour from home and back."""
-        return self._stops[0]
+        return np.reshape([x for _, x in self._stops], (-1, self.robot.n))
 
     @property
     def order(self) -> list[int]:
         """Step number of each of :attr:`poses`."""
-        return self._stops[1]
-
-    @cached_property
-    def _stops(self) -> tuple[Array, list[int]]:
-        x = np.concatenate([np.zeros((0, self.robot.n)), *(step.poses for step in self.steps)])
-        of = [k for k, step in enumerate(self.steps) for _ in step.poses]
-        way = tour(self.robot, x)
-        return x[way], [of[k] for k in way]
+        return [k for k, _ in self._stops]
 
     @property
     def gain(self) -> float:
@@ -70,17 +69,14 @@ class PosePlan(Shown):
         """Return a table of the poses by gain: coordinates, place on the tour, σ after each."""
         robot, total = self.robot, summed(self.robot)
         axes = coordinate_axes(robot)
+        factors = [axis.factor for axis in axes]
+        last = [number(total.factor * float(sigma[-1])) for sigma in self.sigma]
+        rows = [[Cell("before", 0), *[number(None)] * robot.n, number(None), last[0]]]
         places = dict(zip(self.order, range(1, len(self.order) + 1), strict=True))
-        rows = []
-        for k, sigma in enumerate(self.sigma):
-            x = self.steps[k - 1].poses[0] if k else [None] * robot.n
-            cells = [
-                number(None if v is None else axis.factor * float(v))
-                for v, axis in zip(x, axes, strict=True)
-            ]
-            place = Cell(str(places[k - 1]) if k else "", places[k - 1] if k else None)
-            last = number(total.factor * float(sigma[-1]))
-            rows.append([Cell(str(k) if k else "before", k), *cells, place, last])
+        for k, step in enumerate(self.steps):
+            cells = [number(float(v)) for v in factors * step.poses[0]]
+            numbered = [Cell(str(number), number) for number in (k + 1, places[k])]
+            rows.append([numbered[0], *cells, numbered[1], last[k + 1]])
         of = " in the tracker's frame" if self.seen else ""
         title = f"Poses to measure, {label(robot, robot.sensors)}, and the predicted σ{of}"
         header = ["pose", *(axis.label for axis in axes), "on the tour", total.label]
@@ -94,9 +90,8 @@ class PosePlan(Shown):
         figure.set_size_inches(6.4, 6.6 + 1.8 * len(panels))
         upper, middle, lower = figure.subfigures(3, 1, height_ratios=[2.6, 4, 1.8 * len(panels)])
         sigma = {"planned": total.factor * self.sigma[:, -1]}
-        (promise,) = lines(
-            upper, range(count + 1), {f"σ of the {total.label}": sigma}, "poses measured", ".-"
-        )
+        panel = {f"σ of the {total.label}": sigma}
+        (promise,) = lines(upper, range(count + 1), panel, "poses measured", ".-")
         if count:
             low, median, high = total.factor * np.quantile(self.random, [0, 0.5, 1])
             span = [[median - low], [high - median]]
@@ -109,17 +104,17 @@ class PosePlan(Shown):
         promise.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
         tour = middle.subplots()
         stops = way * [axis.factor for axis in axes]
-        tour.plot(*stops.T[:2], color="0.75", lw=0.8)
+        x, y = stops[:, :2].T
+        tour.plot(x, y, color="0.75", lw=0.8)
         third = stops[1:-1, min(2, robot.n - 1)]
-        dots = tour.scatter(*stops[1:-1].T[:2], c=third, zorder=2, s=22)
-        tour.plot(*stops[0, :2], "k+", ms=10, mew=1.5)
+        dots = tour.scatter(x[1:-1], y[1:-1], c=third, zorder=2, s=22)
+        tour.plot(x[0], y[0], "k+", ms=10, mew=1.5)
         cell = 0.05 * max(float(np.ptp(stops[:, :2], axis=0).max()), 1e-9)
         there: dict[tuple[float, ...], list[str]] = {}  # those of about one place have one label
-        for k, place in enumerate(stops[1:-1], 1):
-            there.setdefault(tuple(cell * np.round(place[:2] / cell)), []).append(str(k))
+        for k, place in enumerate(stops[1:-1, :2], 1):
+            there.setdefault(tuple(cell * np.round(place / cell)), []).append(str(k))
         for at, numbers in there.items():
-            words = {"xytext": (4, 4), "textcoords": "offset points", "fontsize": 7}
-            tour.annotate(", ".join(numbers), at, **words)
+            tour.annotate(", ".join(numbers), at, (4, 4), textcoords="offset points", fontsize=7)
         if robot.n > 2:
             middle.colorbar(dots, ax=tour, label=axes[2].label)
         tour.set(xlabel=axes[0].label, ylabel=axes[1].label)

@@ -14,7 +14,7 @@ from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.registration import UNKNOWNS
-from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, rows_of
+from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
 from truepose.design.exchange import chosen_of, posterior
 from truepose.design.pose_plan import PosePlan
 from truepose.exceptions import InputError
@@ -112,10 +112,10 @@ def plan_poses(
         of = np.asarray(candidates)
         x = drawn(robot, int(of), seed) if of.ndim == 0 else candidates
         candidates = CandidatePoses(poses=x)
-    touched = _one(robot, reference_pose, "reference_pose")
+    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     sigma = reference_sigmas(robot, reference_sigma)
     rows = rows_of(robot, candidates, level, model_error, fit, touched, sigma)
-    reference = _one(robot, relative_to, "relative_to")
+    reference = given_poses(robot, relative_to, "relative_to", one=True)
     if seen and len(reference):
         raise InputError("seen: refers to the tracker's frame, relative_to to the base frame")
     if seen and rows.frames is None:
@@ -139,17 +139,6 @@ def plan_poses(
         target=target,
         seen=seen,
     )
-
-
-def _one(robot: Robot, pose: ArrayLike | None, name: str) -> Array:
-    """Return a reachable pose, (1, n); (0, n) without one."""
-    if pose is None:
-        return np.zeros((0, robot.n))
-    x, shape = flattened(robot, pose, robot.n, name, "raise")
-    if shape:
-        raise InputError(f"{name}: shape {np.shape(pose)}, must be ({robot.n},)")
-    robot.expected().ikm(x)
-    return x
 
 
 def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:

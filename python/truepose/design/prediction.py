@@ -62,19 +62,7 @@ def predict(
     """Predict the bound of several sensor sets over the same poses, (P, n).
 
     By default of :func:`sensor_sets`, at the poses of :func:`workspace_grid` that the readings of
-    every set determine. Also after self-calibration over these poses (`calibrated`), and after a
-    reading at an externally known pose, (n,). Raises InputError or PoseError for an unknown sensor
-    or level, and for a given pose that cannot be reached.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.prediction import predict
-    >>> found = predict(tp.load("h4"), [["theta"], ["theta", "z_telemeter"]], calibrated=True)
-    >>> for what, sigma in found.sigma.items():
-    ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
-    as built [7.47 5.02]
-    self-calibrated [1.07 0.59]
+    every set determine; also after self-calibration there, and referenced at a known pose, (n,).
     """
     sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
     candidates = [robot.with_sensors(*names) for names in sets]
@@ -96,12 +84,10 @@ def predict(
 
 
 def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None = None) -> float:
-    """Predict the rms position error of the static equilibrium under a law over poses.
+    """Predict the rms position error at rest under a law over desired poses, (P, n).
 
-    To first order it is the law's cross-sensitivity times the errors of the readings due to
-    tolerances (or a calibration's covariance), encoder counts, and the mean of tolerances that are
-    not centered, which the law omits. For a rotational platform it is the rotation. `poses` are
-    the desired ones, (P, n).
+    To first order it is the law's cross-sensitivity times the errors of the readings by tolerances,
+    encoder counts and the mean of tolerances that are not centered, which the law omits.
     """
     names, every = knowledge.uncertain(robot), list(robot.parameters)
     H_xi = robot.linearize(poses, "nan", level)[1][..., [every.index(name) for name in names]]
@@ -113,11 +99,7 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
 
 
 def overview(found: Prediction, level: Level | None = None) -> Table:
-    """Compare laws as built and self-calibration on few poses: the position's rms error.
-
-    One row per sensor set: the motors alone, then the most accurate first. The calibration poses
-    are chosen at random from those of the prediction (seed 0).
-    """
+    """Compare laws as built and self-calibration on few random poses: the position's rms error."""
     robots = [found.robot.with_sensors(*names) for names in found.sets]
     chosen = np.random.default_rng(0).permutation(found.poses)
     total, columns = summed(found.robot), {}

@@ -39,19 +39,7 @@ ROUNDED = 1e-7
 
 @dataclass(eq=False)
 class Relaxation:
-    """Bounds on the variance and the price of all sets of N candidates.
-
-    Examples
-    --------
-    >>> def relaxed(w):
-    ...     f = 1 / (1 + w @ [1.0, 2.0, 3.0])
-    ...     return f, -(f**2) * np.array([1.0, 2.0, 3.0])
-    >>> relaxation = Relaxation(relaxed, prices=[1, 2, 2])
-    >>> print(f"{relaxation.most_accurate(3)[0]:.6f}")  # by shares 1, 0, 1
-    0.200000
-    >>> print(f"{relaxation.cheapest(1 / 3):.6f}")  # two thirds of the last one
-    1.333333
-    """
+    """Bounds on the variance and the price of all sets of N candidates."""
 
     relaxed: Callable[[Array], tuple[float, Array]]
     #: the variance at shares (N,), and its gradient

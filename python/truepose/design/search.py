@@ -26,16 +26,7 @@ Set = tuple[int, ...]  #: candidates in ascending order
 
 @dataclass(eq=False)
 class Search:
-    """Search over sets of candidates 0, 1, …, with a table of the costs found.
-
-    Examples
-    --------
-    >>> def cost(chosen):
-    ...     return 1 / (1 + sum(k + 1 for k in chosen))
-    >>> search = Search(cost, prices=[1, 2, 2], must=[], survives=False)
-    >>> search.most_accurate(3)[0]
-    (0, 2)
-    """
+    """Search over sets of candidates 0, 1, …, with a table of the costs found."""
 
     plain: Callable[[Set], float]  #: cost of a set; a further candidate never raises it
     prices: Sequence[float]  #: of each candidate, without those that it needs
@@ -79,13 +70,9 @@ class Search:
         return all(held.issuperset(self._needs.get(k, ())) for k in held)
 
     def greedy(self, budget: float) -> Set:
-        """Fill a budget, then remove one and fill again without it while that lowers the cost.
-
-        If any one may fail, it also starts from the best set without failures, because the first of
-        two sensors that replace each other has no gain alone.
-        """
+        """Fill a budget, then remove one and fill again without it while that lowers the cost."""
         found = self._grown(budget, self.cost)
-        if self.survives:
+        if self.survives:  # the first of two sensors that replace each other has no gain alone
             whole = self._grown(budget, self.plain)
             found = min(found, self._exchanged(whole, budget, self.cost), key=self.cost)
         return found
@@ -93,14 +80,6 @@ class Search:
     def _grown(self, budget: float, cost: Callable[[Set], float]) -> Set:
         starts = (self._filled(self.must, budget, rate, cost) for rate in (False, True))
         return self._exchanged(min(starts, key=cost), budget, cost)
-
-    def first(self, budget: float) -> tuple[Set, float]:
-        """Return a good initial set, and a lower bound of the cost by the relaxation (else 0)."""
-        best, floor = self.greedy(budget), 0.0
-        if self.relaxation is not None and len(self._free) > MANY and not self.survives:
-            floor, shares = self.relaxation.most_accurate(budget)
-            best = min(best, self.rounded(budget, shares.tolist()), key=self.cost)
-        return best, floor
 
     def rounded(self, budget: float, shares: Sequence[float]) -> Set:
         """Fill a budget by the greatest shares, which include gains of combinations."""
@@ -142,7 +121,10 @@ class Search:
 
     def most_accurate(self, budget: float) -> tuple[Set, float]:
         """Return the best set within a budget and a lower bound of the cost: branch and bound."""
-        best, floor = self.first(budget)
+        best, floor = self.greedy(budget), 0.0
+        if self.relaxation is not None and len(self._free) > MANY and not self.survives:
+            floor, shares = self.relaxation.most_accurate(budget)
+            best = min(best, self.rounded(budget, shares.tolist()), key=self.cost)
         least = self.cost(best)
         free = self._in_order()
         queue: list[tuple[float, int, Set, int]] = [(0.0, 0, self.must, 0)]
@@ -212,24 +194,18 @@ class Search:
         return best, self.spent(best)
 
     def look_round(self) -> bool:
-        """Compare the sets that form the front; return whether it is proven.
-
-        Up to `EXACT` candidates it finds the best set, then the best cheaper one and so on, each
-        proven. With more it makes greedy choices for many budgets.
-        """
-        free = self._free
-        whole = self.spent(range(len(self.prices)))
-        base = self.spent(self.must)
+        """Compare the sets that form the front; return whether it is proven, else greedy."""
+        free, base = self._free, self.spent(self.must)
+        budget = whole = self.spent(range(len(self.prices)))
         if len(free) > EXACT:
-            for budget in np.linspace(base, whole, 2 * len(free)):
-                self.greedy(float(budget))
+            for budget in np.linspace(base, whole, 2 * len(free)).tolist():
+                self.greedy(budget)
             return False
-        budget = whole
         while budget >= base:
             best, bound = self.most_accurate(budget)
             if bound < self.cost(best) * (1 - SAME):
                 return False
-            for k in self._free:  # drop those without effect
+            for k in free:  # drop those without effect
                 less = self.without_one(best, k)
                 best = less if self.cost(less) <= self.cost(best) * (1 + SAME) else best
             budget = self.spent(best) - SAME * max(whole, 1.0)
@@ -238,10 +214,9 @@ class Search:
     def front(self) -> list[Set]:
         """Return the Pareto front of the compared sets, cheapest first."""
         least, found = np.inf, []
-        needed = set(self.must)
-        order = sorted(self.known, key=lambda own: (self.spent(own), self.known[own], len(own)))
-        for own in order:
-            if needed <= set(own) and self._whole(own) and self.known[own] < least * (1 - SAME):
+        for own in sorted(self.known, key=lambda own: (self.spent(own), self.known[own], len(own))):
+            allowed = set(self.must) <= set(own) and self._whole(own)
+            if allowed and self.known[own] < least * (1 - SAME):
                 least = self.known[own]
                 found.append(own)
         return found

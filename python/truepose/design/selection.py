@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from truepose.arguments import Array
 from truepose.design.machining import Level
+from truepose.files import picture
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, summed, tolerance
-from truepose.show.results import Shown
+from truepose.show.charts import ranges
+from truepose.show.page import as_uri, render, versions
+from truepose.show.results import Shown, figure_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import printed
 
@@ -58,93 +64,132 @@ class SensorSelection(Shown):
     @property
     def proven(self) -> bool:
         """Whether the best set is proven optimal."""
-        if self.best is None:
-            return False
-        return bool(self.bound >= self._reached * (1 - 1e-9))
+        return self.best is not None and self.gap == 0
 
     @property
     def gap(self) -> float:
         """Largest possible relative improvement over the best set; 0 if it is proven."""
-        return 0.0 if self.proven or self.best is None else 1 - self.bound / self._reached
-
-    @property
-    def _reached(self) -> float:
-        assert self.best is not None
-        return self.best.price if self.target is not None else self.best.sigma
+        if self.best is None:
+            return 0.0
+        reached = self.best.price if self.target is not None else self.best.sigma
+        return 0.0 if self.bound >= reached * (1 - 1e-9) else 1 - self.bound / reached
 
     def table(self) -> Table:
         """Return a table with one row per set of the front, cheapest first."""
-        total, robot = summed(self.robot), self.robot
-        rows = [
-            [
-                Cell(label(robot, choice.sensors), ",".join(choice.sensors) or "none"),
-                *([machined(robot, choice)] if self.levels else []),
-                number(choice.price),
-                number(total.factor * choice.sigma),
-                *([] if self.exact else ["greedy"]),
-            ]
-            for choice in self.front
-        ]
+        total = summed(self.robot)
+        sizes = {total.label: [total.factor * choice.sigma for choice in self.front]}
         what = "Sensors and machining" if self.levels else "Sensors"
         title = f"{what}, {self.state}: σ of the {total.name}, and price"
-        title += "" if self.exact else " (greedy choices, not proven)"
-        header = ["sensors", *(["machined to"] if self.levels else []), "price", total.label]
-        return Table("design", title, [*header, *([] if self.exact else ["front"])], rows)
+        if self.exact:
+            return sets_table(self, "design", title, sizes)
+        table = sets_table(self, "design", f"{title} (greedy choices, not proven)", sizes)
+        rows = [[*row, "greedy"] for row in table.rows]
+        return Table(table.name, table.title, [*table.header, "front"], rows)
 
     def _draw(self, figure: Any) -> None:
-        from matplotlib.ticker import LogLocator, NullFormatter
-
-        total = summed(self.robot)
+        robot, total = self.robot, summed(self.robot)
         price = [choice.price for choice in self.front]
-        shown: list[int] = []  # sets with labels
-        for k, at in enumerate(price):
-            one, before = self.front[k], self.front[shown[-1] if shown else k]
-            far = at - before.price > _APART * max(price) or one.sigma < 0.8 * before.sigma
-            if k == 0 or far or one == self.best:
+        sigma = [total.factor * choice.sigma for choice in self.front]
+        shown = [0]  # sets with labels
+        for k, choice in enumerate(self.front[1:], 1):
+            last = self.front[shown[-1]]
+            far = choice.price - last.price > _APART * max(price)
+            if far or choice.sigma < 0.8 * last.sigma or choice == self.best:
                 shown.append(k)
-        lines = []
-        for k in shown:
-            of = f", {machined(self.robot, self.front[k])}" if self.front[k].machined else ""
-            lines.append(f"{k + 1}  {label(self.robot, self.front[k].sensors)}{of}")
-        height = 0.14 * len(lines) + 0.15
-        figure.set_layout_engine("none")
+        height = 0.14 * len(shown) + 0.15
         figure.set_size_inches(6.4, 4.4 + height)
         upper, lower = figure.subfigures(2, 1, height_ratios=(4.4, height))
-        axes = upper.add_axes((0.13, 0.13, 0.82, 0.79))
-        sigma = [total.factor * choice.sigma for choice in self.front]
-        proven = "proven" if self.exact else "greedy, not proven"
-        axes.step(price, sigma, where="post", color="C0", ls="-" if self.exact else "--")
+        axes, lines = upper.subplots(), []
+        style, proven = ("-", "proven") if self.exact else ("--", "greedy, not proven")
+        axes.step(price, sigma, style, where="post", color="C0")
         axes.plot(price, sigma, "o", color="C0", ms=4, label=f"front ({proven})")
         for k in shown:
             place = {"xytext": (3, 4), "textcoords": "offset points"}
             axes.annotate(str(k + 1), (price[k], sigma[k]), fontsize=8, **place)
+            lines.append(f"{k + 1}  {described(robot, self.front[k])}")
+        lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
         if self.best is not None:
             there = self.best.price, total.factor * self.best.sigma
             axes.plot(*there, "o", color="C3", ms=9, mfc="none", label="best")
-        asked = ""
+        title = f"{robot.name}, {self.state}"
         if self.target is not None:
-            asked = f", target {printed(self.target, total.unit, '.4g')}"
+            title += f", target {printed(self.target, total.unit, '.4g')}"
             axes.axhline(total.factor * self.target, color="C3", lw=0.9, ls=":", label="target")
         if self.budget is not None:
-            asked = f", budget {self.budget:g}"
+            title += f", budget {self.budget:g}"
             axes.axvline(self.budget, color="C3", lw=0.9, ls=":", label="budget")
         axes.set(xlabel="price (currency of the prices given)", ylabel=f"σ of the {total.label}")
-        axes.set_title(f"{self.robot.name}, {self.state}{asked}", fontsize=10, parse_math=False)
+        axes.set_title(title, fontsize=10, parse_math=False)
         axes.margins(x=0.08)
         if min(sigma) < 0.1 * max(sigma):
-            axes.set_yscale("log")
-            axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axes.set_yscale("log", subs=(2, 5))
             axes.yaxis.set_major_formatter("{x:g}")
-            axes.yaxis.set_minor_formatter(NullFormatter())
+            axes.yaxis.set_minor_formatter("{x:g}")
         else:
             axes.set_ylim(bottom=0)
         axes.grid(color="0.92", which="both")
         axes.legend(fontsize=8)
-        lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
 
 
-def machined(robot: Robot, choice: SensorSet) -> Cell:
+def sets_table(found: SensorSelection, name: str, title: str, sizes: dict[str, Any]) -> Table:
+    """Return a table of the front's sets: sensors, tolerances, price, and columns of numbers."""
+    rows = []
+    for k, choice in enumerate(found.front):
+        sensors = Cell(label(found.robot, choice.sensors), ",".join(choice.sensors) or "none")
+        values = (number(float(column[k])) for column in sizes.values())
+        rows.append([sensors, _machined(found.robot, choice), number(choice.price), *values])
+    table = Table(name, title, ["sensors", "machined to", "price", *sizes], rows)
+    return table if found.levels else table.columns(0, *range(2, len(table.header)))
+
+
+def described(robot: Robot, choice: SensorSet, between: str = ", ") -> str:
+    """Name the sensors and the machining tolerances of a set."""
+    sensors = label(robot, choice.sensors)
+    return f"{sensors}{between}{_machined(robot, choice)}" if choice.machined else sensors
+
+
+def candidate(robot: Robot, one: Alone) -> str:
+    """Name a candidate: a sensor, or the machined parameters."""
+    if one.level is None:
+        return one.sensor
+    return _machined(robot, SensorSet((), 0.0, 0.0, ((one.sensor, one.level),)))
+
+
+def _machined(robot: Robot, choice: SensorSet) -> Cell:
     """Return the machining tolerances of a set: printed, with parseable data."""
     shown = [tolerance(robot, *level) for level in choice.machined]
     data = ",".join(f"{group}={sigma!r}" for group, sigma in choice.machined)
     return Cell(", ".join(shown) or "–", data or "none")
+
+
+def page(
+    found: SensorSelection,
+    tables: Sequence[Table],
+    notes: Sequence[str],
+    visited: int,
+    touched: bool,
+) -> str:
+    """Return a sensor selection as one self-contained HTML page.
+
+    In the table of other states: `visited` poses; `touched`: whether a reference pose was given.
+    """
+    total = summed(found.robot)
+    series: dict[str, dict[str, Array]] = {"with it alone": {}, "with all others": {}}
+    for one in sorted(found.alone, key=lambda one: one.sigma):
+        for what, sigma in zip(series, (one.sigma, one.without), strict=True):
+            name = candidate(found.robot, one)
+            series[what][name] = total.factor * np.array([0, sigma, sigma])
+    panels = {f"σ of the {total.label}": series}
+    figures = {"front": found.plot(), "each": figure_of(lambda f: ranges(f, panels, "candidate"))}
+    return render(
+        "design.html.j2",
+        found=found,
+        robot=found.robot,
+        state=found.state,
+        notes=notes,
+        visited=visited,
+        touched=touched,
+        tables={table.name: table for table in tables},
+        images={name: as_uri(picture(figure, ".svg")) for name, figure in figures.items()},
+        versions=versions(),
+    )

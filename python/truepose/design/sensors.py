@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, require
 from truepose.calibration.bound import reference_sigmas, state_of
-from truepose.design.candidates import reachable
+from truepose.design.candidates import given_poses, reachable
 from truepose.design.machining import Curve, Level, levels_of
 from truepose.design.relaxation import Relaxation
-from truepose.design.search import Search
+from truepose.design.search import Search, Set
 from truepose.design.selection import Alone, SensorSelection, SensorSet
 from truepose.design.worth import Worth
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
-from truepose.robot.workspace import workspace
+from truepose.robot.workspace import workspace_samples
 from truepose.show.units import printed
 
 #: Default number of workspace poses over which sets are compared.
@@ -106,11 +106,8 @@ def select_sensors(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{what} = {value!r}: must be greater than 0")
     over = asked_poses(robot, poses)
-    visited = touched = np.zeros((0, robot.n))
-    if calibrated_on is not None:
-        visited = asked_poses(robot, calibrated_on, "calibrated_on")
-    if reference_pose is not None:
-        touched = asked_poses(robot, [reference_pose], "reference_pose")
+    visited = given_poses(robot, calibrated_on, "calibrated_on")
+    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     sigma = reference_sigmas(robot, reference_sigma)
     levels = [level for own in ladders for level in own]
     finer = [level.information for level in levels]
@@ -120,45 +117,41 @@ def select_sensors(
     best, bound = None, np.nan
     if budget is not None:
         _fits(search, budget, names, must)
-        best, bound = search.most_accurate(budget)
-        bound = float(np.sqrt(bound))
+        best, variance = search.most_accurate(budget)
+        bound = variance**0.5
     elif target is not None:
         _reached(robot, search, target, names, bool(levels), survives)
         best, bound = search.cheapest(target**2)
     exact = search.look_round()
 
-    def choice(chosen: Iterable[int]) -> SensorSet:
-        own = sorted(chosen)
-        sigma = float(np.sqrt(search.cost(own)))
+    every: list[tuple[str, float | None]] = [(name, None) for name in names]
+    every += [(level.group, level.sigma) for level in levels]
+
+    def choice(own: Set) -> SensorSet:
         sensors = tuple(names[k] for k in own if k < len(names))
-        reached = (levels[k - len(names)] for k in own if k >= len(names))
-        machined = {level.group: level.sigma for level in reached}
-        return SensorSet(sensors, search.spent(own), sigma, tuple(machined.items()))
+        reached = {x.group: x.sigma for k, x in enumerate(levels, len(names)) if k in own}
+        sigma = search.cost(own) ** 0.5
+        return SensorSet(sensors, search.spent(own), sigma, tuple(reached.items()))
 
     def alone(k: int) -> Alone:
-        level = levels[k - len(names)] if k >= len(names) else None
         own = [j for j in search.with_one([], k) if j not in search.must or j == k]
-        return Alone(
-            names[k] if level is None else level.group,
-            None if level is None else level.sigma,
-            search.spent(own),
-            float(np.sqrt(search.cost(search.with_one(search.must, k)))),
-            float(np.sqrt(search.cost(search.without_one(range(len(search.prices)), k)))),
-        )
+        sets = search.with_one(search.must, k), search.without_one(range(len(every)), k)
+        sigma, without = (search.cost(of) ** 0.5 for of in sets)
+        return Alone(*every[k], search.spent(own), sigma, without)
 
     return SensorSelection(
         robot=robot,
         prices=named,
         front=[choice(own) for own in search.front()],
         best=None if best is None else choice(best),
-        bound=float(bound),
+        bound=bound,
         compared=len(search.known),
         over=over,
         budget=budget,
         target=target,
         state=state_of(calibrated_on, reference_pose, survives),
         levels=ladders,
-        alone=[alone(k) for k in range(len(search.prices))],
+        alone=[alone(k) for k in range(len(every))],
         exact=exact,
     )
 
@@ -171,20 +164,14 @@ def in_other_states(
     levels = [level for own in found.levels for level in own]
     sets = []
     for choice in found.front:
-        reached = dict(choice.machined)
-        own = [
-            k for k, x in enumerate(levels, len(names)) if x.sigma >= reached.get(x.group, np.inf)
-        ]
+        least = dict(choice.machined)
+        own = [k for k, x in enumerate(levels, len(names)) if x.sigma >= least.get(x.group, np.inf)]
         sets.append([*map(names.index, choice.sensors), *own])
-    nowhere, sigma, result = np.zeros((0, robot.n)), reference_sigmas(robot, 0.0), {}
-    finer = [level.information for level in levels]
-    for state, visited, touched in (
-        ("as built", nowhere, nowhere),
-        ("referenced", nowhere, reference_pose[None]),
-        ("self-calibrated", calibrated_on, nowhere),
-        ("both", calibrated_on, reference_pose[None]),
-    ):
-        worth = Worth(robot, names, found.over, visited, touched, sigma, finer)
+    states, result = ("as built", "referenced", "self-calibrated", "both"), {}
+    sigma, finer = reference_sigmas(robot, 0.0), [level.information for level in levels]
+    cases = itertools.product((calibrated_on[:0], calibrated_on), (0, 1))
+    for state, (visited, count) in zip(states, cases, strict=True):
+        worth = Worth(robot, names, found.over, visited, reference_pose[None][:count], sigma, finer)
         result[state] = np.sqrt([worth.variance(own) for own in sets])
     return result
 
@@ -222,17 +209,15 @@ def _reached(
     robot: Robot, search: Search, target: float, names: Sequence[str], levels: bool, survives: bool
 ) -> None:
     """Raise InputError where all candidates together do not reach a target."""
-    floor = float(np.sqrt(search.cost(range(len(search.prices)))))
+    floor = search.cost(range(len(search.prices))) ** 0.5
     if floor <= target:
         return
     together = f"all {len(names)} sensors together" if names else "all levels"
     added = ["all parts machined to the smallest σ"] * bool(names and levels)
     added += ["after the worst failure of one"] * bool(names and survives)
     together += f", {', '.join(added)}," if added else ""
-    unit = summed(robot).unit
-    raise InputError(
-        f"target {printed(target, unit, '.4g')}: {together} reach {printed(floor, unit, '.4g')}"
-    )
+    asked, least = (printed(value, summed(robot).unit, ".4g") for value in (target, floor))
+    raise InputError(f"target {asked}: {together} reach {least}")
 
 
 def _priced(
@@ -256,15 +241,11 @@ def _priced(
     return {name: float(given[name] or 0.0) for name in every if name in given}
 
 
-def asked_poses(robot: Robot, poses: object, name: str = "poses") -> Array:
+def asked_poses(robot: Robot, poses: ArrayLike | None) -> Array:
     """Return the given poses; by default poses sampled over the workspace."""
     if poses is not None:
-        x, _ = flattened(robot, np.asarray(poses), robot.n, name, "raise")
-        robot.expected().ikm(x)
-        return x
-    box = workspace(robot)
-    rng = np.random.default_rng(0)
-    x = rng.uniform(box.minimum, box.maximum, (4 * POSES, robot.n))
+        return given_poses(robot, poses, "poses")
+    x = workspace_samples(robot, 4 * POSES, np.random.default_rng(0))
     good = x[reachable(robot.with_sensors(), x, robot.highest_level)][:POSES]
     if not len(good):
         raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")

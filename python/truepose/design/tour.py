@@ -11,9 +11,8 @@ from truepose.robot.robot import Robot
 def tour(robot: Robot, poses: Array) -> list[int]:
     """Return the order of poses (N, n) on a near-shortest tour from home and back.
 
-    The distance of two poses is the time of the slowest motor, by the speed limits of the file;
-    without them it is the largest share of a motor's range. From each pose a nearest-neighbor tour
-    is improved by 2-opt; the shortest is returned.
+    Distance is the slowest motor's time by the speed limits, or else its share of the range. The
+    best nearest-neighbor tour of all starts, improved by 2-opt, is returned.
     """
     stops = np.vstack([robot.home, np.reshape(poses, (-1, robot.n))])
     q = robot.ikm(stops, level="ideal")

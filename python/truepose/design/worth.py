@@ -34,26 +34,13 @@ class _Left(NamedTuple):
 
 @dataclass(eq=False)
 class Worth:
-    """Mean variance of the position as a function of the sensor set.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.design.worth import Worth
-    >>> h4, none = tp.load("h4"), np.zeros((0, 4))
-    >>> worth = Worth(h4, ["theta", "z_telemeter"], h4.home[None], none, none, [])
-    >>> robot = h4.with_sensors("z_telemeter")
-    >>> P = tp.accuracy(robot, h4.home)
-    >>> bool(abs(worth.variance([1]) / np.trace(P[:3, :3]) - 1) < 1e-9)
-    True
-    """
+    """Mean variance of the position as a function of the sensor set."""
 
     robot: Robot
     names: Sequence[str]  #: candidate sensors
     poses: Array  #: (T, c) where the accuracy counts
     calibrated_on: Array  #: (V, c) poses of a self-calibration; may be empty
-    touched: Array
-    #: (1, c) externally known pose at which all sensors are read; may be empty
+    touched: Array  #: (1, c) known pose at which all sensors are read; may be empty
     reference_sigma: Sequence[float]  #: of the coordinates of `touched`
     finer: Sequence[Mapping[str, float]] = ()
     #: information that each machining tolerance adds, by parameter; these follow the sensors
@@ -145,16 +132,9 @@ class Worth:
         return _Left(float(mean), G, F[:, :size] - by @ F[:, size:], left, d * solved)
 
     def relaxed(self, shares: Array) -> tuple[float, Array]:
-        """Return the mean variance with shares of the candidates' information, and its gradient.
-
-        A sensor of share w reads √w s + ε of its value s. Its derivative by w is minus the squared
-        remaining covariance of the position and s, summed over the readings.
-
-        Parameters
-        ----------
-        shares : ndarray, shape (N,)
-            From 0 to 1; with shares of 0 and 1 only, the variance is that of the set.
-        """
+        """Return the mean variance with shares (N,), 0 to 1, of the information; its gradient."""
+        # A sensor of share w reads √w s + ε of its value s. The derivative by w is minus the
+        # squared remaining covariance of the position and s, summed over the readings.
         left = self._left(shares, range(len(self.names)))
         L = left.position.reshape(-1, len(left.G))
         middle = L.T @ L / len(left.position)
