@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, RobotFileError
 from truepose.integrations.klipper import doubts, held_out
 from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.criterion import errors, klipper, weight
+from truepose.integrations.klipper.criterion import cost, errors, klipper
 from truepose.integrations.klipper.estimate import (
     Assumed,
     Estimate,
@@ -23,7 +22,7 @@ from truepose.integrations.klipper.estimate import (
     estimate,
     prior,
 )
-from truepose.integrations.klipper.held_out import HeldOut
+from truepose.integrations.klipper.held_out import Residuals
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import Judged, fitted
 from truepose.integrations.klipper.printer import HEIGHTS, MM, TOWERS, Printer, gaps, printer_of
@@ -42,14 +41,6 @@ _THE_SAME = 1e-6
 FEWEST = 3
 
 
-class Residuals(NamedTuple):
-    """Residuals of the readings with one set of parameters, m."""
-
-    name: str
-    heights: Array
-    distances: Array
-
-
 @dataclass(frozen=True)
 class Assessment:
     """Assessment of a printer."""
@@ -62,7 +53,7 @@ class Assessment:
     estimate: Estimate
     judged: Judged
     fits: tuple[Residuals, ...]  #: the file's, Klipper's, the estimate's
-    held_out: tuple[HeldOut, ...]  #: empty if there are too few readings
+    held_out: tuple[Residuals, ...]  #: empty if there are too few readings
     before: Bed  #: with the file's parameters
     after: Bed  #: with the estimate's
     scale: Learnt  #: scale; prior: from nominal arms and the heights alone
@@ -77,17 +68,15 @@ class Assessment:
     @property
     def as_klipper_would(self) -> bool:
         """Whether the file's parameters minimise Klipper's criterion on the file's readings."""
-        of_file, of_klipper = (self._criterion(p) for p in (self.printer.values, self.klipper))
+        of_file, of_klipper = (
+            cost(self.model, p, self.printer.readings) for p in (self.printer.values, self.klipper)
+        )
         return of_klipper >= _REFIT * of_file - _NOTHING**2
 
     @property
     def holds_estimate(self) -> bool:
         """Whether the file's parameters are the estimate, written into the file before."""
         return bool(np.max(np.abs(self.estimate.p - self.printer.values)) < _THE_SAME)
-
-    def _criterion(self, p: Array) -> float:
-        e = errors(self.model, p, self.printer.readings, jacobian=False)
-        return float(weight(self.printer.readings) * (e.heights**2).sum() + (e.distances**2).sum())
 
     @property
     def one_length(self) -> bool:
@@ -143,7 +132,7 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
     known = prior(model, printer, assumed, arm)
     doubts.refuse(model, printer, known, assumed)
     start = printer.values
-    e = errors(model, start, readings, jacobian=False)
+    e = errors(model, start, readings)
     if not (np.isfinite(e.heights).all() and np.isfinite(e.distances).all()):
         start = known.mean  # the file's parameters cannot reach the readings' poses
     by_klipper = klipper(model, start, readings)
@@ -154,7 +143,7 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
         ("Klipper's criterion", by_klipper),
         (held_out.ESTIMATE, found.p),
     ):
-        e = errors(model, p, readings, jacobian=False)
+        e = errors(model, p, readings)
         expected = found.expected(e.lengths) if p is found.p else e.lengths
         fits.append(Residuals(name, e.heights, expected - readings.distances))
     doubts.refuse_unfit(fits[-1][1:])
