@@ -321,9 +321,10 @@ class _Pivot:
         mass, centre, I = self._inertia([self.nacelle])
         if mass < _HEAVY:
             return {}
-        turned = np.diag(self._R.T @ I @ self._R).tolist()
-        inertia = dict(zip(("inertia_x", "inertia_y", "inertia_z"), turned, strict=True))
-        return {"platform": {"mass": mass, "centre": _round(self._at(centre) - at), **inertia}}
+        platform = {"mass": mass, "centre": _round(self._at(centre) - at)}
+        for axis, inertia in zip("xyz", np.diag(self._R.T @ I @ self._R).tolist(), strict=True):
+            platform[f"inertia_{axis}"] = inertia
+        return {"platform": platform}
 
     def _inertia(self, bodies: Sequence[int]) -> tuple[float, Array, Array]:
         """Return mass, centre and inertia about it of rigid bodies, every joint at zero."""
@@ -353,21 +354,17 @@ def _round(vector: Array) -> tuple[float, ...]:
 
 def _torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
     """Return the largest force or torque of a joint's actuators, N or N·m, or infinity."""
-    # An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
-    most = sum(_most(model, k) for k in actuators) if actuators else math.inf
+    total, control = math.inf if not actuators else 0.0, model.actuator_ctrladr
+    for k in actuators:
+        limited = model.actuator_forcelimited[k]
+        most = np.abs(model.actuator_forcerange[k]).max() if limited else math.inf
+        # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain
+        # (0), no bias (0), no dynamics (0).
+        kinds = model.actuator_gaintype[k], model.actuator_biastype[k], model.actuator_dyntype[k]
+        if not any(kinds) and model.actuator_ctrllimited[control[k]]:
+            asked = np.abs(model.actuator_ctrlrange[control[k]]).max()
+            most = min(most, asked * abs(model.actuator_gainprm[k, 0]))
+        total += most * abs(model.actuator_gear[k, 0])  # its force is clamped before its gear
     if model.jnt_actfrclimited[joint]:
-        most = min(most, np.abs(model.jnt_actfrcrange[joint]).max())
-    return float(most)
-
-
-def _most(model: Any, k: int) -> float:
-    """Return the largest force or torque of an actuator after its gear."""
-    limited, control = model.actuator_forcelimited[k], model.actuator_ctrladr[k]
-    most = np.abs(model.actuator_forcerange[k]).max() if limited else math.inf
-    # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain (0),
-    # no bias (0), no dynamics (0).
-    kinds = model.actuator_gaintype[k], model.actuator_biastype[k], model.actuator_dyntype[k]
-    if not any(kinds) and model.actuator_ctrllimited[control]:
-        asked = np.abs(model.actuator_ctrlrange[control]).max()
-        most = min(most, asked * abs(model.actuator_gainprm[k, 0]))
-    return most * abs(model.actuator_gear[k, 0])
+        total = min(total, np.abs(model.jnt_actfrcrange[joint]).max())
+    return float(total)

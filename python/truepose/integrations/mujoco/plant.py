@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +33,7 @@ _STILL = 2e-5  # m, and ten times that in rad
 _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 
+@dataclass(eq=False)
 class MujocoPlant:
     """A true robot in MuJoCo, every rod on its own.
 
@@ -59,33 +61,28 @@ class MujocoPlant:
         MuJoCo is not installed.
     """
 
-    def __init__(
-        self,
-        truth: Robot,
-        effects: Effects | None = None,
-        *,
-        seed: int = 0,
-        duration: float = 0.2,
-        hold: float = 0.1,
-        longest: float = 0.3,
-        pose_time: float = 10.0,
-        timestep: float = TIMESTEP,
-        faults: Sequence[Fault] = (),
-    ):
+    truth: Robot
+    effects: Effects = field(default_factory=Effects.none)
+    _: KW_ONLY
+    seed: int = 0
+    duration: float = 0.2
+    hold: float = 0.1
+    longest: float = 0.3
+    pose_time: float = 10.0
+    timestep: float = TIMESTEP
+    faults: Sequence[Fault] = ()
+
+    def __post_init__(self) -> None:
         require()
-        positive("duration", duration)
-        positive("timestep", timestep)
-        positive("longest", longest)
-        for name, value in (("hold", hold), ("pose_time", pose_time)):
-            if not (math.isfinite(value) and value >= 0):
+        for name in ("duration", "timestep", "longest"):
+            positive(name, getattr(self, name))
+        for name in ("hold", "pose_time"):
+            if not (math.isfinite(value := getattr(self, name)) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
-        in_core(truth, faults, math.inf)  # for any control period
-        self.truth = truth
-        self.effects = Effects.none() if effects is None else effects
-        self.seed = check_seed(seed)
-        self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
-        self.pose_time, self.timestep, self.faults = pose_time, timestep, tuple(faults)
-        self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
+        in_core(self.truth, self.faults, math.inf)  # for any control period
+        self.longest = max(self.hold, self.longest)
+        phases = self.effects.plant(self.truth, check_seed(self.seed)).phase
+        self.ripple_phase = np.array(phases)[: self.truth.n]
 
     def body(self, time: float = 0.0) -> Body:
         """Return the robot in MuJoCo at home and at rest, `time` after a cold start."""
