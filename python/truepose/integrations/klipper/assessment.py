@@ -85,17 +85,6 @@ class Assessment:
         return len(read) > 1 and bool(np.ptp(read) < _ONE_LENGTH * read.mean())
 
 
-def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
-    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
-
-    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
-    measurements.
-    """
-    printer = printer_of(config)
-    with fitting(config, "[delta_calibrate] ", arm):
-        return _looked_at(printer, arm, Assumed() if assumed is None else assumed)
-
-
 @contextlib.contextmanager
 def fitting(config: Config, where: str, arm: float | None) -> Iterator[None]:
     """Add the file, and the given arm length in m, to the message of an UnfitError."""
@@ -113,59 +102,58 @@ def drawn_of(printer: Printer) -> Model:
         model = Model(printer)
     except RobotFileError as error:
         raise InputError(f"{config.path}: no such printer can be: {error}") from None
-    if not np.isfinite(ends := model.xi(printer.values)).all():
-        tower = TOWERS[int(np.flatnonzero(~np.isfinite(ends))[0]) // len(model.keys)]
-        section = f"stepper_{tower}"
-        text = "the arm does not reach the middle there"
-        raise config.error(section, "position_endstop", text)
+    if not (reached := np.isfinite(model.xi(printer.values))).all():
+        section = f"stepper_{TOWERS[int(np.argmin(reached)) // len(model.keys)]}"
+        raise config.error(section, "position_endstop", "the arm does not reach the middle there")
     return model
 
 
-def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessment:
-    config = printer.config
+def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
+    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
+
+    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
+    measurements.
+    """
+    printer, assumed = printer_of(config), assumed or Assumed()
     readings = printer.readings
     if len(readings.heights) < FEWEST:
         count = f"{len(readings.heights)} heights: Klipper probes {FEWEST} at least"
         said = "; ".join([count, *gaps(config, HEIGHTS)])
         raise InputError(f"{config.path}: [delta_calibrate]: {said}")
-    model = drawn_of(printer)
-    known = prior(model, printer, assumed, arm)
-    doubts.refuse(model, printer, known, assumed)
-    start = printer.values
-    e = errors(model, start, readings)
-    if not (np.isfinite(e.heights).all() and np.isfinite(e.distances).all()):
-        start = known.mean  # the file's parameters cannot reach the readings' poses
-    by_klipper = klipper(model, start, readings)
-    found, judged = fitted(model, readings, known, assumed)
-    fits = []
-    for name, p in (
-        ("the file's parameters", printer.values),
-        ("Klipper's criterion", by_klipper),
-        (held_out.ESTIMATE, found.p),
-    ):
-        e = errors(model, p, readings)
-        expected = found.expected(e.lengths) if p is found.p else e.lengths
-        fits.append(Residuals(name, e.heights, expected - readings.distances))
-    doubts.refuse_unfit(fits[-1][1:])
-    ways = held_out.ways(model, by_klipper, readings, known.mean)
-    heights_alone = readings.heights_only()
-    as_drawn = klipper(model, known.mean, heights_alone)
-    scale, before = (
-        over_the_bed(model, as_drawn, by, printer.radius).shape.scale
-        for by in (found, estimate(model, heights_alone, known, found.assumed))
-    )
-    return Assessment(
-        printer,
-        model,
-        known,
-        assumed,
-        by_klipper,
-        found,
-        judged,
-        tuple(fits),
-        tuple(held_out.leave_one_out(model, readings, ways, judged)),
-        over_the_bed(model, printer.values, found, printer.radius),
-        over_the_bed(model, found.p, found, printer.radius),
-        Learnt(*before, *scale),
-        (*printer.notes, *doubts.notes(printer, found, judged)),
-    )
+    with fitting(config, "[delta_calibrate] ", arm):
+        model = drawn_of(printer)
+        known = prior(model, printer, assumed, arm)
+        doubts.refuse(model, printer, known, assumed)
+        start = printer.values
+        if not np.isfinite(np.concatenate(errors(model, start, readings)[:2])).all():
+            start = known.mean  # the file's parameters cannot reach the readings' poses
+        by_klipper = klipper(model, start, readings)
+        found, judged = fitted(model, readings, known, assumed)
+        used = {"the file's parameters": printer.values, "Klipper's criterion": by_klipper}
+        fits = [Residuals(name, *errors(model, p, readings)[:2]) for name, p in used.items()]
+        e = errors(model, found.p, readings)
+        off = found.expected(e.lengths) - readings.distances
+        fits.append(Residuals(held_out.ESTIMATE, e.heights, off))
+        doubts.refuse_unfit(fits[-1])
+        ways = held_out.ways(model, by_klipper, readings, known.mean)
+        heights_alone = readings.heights_only()
+        as_drawn = klipper(model, known.mean, heights_alone)
+        scale, before = (
+            over_the_bed(model, as_drawn, by, printer.radius).shape.scale
+            for by in (found, estimate(model, heights_alone, known, found.assumed))
+        )
+        return Assessment(
+            printer,
+            model,
+            known,
+            assumed,
+            by_klipper,
+            found,
+            judged,
+            tuple(fits),
+            tuple(held_out.leave_one_out(model, readings, ways, judged)),
+            over_the_bed(model, printer.values, found, printer.radius),
+            over_the_bed(model, found.p, found, printer.radius),
+            Learnt(*before, *scale),
+            (*printer.notes, *doubts.notes(printer, found, judged)),
+        )

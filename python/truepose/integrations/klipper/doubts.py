@@ -20,6 +20,7 @@ from truepose.integrations.klipper.estimate import (
     estimate,
     prior,
 )
+from truepose.integrations.klipper.held_out import Residuals
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import Judged
 from truepose.integrations.klipper.printer import (
@@ -128,9 +129,9 @@ def named(readings: Readings, judged: Judged, k: int) -> str:
     )
 
 
-def refuse_unfit(left: tuple[Array, Array]) -> None:
+def refuse_unfit(left: Residuals) -> None:
     """Raise UnfitError if the residuals exceed those of any printer."""
-    heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left)
+    heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left[1:])
     if MM * max(heights, distances) > _BED:
         raise UnfitError(
             "no such printer has these readings: "

@@ -100,18 +100,17 @@ def prior(model: Model, printer: Printer, assumed: Assumed, arm: float | None = 
     allow. All else is as in the file. `arm` is the nominal length of the arms (of a rotary delta,
     the lower ones), m.
     """
-    names = model.names
-    mean = printer.values.copy()
+    names, now = model.names, printer.parameters
     rods = [name for name in names if name.startswith(("arm_", "lower_arm_"))]
     length, said = _drawn_arm(printer, rods, arm)
-    mean[[names.index(name) for name in rods]] = length
+    values = now | dict.fromkeys(rods, length)
     for tower, turn in zip(TOWERS, (120, 240, 0), strict=True):
-        mean[names.index(f"angle_{tower}")] = printer.parameters["angle_c"] + turn * DEGREE
-    for k, name in enumerate(names):
-        mean[k] = _replaced(printer, name, DRAWN) or mean[k]
-    turns = np.round((printer.values - mean) / (2 * np.pi))
-    angles = [names.index(f"angle_{tower}") for tower in TOWERS]
-    mean[angles] += 2 * np.pi * turns[angles]
+        values[f"angle_{tower}"] = now["angle_c"] + turn * DEGREE
+    for name, value in values.items():
+        values[name] = _replaced(printer, name, DRAWN) or value
+        if name.startswith("angle"):  # as many whole turns as in the file
+            values[name] += 2 * np.pi * round((now[name] - values[name]) / (2 * np.pi))
+    mean = np.array(list(values.values()))
     if printer.kinematics == "delta" and len(printer.readings.heights):
         F = directions(names, ["radius", *(f"endstop_{tower}" for tower in TOWERS)])
         mean = fit(model, mean, printer.readings.heights_only(), F)
@@ -141,20 +140,20 @@ def _replaced(printer: Printer, name: str, prefix: str = "") -> float | None:
     return value if 0.5 * now < value < 2 * now else None
 
 
-def as_drawn(known: Prior, names: tuple[str, ...], kinematics: str) -> dict[tuple[str, str], float]:
+def as_drawn(known: Prior, kinematics: str) -> dict[tuple[str, str], float]:
     """Return the nominal values that a file with the estimate must keep for :func:`prior`.
 
     Otherwise the estimate would become the next nominal, and the same readings would count twice.
     """
-    where = options(kinematics)
-    rod = where["arm_a" if kinematics == "delta" else "lower_arm_a"]
-    said = {(rod.section, rod.option): known.arm / rod.scale}
-    if kinematics != "delta":
-        for name, mean, sigma in zip(names, known.mean, known.sigma, strict=True):
-            if sigma > 0 and not name.startswith(("angle", "lower_arm")):
-                section, option, _, scale = where[name]
-                said[section, DRAWN + option] = float(mean) / scale
-    return {place: round(value, 6) for place, value in said.items()}
+    said = {}
+    for (name, of), mean, sigma in zip(
+        options(kinematics).items(), known.mean.tolist(), known.sigma, strict=True
+    ):
+        if name in ("arm_a", "lower_arm_a"):
+            said[of.section, of.option] = round(known.arm / of.scale, 6)
+        elif kinematics != "delta" and sigma and not name.startswith(("angle", "lower_arm")):
+            said[of.section, DRAWN + of.option] = round(mean / of.scale, 6)
+    return said
 
 
 @dataclass(frozen=True)
@@ -176,16 +175,11 @@ class Estimate:
 
     def learnt(self, names: tuple[str, ...]) -> dict[str, Learnt]:
         """Return every free parameter before and after; κ and b last."""
-        values = [*self.p, self.shrinkage, self.width]
-        means = [*self.prior.mean, 0.0, 0.0]
         before = [*self.prior.sigma, self.assumed.shrinkage, self.assumed.width]
-        after = np.sqrt(np.diag(self.covariance))
-        rows = zip((*names, "shrinkage", "width"), means, before, values, after, strict=True)
-        return {
-            name: Learnt(float(mean), float(prior), float(value), float(sigma))
-            for name, mean, prior, value, sigma in rows
-            if prior > 0
-        }
+        values, after = [*self.p, self.shrinkage, self.width], np.sqrt(np.diag(self.covariance))
+        rows = np.column_stack([[*self.prior.mean, 0.0, 0.0], before, values, after]).tolist()
+        found = dict(zip((*names, "shrinkage", "width"), rows, strict=True))
+        return {name: Learnt(*row) for name, row in found.items() if row[1] > 0}
 
     def expected(self, lengths: Array) -> Array:
         """Return the expected readings of a calliper on a print, from nozzle distances."""

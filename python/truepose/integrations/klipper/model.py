@@ -40,27 +40,18 @@ _SAME = {
 
 
 class Model:
-    """A printer's kinematics by Klipper's parameters p, all in the core.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of p, in the order of :func:`truepose.integrations.klipper.printer.options`.
-    bare : Robot
-        Nominal robot of the file with motor offsets 0; towers a, b, c are chains 1, 2, 3.
-    parameters : list of str
-        The robot's parameters that p determines: `keys` of each chain.
-    """
+    """A printer's kinematics by Klipper's parameters p, all in the core."""
 
     def __init__(self, printer: Printer):
         self.kinematics = printer.kinematics
-        self.names = names = printer.names
+        self.names = names = printer.names  #: of p, in the order of `options`
         self.step = printer.step
         same = _SAME[self.kinematics]
         self.keys = ("base.x", "base.y", *same, "encoder_offset")
+        #: The robot's parameters that p determines: `keys` of each chain.
         self.parameters = [f"chain{i}.{key}" for i in (1, 2, 3) for key in self.keys]
         spec = robotfile.validate(_file(printer), printer.config.path)
-        self.bare = Robot(spec)
+        self.bare = Robot(spec)  #: nominal, with motor offsets 0; chains 1, 2, 3: towers a, b, c
         column = dict(columns(spec))
         self._at = np.array([column[name] for name in self.parameters])
         self._xi = np.asarray(self.bare.core_drawn.drawn_parameters())

@@ -21,7 +21,7 @@ def config_text(found: Assessment) -> str:
     for (name, of), value in zip(known.items(), found.estimate.p.tolist(), strict=True):
         if name in learnt or name.startswith("angle"):
             changes.setdefault(of.section, {})[of.option] = f"{value / of.scale:.6f}"
-    drawn = as_drawn(found.prior, found.model.names, found.printer.kinematics)
+    drawn = as_drawn(found.prior, found.printer.kinematics)
     return rewritten(found.printer.config, changes, drawn)
 
 

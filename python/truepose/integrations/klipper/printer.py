@@ -189,14 +189,12 @@ def _parameter(config: Config, kinematics: str, name: str, option: Option) -> fl
 def _longer_than_the_radius(config: Config, kinematics: str, values: dict[str, float]) -> None:
     """Raise InputError for arms that do not reach the centre, as Klipper does."""
     for tower in TOWERS if kinematics == "delta" else ():
-        if values[f"arm_{tower}"] <= values["radius"]:
-            arm, radius = (f"{1e3 * values[key]:g}" for key in (f"arm_{tower}", "radius"))
-            section = f"stepper_{tower}"
-            raise config.error(
-                section if config.has(section, "arm_length") else "stepper_a",
-                "arm_length",
-                f"an arm of {arm} mm must be longer than delta_radius = {radius} mm; are both mm?",
-            )
+        arm, radius = values[f"arm_{tower}"] / MM, values["radius"] / MM
+        if arm <= radius:
+            own = config.has(f"stepper_{tower}", "arm_length")
+            text = f"an arm of {arm:g} mm must be longer than delta_radius = {radius:g} mm"
+            section = f"stepper_{tower}" if own else "stepper_a"
+            raise config.error(section, "arm_length", f"{text}; are both mm?")
 
 
 def _step_distance(config: Config, section: str, rotary: bool) -> float:

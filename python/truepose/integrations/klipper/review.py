@@ -206,7 +206,7 @@ def _use(found: Assessment) -> str:
     ways = ({way.name: way for way in found.held_out}[ESTIMATE], _of_klipper(found))
     if not math.isfinite(before):
         return "Use the estimate: with the file's parameters the nozzle does not reach the bed"
-    ours, theirs = map(_left_out, ways)
+    ours, theirs = (rms(_finite(np.append(way.heights, way.distances))) for way in ways)
     left_out = (
         f"readings that were left out are predicted to {_said(ours)} mm by the estimate and to "
         f"{_said(theirs)} by {ways[1].name}"
@@ -223,11 +223,6 @@ def _use(found: Assessment) -> str:
             "readings do not tell apart"
         )
     return f"Use the estimate: {errors}, {_said(after)} with it; {left_out}"
-
-
-def _left_out(way: Residuals) -> float:
-    """Return the rms error of all left-out readings."""
-    return rms(_finite(np.concatenate([way.heights, way.distances])))
 
 
 def _of_klipper(found: Assessment) -> Residuals:

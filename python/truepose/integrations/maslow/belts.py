@@ -46,13 +46,13 @@ _SLED = """name = "sled"
 title = "Sled on four belts"
 mobility = "planar_translation"
 source = "The belts' own lengths. Gravity's direction and the tolerances are assumed."
-home = [{home[0]!r}, {home[1]!r}]
+home = {home}
 gravity = [0.0, -9.81, 0.0]
 sensors = ["bl", "br"]
 
 [workspace] # of the poses that were read
-minimum = [{low[0]!r}, {low[1]!r}]
-maximum = [{high[0]!r}, {high[1]!r}]
+minimum = {low}
+maximum = {high}
 
 [chain_defaults]
 actuator = "telescopic"
@@ -60,32 +60,26 @@ anchor = [0.0, 0.0, 0.0]
 encoder_noise = {sigma!r}
 
 [[chain]] # upper left
-base = [{tl[0]!r}, {tl[1]!r}, {tl[2]!r}]
+base = {tl}
 
 [[chain]] # upper right
-base = [{tr[0]!r}, {tr[1]!r}, {tr[2]!r}]
+base = {tr}
 
 [platform]
 mass = 10.0 # assumed
-
-[[sensor]]
-name = "bl"
-kind = "distance"
-origin = [{bl[0]!r}, {bl[1]!r}, {bl[2]!r}]
-target = [0.0, 0.0, 0.0]
-noise = {sigma!r}
-
-[[sensor]]
-name = "br"
-kind = "distance"
-origin = [{br[0]!r}, {br[1]!r}, {br[2]!r}]
-target = [0.0, 0.0, 0.0]
-noise = {sigma!r}
-
+{sensors}
 # The base's frame: from the lower left anchor, x towards the lower right one.
 [tolerances]
 "chain*.base.[xy]" = {{ sigma = {anchor!r} }}
 "br.origin.x" = {{ sigma = {anchor!r} }}
+"""
+_SENSOR = """
+[[sensor]]
+name = "{belt}"
+kind = "distance"
+origin = {at}
+target = [0.0, 0.0, 0.0]
+noise = {sigma!r}
 """
 _OFFSETS = """"chain*.encoder_offset" = {{ sigma = {offset!r} }}
 "b[lr].offset" = {{ sigma = {offset!r} }}
@@ -264,16 +258,11 @@ def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Mode
         belt: [*map(float, corner), float(z)]
         for belt, corner, z in zip(BELTS, corners, heights, strict=True)
     }
-    width, height = corners[1]
-    text = (_SLED + _OFFSETS * model.offsets).format(
-        **at,
-        sigma=sigma,
-        anchor=ANCHOR,
-        offset=OFFSET,
-        home=[float(width / 2), float(height / 2)],
-        low=[float(0.2 * width), float(0.2 * height)],
-        high=[float(0.8 * width), float(0.8 * height)],
-    )
+    sensors = [_SENSOR.format(belt=belt, at=at[belt], sigma=sigma) for belt in BELTS[2:]]
+    home, low, high = (np.multiply(share, corners[1]).tolist() for share in (0.5, 0.2, 0.8))
+    values = {"home": home, "low": low, "high": high, "sensors": "".join(sensors)}
+    sigmas = {"sigma": sigma, "anchor": ANCHOR, "offset": OFFSET}
+    text = (_SLED + _OFFSETS * model.offsets).format(**at, **values, **sigmas)
     return Robot(robotfile.parse(text, "sled"))
 
 

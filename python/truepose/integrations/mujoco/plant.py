@@ -35,42 +35,18 @@ _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 @dataclass(eq=False)
 class MujocoPlant:
-    """A true robot in MuJoCo, every rod on its own.
+    """A true robot in MuJoCo, every rod on its own. TrueposeError: MuJoCo is not installed."""
 
-    Parameters
-    ----------
-    truth : Robot
-        True robot, cold.
-    effects : Effects
-        Effects that the model omits, default none.
-    seed : int
-        Seed of the phases of eccentricity and ripple, and of the readings' noise.
-    duration, hold, longest : float
-        Time of a move, least time after it, and time after it at which a robot that is not at rest
-        is measured anyway, s.
-    pose_time : float
-        Time from one pose to the next in the warm-up: moving, resting, measuring, s.
-    timestep : float
-        MuJoCo's time step, s; the control period must be a multiple.
-    faults : sequence of Fault
-        Sensor faults, in the warm-up's time: the k-th move begins at k · `pose_time`.
-
-    Raises
-    ------
-    TrueposeError
-        MuJoCo is not installed.
-    """
-
-    truth: Robot
-    effects: Effects = field(default_factory=Effects.none)
+    truth: Robot  #: cold
+    effects: Effects = field(default_factory=Effects.none)  #: effects that the model omits
     _: KW_ONLY
-    seed: int = 0
-    duration: float = 0.2
-    hold: float = 0.1
-    longest: float = 0.3
-    pose_time: float = 10.0
-    timestep: float = TIMESTEP
-    faults: Sequence[Fault] = ()
+    seed: int = 0  #: of the phases of eccentricity and ripple, and of the readings' noise
+    duration: float = 0.2  #: time of a move, s
+    hold: float = 0.1  #: least time after a move, s
+    longest: float = 0.3  #: time after a move at which even a moving robot is measured, s
+    pose_time: float = 10.0  #: from pose to pose in the warm-up: moving, resting, measuring, s
+    timestep: float = TIMESTEP  #: MuJoCo's, s; the control period must be a multiple
+    faults: Sequence[Fault] = ()  #: in the warm-up's time: the k-th move begins at k · `pose_time`
 
     def __post_init__(self) -> None:
         require()
