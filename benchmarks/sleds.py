@@ -51,7 +51,7 @@ def main() -> None:
         read, truth = drawn(np.random.default_rng((options.seed, k)))
         found = belts.calibrate(read, HEIGHTS)
         error = np.array([of.value - truth[name] for name, of in found.unknowns.items()])
-        nees.append(error @ np.linalg.solve(found.covariance(), error) / len(error))
+        nees.append(error @ np.linalg.solve(found.fit.joint_covariance, error) / len(error))
         normal.append([(of.value - truth[n]) / of.sigma for n, of in found.anchors.items()])
         sigma.append([of.sigma for of in found.anchors.values()])
     spread = np.sqrt(2 / (len(error) * options.sleds))

@@ -8,20 +8,14 @@ import numpy as np
 from rows import Row, table, worst
 
 from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.criterion import errors, klipper, rms, weight
+from truepose.integrations.klipper.criterion import cost, errors, klipper, rms
 from truepose.integrations.klipper.model import Model
-from truepose.integrations.klipper.printer import Printer, options, printer_of
+from truepose.integrations.klipper.printer import options, printer_of
 
 HERE = Path(__file__).parent
 #: The printers' files; their heads name repository, commit and licence (CC0-1.0).
 FILES = HERE.parents[1] / "tests" / "python" / "integrations" / "klipper" / "data"
 MM = 1e-3
-
-
-def cost(model: Model, p: np.ndarray, printer: Printer) -> float:
-    """Return Klipper's sum of squares at parameters p, mm²."""
-    e = errors(model, p, printer.readings, jacobian=False)
-    return (weight(printer.readings) * (e.heights**2).sum() + (e.distances**2).sum()) / MM**2
 
 
 def compared(name: str, saved: dict[str, float]) -> list[Row]:
@@ -34,9 +28,9 @@ def compared(name: str, saved: dict[str, float]) -> list[Row]:
     begun[0] += 2 * MM
     begun[-3:] -= 1 * MM
     found = klipper(model, begun, printer.readings)
-    left = rms(errors(model, found, printer.readings, jacobian=False).heights) / MM
-    before = rms(errors(model, file, printer.readings, jacobian=False).heights) / MM
-    gain = cost(model, file, printer) - cost(model, found, printer)
+    left = rms(errors(model, found, printer.readings).heights) / MM
+    before = rms(errors(model, file, printer.readings).heights) / MM
+    gain = (cost(model, file, printer.readings) - cost(model, found, printer.readings)) / MM**2
     if name == "danorder-v400":
         ends = [k for k, parameter in enumerate(model.names) if parameter.startswith("endstop")]
         reason = (

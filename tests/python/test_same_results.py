@@ -190,7 +190,7 @@ def test_workbench_state(kept):
     rests, bounds = answers.rests(now), answers.bounds(now.robot)
     run = motion.run(now, "tej", [tp.faults.Fault("theta", "stuck", at=0.2)])
     played = playback.calibrated(playback.simulated_log(now, poses=20))
-    covariance = answers.covariance(now, "as built")
+    covariance = answers.covariance(now.robot, now.x_d, "as built")
     found = [
         rests,
         bounds,

@@ -106,6 +106,12 @@ class Calibration(Shown):
         return {**(self.differences.unknowns if self.differences else {}), **self.influences}
 
     @property
+    def joint_covariance(self) -> Array:
+        """Covariance of the parameters and of `others`, (p + k, p + k)."""
+        cross, own = np.split(self.beside, [len(self.names)], axis=1)
+        return np.block([[self.covariance, cross.T], [cross, own]])
+
+    @property
     def outliers(self) -> Array:
         """Rows with a weight below a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
@@ -166,10 +172,8 @@ class Calibration(Shown):
         names, p = [*self.names, *self.others], len(self.names)
         before = np.diag([0.0] * p + [of.prior_sigma**2 for of in self.others.values()])
         before[:p, :p] = self.prior_covariance
-        cross, own = self.beside[:, :p], self.beside[:, p:]
-        after = np.block([[self.covariance, cross.T], [cross, own]])
         scale = np.linalg.inv(np.linalg.cholesky(before))
-        ratio2, vectors = np.linalg.eigh(scale @ after @ scale.T)
+        ratio2, vectors = np.linalg.eigh(scale @ self.joint_covariance @ scale.T)
         result = []
         for square, vector in [*zip(ratio2, vectors.T, strict=True)][: -count - 1 : -1]:
             terms = {names[i]: float(vector[i]) for i in np.argsort(-np.abs(vector))[:4]}

@@ -140,11 +140,7 @@ class _Bodies:
 
 
 class Mechanism:
-    """Rigid bodies and links between them; a body has the number of its first part.
-
-    `closures` close its loops; `motors` are the driven joints; `retyped` has the axes of rotation
-    of joints that are not what their type in the model says.
-    """
+    """Rigid bodies and links between them; a body has the number of its first part."""
 
     def __init__(
         self,
@@ -152,7 +148,7 @@ class Mechanism:
         path: Path,
         closures: Sequence[Closure],
         motors: set[int],
-        retyped: dict[int, str],
+        retyped: dict[int, str],  #: axes of rotation of joints that are not of the model's type
     ):
         self._kinds = m.mujoco.mjtJoint
         model = self.model = m.model  #: MuJoCo's model
@@ -161,9 +157,8 @@ class Mechanism:
         self.name = model.names[: model.names.index(b"\0")].decode() or path.stem
         self.motors = motors  #: driven joints
         self.actuators = m.actuators()  #: by joint
-        self.hinges = {*np.flatnonzero(model.jnt_type == int(self._kinds.mjJNT_HINGE)).tolist()} - {
-            *retyped
-        }
+        hinges = np.flatnonzero(model.jnt_type == int(self._kinds.mjJNT_HINGE))
+        self.hinges = {*hinges.tolist()} - {*retyped}
         #: Joints that an equality couples, and its name.
         self.coupled = {
             joint: name for _, name, ids in m.equalities(m.mujoco.mjtEq.mjEQ_JOINT) for joint in ids
@@ -173,18 +168,18 @@ class Mechanism:
             [k for k in range(first, first + count) if retyped.get(k) != ""]
             for first, count in zip(model.body_jntadr, model.body_jntnum, strict=True)
         ]
-        parents = model.body_parentid.tolist()
-        for body in range(1, model.nbody):
+        pairs = list(enumerate(model.body_parentid.tolist()))
+        for body, parent in pairs[1:]:
             if not joints[body]:
-                bodies.join(parents[body], body, np.eye(4))
+                bodies.join(parent, body, np.eye(4))
         for c in closures:
             if c.held is not None:
                 a, b = c.bodies
                 bodies.join(a, b, m.frame(a) @ c.held @ inv(m.frame(b)))
         self.links = [
-            self._link(ids, (parents[body], body), bodies, retyped)
-            for body, ids in enumerate(joints)
-            if ids
+            self._link(joints[body], (parent, body), bodies, retyped)
+            for body, parent in pairs
+            if joints[body]
         ]
         for c in closures:
             if c.held is None:

@@ -1,8 +1,10 @@
-"""Readers of MJCF, and of a URDF with a YAML file of its loops."""
+"""Readers of MJCF, and of a URDF with a YAML file of its loops, within limits of size."""
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +14,13 @@ import numpy as np
 
 from truepose.exceptions import InputError, TrueposeError, choose, one_line
 from truepose.files import contents
-from truepose.integrations.importers import bounds
 from truepose.integrations.importers.links import Closure, Mechanism, Model
 
 _MOST = 1 << 24  # largest number of bytes of a model
+#: Largest number of elements with all copies; MuJoCo compiles as many in some seconds.
+_ELEMENTS = 10_000
+#: Largest number of characters of a YAML file; PyYAML reads some ten thousand per second.
+_YAML = 1 << 18
 #: Joints of a URDF by their name in the YAML: the axes of rotation in their frame.
 _RETYPED = {"SPHERICAL": "XYZ", "FIXED": ""} | {
     f"UJOINT_{a}{b}": a + b for a, b in itertools.permutations("XYZ", 2)
@@ -29,7 +34,7 @@ def from_mjcf(path: str | Path) -> Mechanism:
     """
     mujoco = _mujoco()
     path = Path(path)
-    bounds.model(path, _text)
+    _model(path)
 
     def compiled(whole: bool) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -57,7 +62,7 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     mujoco = _mujoco()
     path, loops = Path(path), Path(loops)
     said = _loops(loops)
-    root = bounds.model(path, _text)
+    root = _model(path)
     if root.tag != "robot":
         raise InputError(f"{path}: <{one_line(root.tag, 40)}>: the root of a URDF must be <robot>")
     for part in root.iter("link"):  # shapes' files may be missing
@@ -111,6 +116,77 @@ def _text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read: not a text file") from None
 
 
+def _model(path: Path) -> ET.Element:
+    """Parse a model's XML; raise InputError if it has too many elements with all copies.
+
+    Copies are made by `count` (replicate, composite, flexcomp), include and attach.
+    """
+    root, total = _size(path, path.parent, {})
+    if total > _ELEMENTS:
+        raise InputError(
+            f"{path}: {total:.4g} elements with all copies (replicate, include, attach), more than "
+            f"{_ELEMENTS}; lower the counts, or remove elements that are not part of the robot"
+        )
+    return root
+
+
+def _size(path: Path, folder: Path, sizes: dict[Path, float]) -> tuple[ET.Element, float]:
+    """Return a file's root and number of elements with all copies; a cycle counts once."""
+    first, *more = _text(path).split("<!--")  # MuJoCo accepts comments that are invalid XML
+    try:
+        root = ET.fromstring(first + "".join(part.partition("-->")[2] for part in more))
+    except ET.ParseError as error:
+        raise InputError(f"{path}: not XML: {error}") from None
+    sizes[path.resolve()] = 0.0
+
+    def of(element: ET.Element) -> float:
+        name = element.get("file") or ""
+        for other in (folder / name, path.parent / name):
+            if name and other.is_file():
+                if other.resolve() not in sizes:
+                    sizes[other.resolve()] = _size(other, folder, sizes)[1]
+                return sizes[other.resolve()]
+        return 0.0  # MuJoCo reports missing files
+
+    attached = max((of(part) for part in root.iterfind("asset/model")), default=0.0)
+    total, left = 0.0, [(root, 1.0)]
+    while left:
+        element, times = left.pop()
+        with contextlib.suppress(ValueError):  # MuJoCo reports invalid numbers
+            times *= max(math.prod(map(float, element.get("count", "").split())), 1.0)
+        total += times
+        if element.tag == "include":
+            total += times * of(element)
+        elif element.tag == "attach":
+            total += times * attached
+        left += [(child, times) for child in element]
+    return root, total
+
+
+def _yaml(path: Path) -> Any:
+    """Read YAML; refuse aliases, as a few lines of them can expand to gigabytes."""
+    try:
+        import yaml
+    except ImportError:
+        raise TrueposeError(
+            'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
+        ) from None
+    text = _text(path)
+    if len(text) > _YAML:
+        raise InputError(
+            f"{path}: {len(text)} characters, more than {_YAML}: keep only the keys of the loops"
+        )
+    try:
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                where = f"line {event.start_mark.line + 1}: alias *{one_line(event.anchor, 40)}"
+                raise InputError(f"{path}: {where}: not supported; write the value instead")
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        why = one_line(" ".join(str(error).split()), 200)
+        raise InputError(f"{path}: not YAML: {why}") from None
+
+
 def _light(spec: Any) -> None:
     """Allow moving bodies without mass; only kinematics is needed."""
     spec.compiler.boundmass, spec.compiler.boundinertia = 1e-9, 1e-12
@@ -143,7 +219,7 @@ def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:
 
 def _loops(path: Path) -> dict[str, list]:
     """Read the YAML of loops, and check it."""
-    data = bounds.yaml(path, _text(path))
+    data = _yaml(path)
     if not isinstance(data, dict):
         raise InputError(f"{path}: must have the keys closed_loop, type, name_mot")
     found: dict[str, list] = {}

@@ -54,23 +54,24 @@ class _Pivot:
         while any(self._merge_universal(body) for body in inner):
             pass
         ends = [k for k in self.m.at(self.nacelle, but=self.spine[0]) if self._returns(k)]
-        if not ends:
-            raise self._wrong("no loop: no rod goes from it to a motor")
+        self._refuse(not ends, "no loop: no rod goes from it to a motor")
         self.rods = sorted(map(self._rod, ends), key=lambda rod: rod.motor.ids)
         self.base = self.rods[0].base
         for rod in self.rods:
-            if rod.base != self.base:
-                raise self._wrong(
-                    f"motors {self.rods[0].motor.name} and {rod.motor.name} stand on two bodies, "
-                    f"{self.m.name_of(self.base)} and {self.m.name_of(rod.base)}: must be the same"
-                )
+            self._refuse(
+                rod.base != self.base,
+                f"motors {self.rods[0].motor.name} and {rod.motor.name} stand on two bodies, "
+                f"{self.m.name_of(self.base)} and {self.m.name_of(rod.base)}: must be the same",
+            )
         self.axes = [*reversed(self.spine[: self.bodies.index(self.base)])]
         self._check()
         put = self.m.data
         self._p, self._R = put.xpos[self.base], put.xmat[self.base].reshape(3, 3)
 
-    def _wrong(self, why: str) -> InputError:
-        return InputError(f"{self.m.source}: {self.m.name_of(self.nacelle)}: {why}")
+    def _refuse(self, wrong: object, why: str) -> None:
+        """Raise InputError, with the body's name, if something is wrong."""
+        if wrong:
+            raise InputError(f"{self.m.source}: {self.m.name_of(self.nacelle)}: {why}")
 
     def _spine(self) -> list[Link]:
         """Return the joints that carry the platform, its own first, towards the world."""
@@ -79,8 +80,7 @@ class _Pivot:
         while up := [k for k in links if k.ids and k.bodies[1] == body and k not in spine]:
             spine.append(up[0])
             body = up[0].bodies[0]
-        if not spine:
-            raise self._wrong("no joint turns it; give the body on the passive axes")
+        self._refuse(not spine, "no joint turns it; give the body on the passive axes")
         return spine
 
     def _merge_universal(self, body: int) -> bool:
@@ -124,8 +124,7 @@ class _Pivot:
         """Return the rod from the platform to its motor."""
         rod = far.other(self.nacelle)
         name = self.m.name_of
-        if rod in self.bodies:
-            raise self._wrong(f"{far.name} joins it to {name(rod)}: no rod is between")
+        self._refuse(rod in self.bodies, f"{far.name} joins it to {name(rod)}: no rod is between")
         self._ends(far)
         near = self._only(rod, far, "a rod has two ends")
         if near.slides:  # a leg
@@ -133,29 +132,27 @@ class _Pivot:
             near = self._only(upper, motor, "a leg's part has an end and a slide")
             self._ends(near, far)
             base = near.other(upper)
-            if base not in self.bodies:
-                raise self._wrong(
-                    f"{near.name} joins leg {name(upper)} to {name(base)}: not its base"
-                )
+            why = f"{near.name} joins leg {name(upper)} to {name(base)}: not its base"
+            self._refuse(base not in self.bodies, why)
             return _Rod(motor, near, far, (rod, upper), rod, base)
-        if near.turns == 1 and near.other(rod) in self.bodies:
-            raise self._wrong(
-                f"{far.name} joins it to {name(rod)}, turned by {near.name}, without a rod between"
-            )
-        self._ends(near, far)
         crank = near.other(rod)
-        if crank in self.bodies:
-            raise self._wrong(f"rod {name(rod)} ends on {name(crank)}: no motor moves it")
+        self._refuse(
+            near.turns == 1 and crank in self.bodies,
+            f"{far.name} joins it to {name(rod)}, turned by {near.name}, without a rod between",
+        )
+        self._ends(near, far)
+        why = f"rod {name(rod)} ends on {name(crank)}: no motor moves it"
+        self._refuse(crank in self.bodies, why)
         motor = self._only(crank, near, "a crank has an axis and one rod")
-        if not motor.slides and (motor.turns != 1 or not motor.ids):
-            raise self._wrong(
-                f"{motor.name}, on which {name(crank)} stands, is neither a hinge nor a slide"
-            )
-        if motor.bodies[0] not in self.bodies:
-            raise self._wrong(
-                f"{name(crank)} stands on {name(motor.other(crank))}, which does not carry it: "
-                f"must be among {', '.join(name(b) for b in self.bodies[1:])}"
-            )
+        self._refuse(
+            not motor.slides and (motor.turns != 1 or not motor.ids),
+            f"{motor.name}, on which {name(crank)} stands, is neither a hinge nor a slide",
+        )
+        self._refuse(
+            motor.bodies[0] not in self.bodies,
+            f"{name(crank)} stands on {name(motor.other(crank))}, which does not carry it: "
+            f"must be among {', '.join(name(b) for b in self.bodies[1:])}",
+        )
         return _Rod(motor, near, far, (rod,), crank, motor.bodies[0])
 
     def _only(self, body: int, link: Link, expected: str) -> Link:
@@ -165,62 +162,47 @@ class _Pivot:
             for k in self.m.at(body, but=link)
             if len(self.m.at(k.other(body))) > 1 or k.other(body) in self.bodies
         ]
-        if len(found) != 1:
-            others = ", ".join(k.name for k in found) or "nothing"
-            raise self._wrong(
-                f"{self.m.name_of(body)} is joined by {link.name} and by {others}: {expected}"
-            )
+        others = ", ".join(k.name for k in found) or "nothing"
+        why = f"{self.m.name_of(body)} is joined by {link.name} and by {others}: {expected}"
+        self._refuse(len(found) != 1, why)
         return found[0]
 
     def _ends(self, *links: Link) -> None:
         """Raise InputError unless the links can be a rod's ends."""
         for link in links:
-            if link.turns < 2:
-                kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
-                raise self._wrong(
-                    f"{link.name}, a {kind}, ends a rod: must be a ball, a universal joint or a "
-                    "connect"
-                )
-        if len(links) == 2 and sum(link.turns for link in links) < 5:
-            raise self._wrong(
-                f"{' and '.join(link.name for link in links)} are both universal joints, which "
-                "hold the rod's spin: one must be a ball"
-            )
+            kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
+            why = "ends a rod: must be a ball, a universal joint or a connect"
+            self._refuse(link.turns < 2, f"{link.name}, a {kind}, {why}")
+        self._refuse(
+            len(links) == 2 and sum(link.turns for link in links) < 5,
+            f"{' and '.join(link.name for link in links)} are both universal joints, which "
+            "hold the rod's spin: one must be a ball",
+        )
 
     def _check(self) -> None:
         """Raise InputError for features that a rotational robot's file does not support."""
         joints: list[int] = []
         for link in self.axes:
-            if not {*link.ids} <= self.m.hinges:
-                raise self._wrong(f"{link.name}: a passive axis must be a hinge of its own")
-            if self._driven(link):
-                raise self._wrong(
-                    f"{link.name} is driven: an axis of a rotational platform is passive"
-                )
+            own = {*link.ids} <= self.m.hinges
+            self._refuse(not own, f"{link.name}: a passive axis must be a hinge of its own")
+            why = f"{link.name} is driven: an axis of a rotational platform is passive"
+            self._refuse(self._driven(link), why)
             joints += link.ids
-        if len(joints) > 3:
-            raise self._wrong(
-                f"{len(joints)} axes up to {self.m.name_of(self.base)}: at most three"
-            )
-        if len(joints) != len(self.rods):
-            raise self._wrong(
-                f"{len(joints)} passive axes, {len(self.rods)} rods with motors: must be equal"
-            )
+        many = len(joints)
+        self._refuse(many > 3, f"{many} axes up to {self.m.name_of(self.base)}: at most three")
+        why = f"{many} passive axes, {len(self.rods)} rods with motors: must be equal"
+        self._refuse(many != len(self.rods), why)
         for rod in self.rods:
-            if self.m.motors and not self._driven(rod.motor):
-                raise self._wrong(f"{rod.motor.name}, which moves a rod, is not driven")
+            passive = self.m.motors and not self._driven(rod.motor)
+            self._refuse(passive, f"{rod.motor.name}, which moves a rod, is not driven")
             joints += (*rod.motor.ids, *rod.near.ids, *rod.far.ids)
         for joint in joints:
-            if joint in self.m.coupled:
-                raise self._wrong(
-                    f"{self.m.model.joint(joint).name} is coupled by {self.m.coupled[joint]}: "
-                    "motors must move independently"
-                )
+            name, by = self.m.model.joint(joint).name, self.m.coupled.get(joint)
+            self._refuse(by, f"{name} is coupled by {by}: motors must move independently")
         still = {self.base, self.nacelle, *(rod.moved for rod in self.rods if not rod.motor.slides)}
-        if torn := still & self.m.moved:
-            raise self._wrong(
-                f"{self.m.name_of(min(torn))} is welded from parts that are apart at zero"
-            )
+        for body in sorted(still & self.m.moved):
+            name = self.m.name_of(body)
+            self._refuse(True, f"{name} is welded from parts that are apart at zero")
 
     def _at(self, point: Array) -> Array:
         return self._R.T @ (point - self._p)
@@ -273,8 +255,8 @@ class _Pivot:
         at = self._at(rod.motor.anchors[0])
         P = at + u * (u @ (B - at))
         arm = float(np.linalg.norm(B - P))
-        if arm < MEET:
-            raise self._wrong(f"{rod.motor.name}: its rod ends on its axis, which cannot move it")
+        why = f"{rod.motor.name}: its rod ends on its axis, which cannot move it"
+        self._refuse(arm < MEET, why)
         shape = {"base": _round(P), "arm_zero": _round((B - P) / arm), "arm": arm}
         return {**data, "actuator": "revolute", **shape}
 
@@ -284,10 +266,8 @@ class _Pivot:
         along = rod.far.point_on(lower) - rod.near.point_on(upper)  # at zero
         length = float(np.linalg.norm(along))
         lean = float(along @ rod.motor.axes[0]) / length
-        if abs(abs(lean) - 1) > MEET:
-            raise self._wrong(
-                f"{rod.motor.name} does not slide along its leg, between its two ends"
-            )
+        why = f"{rod.motor.name} does not slide along its leg, between its two ends"
+        self._refuse(abs(abs(lean) - 1) > MEET, why)
         sign = np.sign(lean) * (1 if rod.motor.bodies[0] == upper else -1)
         return {"gain": float(sign), "encoder_offset": float(sign) * length}
 
@@ -322,9 +302,10 @@ class _Pivot:
         mass, centre, I = self._inertia([self.nacelle])
         if mass < _HEAVY:
             return {}
-        turned = np.diag(self._R.T @ I @ self._R).tolist()
-        inertia = dict(zip(("inertia_x", "inertia_y", "inertia_z"), turned, strict=True))
-        return {"platform": {"mass": mass, "centre": _round(self._at(centre) - at), **inertia}}
+        platform = {"mass": mass, "centre": _round(self._at(centre) - at)}
+        for axis, inertia in zip("xyz", np.diag(self._R.T @ I @ self._R).tolist(), strict=True):
+            platform[f"inertia_{axis}"] = inertia
+        return {"platform": platform}
 
     def _inertia(self, bodies: Sequence[int]) -> tuple[float, Array, Array]:
         """Return mass, centre and inertia about it of rigid bodies, every joint at zero."""
@@ -354,21 +335,17 @@ def _round(vector: Array) -> tuple[float, ...]:
 
 def _torque_limit(model: Any, joint: int, actuators: Sequence[int]) -> float:
     """Return the largest force or torque of a joint's actuators, N or N·m, or infinity."""
-    # An actuator's force is clamped before its gear; a joint's range limits the sum at the joint.
-    most = sum(_most(model, k) for k in actuators) if actuators else math.inf
+    total, control = math.inf if not actuators else 0.0, model.actuator_ctrladr
+    for k in actuators:
+        limited = model.actuator_forcelimited[k]
+        most = np.abs(model.actuator_forcerange[k]).max() if limited else math.inf
+        # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain
+        # (0), no bias (0), no dynamics (0).
+        kinds = model.actuator_gaintype[k], model.actuator_biastype[k], model.actuator_dyntype[k]
+        if not any(kinds) and model.actuator_ctrllimited[control[k]]:
+            asked = np.abs(model.actuator_ctrlrange[control[k]]).max()
+            most = min(most, asked * abs(model.actuator_gainprm[k, 0]))
+        total += most * abs(model.actuator_gear[k, 0])  # its force is clamped before its gear
     if model.jnt_actfrclimited[joint]:
-        most = min(most, np.abs(model.jnt_actfrcrange[joint]).max())
-    return float(most)
-
-
-def _most(model: Any, k: int) -> float:
-    """Return the largest force or torque of an actuator after its gear."""
-    limited, control = model.actuator_forcelimited[k], model.actuator_ctrladr[k]
-    most = np.abs(model.actuator_forcerange[k]).max() if limited else math.inf
-    # A servo's control is a position or speed. A motor's is its force up to a gain: fixed gain (0),
-    # no bias (0), no dynamics (0).
-    kinds = model.actuator_gaintype[k], model.actuator_biastype[k], model.actuator_dyntype[k]
-    if not any(kinds) and model.actuator_ctrllimited[control]:
-        asked = np.abs(model.actuator_ctrlrange[control]).max()
-        most = min(most, asked * abs(model.actuator_gainprm[k, 0]))
-    return most * abs(model.actuator_gear[k, 0])
+        total = min(total, np.abs(model.jnt_actfrcrange[joint]).max())
+    return float(total)

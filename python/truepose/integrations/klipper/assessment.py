@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, RobotFileError
 from truepose.integrations.klipper import doubts, held_out
 from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.criterion import errors, klipper, weight
+from truepose.integrations.klipper.criterion import cost, errors, klipper
 from truepose.integrations.klipper.estimate import (
     Assumed,
     Estimate,
@@ -23,7 +22,7 @@ from truepose.integrations.klipper.estimate import (
     estimate,
     prior,
 )
-from truepose.integrations.klipper.held_out import HeldOut
+from truepose.integrations.klipper.held_out import Residuals
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import Judged, fitted
 from truepose.integrations.klipper.printer import HEIGHTS, MM, TOWERS, Printer, gaps, printer_of
@@ -42,14 +41,6 @@ _THE_SAME = 1e-6
 FEWEST = 3
 
 
-class Residuals(NamedTuple):
-    """Residuals of the readings with one set of parameters, m."""
-
-    name: str
-    heights: Array
-    distances: Array
-
-
 @dataclass(frozen=True)
 class Assessment:
     """Assessment of a printer."""
@@ -62,7 +53,7 @@ class Assessment:
     estimate: Estimate
     judged: Judged
     fits: tuple[Residuals, ...]  #: the file's, Klipper's, the estimate's
-    held_out: tuple[HeldOut, ...]  #: empty if there are too few readings
+    held_out: tuple[Residuals, ...]  #: empty if there are too few readings
     before: Bed  #: with the file's parameters
     after: Bed  #: with the estimate's
     scale: Learnt  #: scale; prior: from nominal arms and the heights alone
@@ -77,7 +68,9 @@ class Assessment:
     @property
     def as_klipper_would(self) -> bool:
         """Whether the file's parameters minimise Klipper's criterion on the file's readings."""
-        of_file, of_klipper = (self._criterion(p) for p in (self.printer.values, self.klipper))
+        of_file, of_klipper = (
+            cost(self.model, p, self.printer.readings) for p in (self.printer.values, self.klipper)
+        )
         return of_klipper >= _REFIT * of_file - _NOTHING**2
 
     @property
@@ -85,26 +78,11 @@ class Assessment:
         """Whether the file's parameters are the estimate, written into the file before."""
         return bool(np.max(np.abs(self.estimate.p - self.printer.values)) < _THE_SAME)
 
-    def _criterion(self, p: Array) -> float:
-        e = errors(self.model, p, self.printer.readings, jacobian=False)
-        return float(weight(self.printer.readings) * (e.heights**2).sum() + (e.distances**2).sum())
-
     @property
     def one_length(self) -> bool:
         """Whether all distances are nearly equal."""
         read = self.printer.readings.distances
         return len(read) > 1 and bool(np.ptp(read) < _ONE_LENGTH * read.mean())
-
-
-def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
-    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
-
-    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
-    measurements.
-    """
-    printer = printer_of(config)
-    with fitting(config, "[delta_calibrate] ", arm):
-        return _looked_at(printer, arm, Assumed() if assumed is None else assumed)
 
 
 @contextlib.contextmanager
@@ -124,59 +102,58 @@ def drawn_of(printer: Printer) -> Model:
         model = Model(printer)
     except RobotFileError as error:
         raise InputError(f"{config.path}: no such printer can be: {error}") from None
-    if not np.isfinite(ends := model.xi(printer.values)).all():
-        tower = TOWERS[int(np.flatnonzero(~np.isfinite(ends))[0]) // len(model.keys)]
-        section = f"stepper_{tower}"
-        text = "the arm does not reach the middle there"
-        raise config.error(section, "position_endstop", text)
+    if not (reached := np.isfinite(model.xi(printer.values))).all():
+        section = f"stepper_{TOWERS[int(np.argmin(reached)) // len(model.keys)]}"
+        raise config.error(section, "position_endstop", "the arm does not reach the middle there")
     return model
 
 
-def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessment:
-    config = printer.config
+def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
+    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
+
+    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
+    measurements.
+    """
+    printer, assumed = printer_of(config), assumed or Assumed()
     readings = printer.readings
     if len(readings.heights) < FEWEST:
         count = f"{len(readings.heights)} heights: Klipper probes {FEWEST} at least"
         said = "; ".join([count, *gaps(config, HEIGHTS)])
         raise InputError(f"{config.path}: [delta_calibrate]: {said}")
-    model = drawn_of(printer)
-    known = prior(model, printer, assumed, arm)
-    doubts.refuse(model, printer, known, assumed)
-    start = printer.values
-    e = errors(model, start, readings, jacobian=False)
-    if not (np.isfinite(e.heights).all() and np.isfinite(e.distances).all()):
-        start = known.mean  # the file's parameters cannot reach the readings' poses
-    by_klipper = klipper(model, start, readings)
-    found, judged = fitted(model, readings, known, assumed)
-    fits = []
-    for name, p in (
-        ("the file's parameters", printer.values),
-        ("Klipper's criterion", by_klipper),
-        (held_out.ESTIMATE, found.p),
-    ):
-        e = errors(model, p, readings, jacobian=False)
-        expected = found.expected(e.lengths) if p is found.p else e.lengths
-        fits.append(Residuals(name, e.heights, expected - readings.distances))
-    doubts.refuse_unfit(fits[-1][1:])
-    ways = held_out.ways(model, by_klipper, readings, known.mean)
-    heights_alone = readings.heights_only()
-    as_drawn = klipper(model, known.mean, heights_alone)
-    scale, before = (
-        over_the_bed(model, as_drawn, by, printer.radius).shape.scale
-        for by in (found, estimate(model, heights_alone, known, found.assumed))
-    )
-    return Assessment(
-        printer,
-        model,
-        known,
-        assumed,
-        by_klipper,
-        found,
-        judged,
-        tuple(fits),
-        tuple(held_out.leave_one_out(model, readings, ways, judged)),
-        over_the_bed(model, printer.values, found, printer.radius),
-        over_the_bed(model, found.p, found, printer.radius),
-        Learnt(*before, *scale),
-        (*printer.notes, *doubts.notes(printer, found, judged)),
-    )
+    with fitting(config, "[delta_calibrate] ", arm):
+        model = drawn_of(printer)
+        known = prior(model, printer, assumed, arm)
+        doubts.refuse(model, printer, known, assumed)
+        start = printer.values
+        if not np.isfinite(np.concatenate(errors(model, start, readings)[:2])).all():
+            start = known.mean  # the file's parameters cannot reach the readings' poses
+        by_klipper = klipper(model, start, readings)
+        found, judged = fitted(model, readings, known, assumed)
+        used = {"the file's parameters": printer.values, "Klipper's criterion": by_klipper}
+        fits = [Residuals(name, *errors(model, p, readings)[:2]) for name, p in used.items()]
+        e = errors(model, found.p, readings)
+        off = found.expected(e.lengths) - readings.distances
+        fits.append(Residuals(held_out.ESTIMATE, e.heights, off))
+        doubts.refuse_unfit(fits[-1])
+        ways = held_out.ways(model, by_klipper, readings, known.mean)
+        heights_alone = readings.heights_only()
+        as_drawn = klipper(model, known.mean, heights_alone)
+        scale, before = (
+            over_the_bed(model, as_drawn, by, printer.radius).shape.scale
+            for by in (found, estimate(model, heights_alone, known, found.assumed))
+        )
+        return Assessment(
+            printer,
+            model,
+            known,
+            assumed,
+            by_klipper,
+            found,
+            judged,
+            tuple(fits),
+            tuple(held_out.leave_one_out(model, readings, ways, judged)),
+            over_the_bed(model, printer.values, found, printer.radius),
+            over_the_bed(model, found.p, found, printer.radius),
+            Learnt(*before, *scale),
+            (*printer.notes, *doubts.notes(printer, found, judged)),
+        )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -67,12 +69,32 @@ def command(
 
     Example: **truepose klipper printer.cfg --report printer.html --write new.cfg**
     """
+    nominal = None if arm is None else MM * arm
     if next_readings is not None and not (write or robot or report):
         read = Config.read(config)
         if not has_readings(read):
-            first(read, next_readings, None if arm is None else MM * arm, how)
+            table, assumed = to_read.first_readings(read, next_readings, nominal)
+            show([table], how, [f"{line}." for line in assumed])
             return
-    found = run(config, write, robot, report, arm, force, next_readings)
+    outputs: dict[files.Output, Callable[[Assessment], str]] = {}
+    if write:
+        new = files.Output(write, "printer.cfg", "--write")
+        if os.path.lexists(write):
+            raise InputError(f"{new}: is there already: give the name of a new file")
+        outputs[new] = output.config_text
+    if robot:
+        outputs[robotfile.output(robot, "--robot")] = output.robot_text
+    if report:
+        from truepose.integrations.klipper import figures
+
+        outputs[files.Output(report, "report", "--report")] = partial(
+            figures.page, source=config.name
+        )
+    files.check(outputs, [config], force)
+    found = assess(Config.read(config), nominal)
+    if next_readings is not None:
+        found = replace(found, to_read=to_read.next_readings(found, next_readings))
+    files.write({file: text(found) for file, text in outputs.items()}, [config], force)
     for note in found.notes:
         say(f"{config}: {note}", err=True)
     tables = review.tables(found)
@@ -83,47 +105,9 @@ def command(
     wrote(how, write, robot, report)
 
 
-def first(config: Config, count: int, arm: float | None, how: Format) -> None:
-    """Print the first readings to take of a printer without readings."""
-    table, assumed = to_read.first_readings(config, count, arm)
-    show([table], how, [f"{line}." for line in assumed])
-
-
 def narrow(tables: list[Table]) -> list[Table]:
     """Return the columns that fit on 80 characters; the report and programs get all."""
     fits, parameters, *held_out, prints = tables
     rows = [row for row in parameters.rows if row[4]]
     parameters = Table(parameters.name, parameters.title, parameters.header, rows)
     return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *held_out, prints.columns(0, 1, 2, 3, 4, 7)]
-
-
-def run(
-    config: Path,
-    write: Path | None = None,
-    robot: Path | None = None,
-    report: Path | None = None,
-    arm: float | None = None,
-    force: bool = False,
-    next_readings: int | None = None,
-) -> Assessment:
-    """Read, check, fit and assess; write only if everything succeeds."""
-    contents: dict[files.Output, str] = {}
-    new = files.Output(write, "printer.cfg", "--write") if write else None
-    if new and os.path.lexists(new.path):
-        raise InputError(f"{new}: is there already: give the name of a new file")
-    robot_out = robotfile.output(robot, "--robot") if robot else None
-    page = files.Output(report, "report", "--report") if report else None
-    files.check(filter(None, (new, robot_out, page)), [config], force)
-    found = assess(Config.read(config), None if arm is None else MM * arm)
-    if next_readings is not None:
-        found = replace(found, to_read=to_read.next_readings(found, next_readings))
-    if new:
-        contents[new] = output.config_text(found)
-    if robot_out:
-        contents[robot_out] = output.robot_text(found)
-    if page:
-        from truepose.integrations.klipper import figures
-
-        contents[page] = figures.page(found, config.name)
-    files.write(contents, [config], force)
-    return found

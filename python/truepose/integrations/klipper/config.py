@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import configparser
 import contextlib
+import itertools
 import math
 import os
 import re
@@ -104,10 +105,8 @@ class Config:
         """Return an option as written; raise InputError if it is missing."""
         if self.has(section, option):
             return self.values[section][option]
-        where = f"; it may be in {', '.join(self.included)}" if self.included else ""
-        raise self.error(
-            section, option, f"is missing{one_line(where, 200)}{': not read' if where else ''}"
-        )
+        where = one_line(f"; it may be in {', '.join(self.included)}", 200) + ": not read"
+        raise self.error(section, option, "is missing" + where * bool(self.included))
 
     def number(
         self, section: str, option: str, default: float | None = None, above: float | None = None
@@ -154,11 +153,9 @@ class Config:
     @property
     def broken(self) -> int | None:
         """Number of the first line, from 1, in SAVE_CONFIG's block that it did not write."""
-        lines = self.text.rstrip().split("\n")
-        first = next((k for k, line in enumerate(lines) if line.startswith(SAVED)), len(lines))
-        return next(
-            (k + 1 for k in range(first, len(lines)) if not lines[k].startswith(SAVED)), None
-        )
+        lines = enumerate(self.text.rstrip().split("\n"), 1)
+        block = itertools.dropwhile(lambda line: not line[1].startswith(SAVED), lines)
+        return next((k for k, line in block if not line.startswith(SAVED)), None)
 
     def twice(self, section: str, option: str) -> str | None:
         """Return the saved value of an option that the file itself sets to another value."""
@@ -233,9 +230,8 @@ def rewritten(
         block.setdefault(name, {}).update(options)
     lines = []
     for name, options in block.items():
-        lines.append(f"[{name}]")
-        lines += [f"{option} = {value}".replace("\n", "\n\t") for option, value in options.items()]
-        lines.append("")
+        values = [f"{of} = {value}".replace("\n", "\n\t") for of, value in options.items()]
+        lines += [f"[{name}]", *values, ""]
     said = [f"{SAVED} {line}".rstrip() for line in "\n".join(lines).strip().split("\n")]
     text = "\n".join(own).rstrip() + "\n\n" + SAVED_HEADER + "\n".join(said) + "\n"
     return config.mark + text.replace("\n", config.end)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,37 +54,30 @@ def directions(names: Sequence[str], free: Sequence[str | tuple[str, ...]]) -> A
     return F
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Predictions of parameters p minus readings, and their Jacobians."""
+class Errors(NamedTuple):
+    """Predictions of parameters p minus readings; NaN at unreachable poses."""
 
     heights: Array  #: (H,) m
     distances: Array  #: (D,) m
     lengths: Array  #: (D,) predicted, m
-    heights_jacobian: Array  #: (H, p)
-    distances_jacobian: Array  #: (D, p)
+    jacobian: Callable[[], Array]  #: (H + D, p) slopes of heights and distances
 
 
-def errors(model: Model, p: Array, readings: Readings, jacobian: bool = True) -> Errors:
-    """Return errors of parameters on readings; NaN at unreachable poses."""
-    H, D = len(readings.heights), len(readings.distances)
-    steps = np.concatenate([readings.height_steps, readings.distance_steps.reshape(-1, 3)])
-    x = model.positions(p, steps)
-    apart = x[H:].reshape(D, 2, 3)
-    apart = apart[:, 0] - apart[:, 1]
+def errors(model: Model, p: Array, readings: Readings) -> Errors:
+    """Return errors of parameters on readings."""
+    H = len(readings.heights)
+    x = model.positions(p, readings.steps)
+    apart = x[H::2] - x[H + 1 :: 2]
     lengths = np.linalg.norm(apart, axis=1)
-    J = np.zeros((len(x), 3, len(p)))
-    if jacobian and np.isfinite(x).all():
+
+    def jacobian() -> Array:
+        if not np.isfinite(x).all():
+            return np.zeros((H + len(lengths), len(p)))
         J = model.position_jacobian(p, x)
-    ends = J[H:].reshape(D, 2, 3, len(p))
-    along = apart / np.where(lengths > 0, lengths, 1.0)[:, None]
-    return Errors(
-        x[:H, 2] - readings.heights,
-        lengths - readings.distances,
-        lengths,
-        J[:H, 2],
-        np.einsum("di,dip->dp", along, ends[:, 0] - ends[:, 1]),
-    )
+        along = apart / np.where(lengths > 0, lengths, 1.0)[:, None]
+        return np.vstack([J[:H, 2], np.einsum("di,dip->dp", along, J[H::2] - J[H + 1 :: 2])])
+
+    return Errors(x[:H, 2] - readings.heights, lengths - readings.distances, lengths, jacobian)
 
 
 def weight(readings: Readings) -> float:
@@ -94,42 +87,36 @@ def weight(readings: Readings) -> float:
     return len(readings.distances) / (_WEIGHT * max(readings.probed, 1))
 
 
-def minimise(rows: Callable[[Array, bool], tuple[Array, Array]], start: Array) -> Array:
-    """Minimise least squares by Levenberg-Marquardt.
-
-    `rows` returns residuals and their Jacobian from the unknowns and a flag for the Jacobian.
-    """
-    from scipy.optimize import least_squares
-
-    def residual(u: Array) -> Array:
-        r = rows(u, False)[0]
-        return np.where(np.isfinite(r), r, _NOWHERE)
-
-    tight = {"xtol": 1e-10, "ftol": 1e-13, "gtol": 1e-14}
-    return least_squares(residual, start, lambda u: rows(u, True)[1], method="lm", **tight).x
+def cost(model: Model, p: Array, readings: Readings) -> float:
+    """Return Klipper's criterion, m²."""
+    e = errors(model, p, readings)
+    return float(weight(readings) * (e.heights**2).sum() + (e.distances**2).sum())
 
 
 def fit(model: Model, start: Array, readings: Readings, F: Array) -> Array:
     """Return parameters p that minimise Klipper's criterion over start + F u."""
-    root = math.sqrt(weight(readings))
-    size = F.shape[1]
-    none = np.zeros((max(size - len(readings.heights) - len(readings.distances), 0), size))
+    from scipy.optimize import least_squares
 
-    def rows(u: Array, jacobian: bool) -> tuple[Array, Array]:
-        e = errors(model, start + F @ u, readings, jacobian)
-        J = np.concatenate([root * e.heights_jacobian, e.distances_jacobian]) @ F
-        return (
-            np.concatenate([root * e.heights, e.distances, none[:, 0]]),
-            np.concatenate([J, none]),
-        )
+    H, D, size = len(readings.heights), len(readings.distances), F.shape[1]
+    root = np.repeat([math.sqrt(weight(readings)), 1.0], [H, D])
+    missing = max(size - H - D, 0)  # rows of zeros: the solver needs one per unknown
 
-    return start + F @ minimise(rows, np.zeros(size))
+    def residuals(u: Array) -> Array:
+        e = errors(model, start + F @ u, readings)
+        r = np.pad(root * np.append(e.heights, e.distances), (0, missing))
+        return np.where(np.isfinite(r), r, _NOWHERE)
+
+    def slopes(u: Array) -> Array:
+        J = errors(model, start + F @ u, readings).jacobian() @ F
+        return np.pad(root[:, None] * J, ((0, missing), (0, 0)))
+
+    tight = {"xtol": 1e-10, "ftol": 1e-13, "gtol": 1e-14}
+    return start + F @ least_squares(residuals, np.zeros(size), slopes, method="lm", **tight).x
 
 
 def klipper(model: Model, start: Array, readings: Readings) -> Array:
     """Return the parameters that Klipper finds from its starting values."""
-    extended = len(readings.distances) > 0
-    free = adjusted(model.kinematics, extended)
+    free = adjusted(model.kinematics, extended=len(readings.distances) > 0)
     return fit(model, start, readings, directions(model.names, free))
 
 

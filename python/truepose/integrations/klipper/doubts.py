@@ -20,6 +20,7 @@ from truepose.integrations.klipper.estimate import (
     estimate,
     prior,
 )
+from truepose.integrations.klipper.held_out import Residuals
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import Judged
 from truepose.integrations.klipper.printer import (
@@ -45,11 +46,10 @@ _UNITS = {1 / 25.4: "inches", 0.1: "cm", 1e-3: "m", 1e3: "µm", 25.4: "mm of inc
 def refuse(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> None:
     """Raise UnfitError for an impossible reading, by name, before any estimation."""
     readings = printer.readings
-    e = errors(model, known.mean, readings, jacobian=False)
+    e = errors(model, known.mean, readings)
     away = [*e.heights, *e.lengths]
-    names = [*readings.height_names, *readings.distance_names]
     if not np.isfinite(away).all():
-        name = names[int(np.flatnonzero(~np.isfinite(away))[0])]
+        name = readings.names[int(np.argmin(np.isfinite(away)))]
         raise UnfitError(
             f"{name}: the nozzle cannot have been there; {CHANGED}, or are lengths in "
             "other units than mm?"
@@ -64,8 +64,7 @@ def _wrong_distance(readings: Readings, lengths: Array) -> None:
         return
     ratio = read / lengths
     if abs(float(np.median(ratio)) - 1) > _FACTOR:
-        unit = _unit(float(np.median(ratio)))
-        hint = f"{unit}? Klipper takes mm" if unit else f"{CHANGED}, or is a height wrong?"
+        hint = _unit(float(np.median(ratio)), f"{CHANGED}, or is a height wrong?")
         raise UnfitError(
             f"distances: {_mm(read[0])} mm, … where the nozzle moved by "
             f"{lengths[0] / MM:.2f} mm, …: {hint}"
@@ -75,8 +74,7 @@ def _wrong_distance(readings: Readings, lengths: Array) -> None:
     scatter = 1.4826 * float(np.median(np.abs(off - middle))) if len(off) > 2 else 0.0
     k = int(np.argmax(np.abs(off - middle)))
     if abs(off[k] - middle) > max(_GROSS, _TIMES * scatter, 0.02 * lengths[k] * (len(off) < 3)):
-        unit = _unit(float(ratio[k]))
-        hint = f"{unit}? Klipper takes mm" if unit else "typed wrong?"
+        hint = _unit(float(ratio[k]), "typed wrong?")
         others = " by the others" if len(off) > 2 else ""
         raise UnfitError(
             f"{readings.distance_names[k]} = {_mm(read[k])}: "
@@ -96,29 +94,26 @@ def _wrong_height(model: Model, printer: Printer, known: Prior, assumed: Assumed
             own = prior(model, replace(printer, readings=by), assumed, known.arm)
             p = own.mean
             p = estimate(model, by, own, assumed).p
-        return errors(model, p, by, jacobian=False).heights
+        return errors(model, p, by).heights
 
     off = left_over(heights)
     left = rms(off)
     if left <= _BED:
         return
     suspects = np.argsort(-np.abs(off))[: _SUSPECTS if len(off) > _FEWEST else 0].tolist()
-    without = [rms(left_over(heights.without([k]))) for k in suspects]
-    best = int(np.argmin(without)) if without else 0
-    if without and without[best] < 0.2 * left:
-        k = suspects[best]
+    without = {k: rms(left_over(heights.without([k]))) for k in suspects}
+    k = min(without, key=without.__getitem__, default=None)
+    if k is not None and without[k] < 0.2 * left:
         raise UnfitError(
             f"{readings.height_names[k]} = {_mm(readings.heights[k])}: does not fit the "
             f"other heights: typed wrong? Measure it again, or {TAKE_OUT}"
         )
 
 
-def _unit(ratio: float) -> str:
-    """Return a length's unit if it is not mm, else an empty string."""
-    for factor, name in _UNITS.items():
-        if abs(ratio / factor - 1) < _FACTOR:
-            return f"in {name}"
-    return ""
+def _unit(ratio: float, otherwise: str) -> str:
+    """Return a question about a length's unit, or another one."""
+    units = [name for factor, name in _UNITS.items() if abs(ratio / factor - 1) < _FACTOR]
+    return f"in {units[0]}? Klipper takes mm" if units else otherwise
 
 
 def _mm(value: float) -> str:
@@ -127,17 +122,16 @@ def _mm(value: float) -> str:
 
 def named(readings: Readings, judged: Judged, k: int) -> str:
     """Return a reading's deviation from the prediction of all others as text."""
-    name = (*readings.height_names, *readings.distance_names)[k]
     read = np.append(readings.heights, readings.distances)[k]
     return (
-        f"{name} = {_mm(read)}: {judged.off[k] / MM:+.2f} mm off what all else says, "
+        f"{readings.names[k]} = {_mm(read)}: {judged.off[k] / MM:+.2f} mm off what all else says, "
         f"± {judged.scale[k] / MM:.2f}"
     )
 
 
-def refuse_unfit(left: tuple[Array, Array]) -> None:
+def refuse_unfit(left: Residuals) -> None:
     """Raise UnfitError if the residuals exceed those of any printer."""
-    heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left)
+    heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left[1:])
     if MM * max(heights, distances) > _BED:
         raise UnfitError(
             "no such printer has these readings: "
@@ -150,7 +144,7 @@ def notes(printer: Printer, found: Estimate, judged: Judged) -> Iterator[str]:
     """Yield notes on implausible values of a printer and its readings."""
     if (wrong := judged.wrong) is not None:
         yield named(printer.readings, judged, wrong)
-    yield from found.doubt
+    yield from found.fit.departure.doubt("the assumed σ")
     if said := unlike_arms(printer.parameters):
         yield said
     probe = probe_offset(printer.config)

@@ -19,17 +19,13 @@ from __future__ import annotations
 
 import math
 import statistics
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
-from truepose.calibration.differences import (
-    Difference,
-    Differences,
-    DistanceMeasurements,
-    PlaneContacts,
-)
+from truepose.calibration.differences import Difference, DistanceMeasurements, PlaneContacts
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
 from truepose.calibration.learnt import Learnt, calibration_of
@@ -77,13 +73,11 @@ class Assumed:
 
     def said(self) -> str:
         """Return them as text, mm and degrees."""
+        shown = {"angle": (1 / DEGREE, "°"), "shrinkage": (100, " %")}
         parts = []
-        for field in fields(self):
-            value = getattr(self, field.name)
-            factor, unit = {"angle": (1 / DEGREE, "°"), "shrinkage": (100, " %")}.get(
-                field.name, (1 / MM, " mm")
-            )
-            parts.append(f"{field.name} {factor * value:g}{unit}")
+        for name, value in vars(self).items():
+            factor, unit = shown.get(name, (1 / MM, " mm"))
+            parts.append(f"{name} {factor * value:g}{unit}")
         return ", ".join(parts)
 
 
@@ -106,18 +100,17 @@ def prior(model: Model, printer: Printer, assumed: Assumed, arm: float | None = 
     allow. All else is as in the file. `arm` is the nominal length of the arms (of a rotary delta,
     the lower ones), m.
     """
-    names = model.names
-    mean = printer.values.copy()
+    names, now = model.names, printer.parameters
     rods = [name for name in names if name.startswith(("arm_", "lower_arm_"))]
     length, said = _drawn_arm(printer, rods, arm)
-    mean[[names.index(name) for name in rods]] = length
+    values = now | dict.fromkeys(rods, length)
     for tower, turn in zip(TOWERS, (120, 240, 0), strict=True):
-        mean[names.index(f"angle_{tower}")] = printer.parameters["angle_c"] + turn * DEGREE
-    for k, name in enumerate(names):
-        mean[k] = _replaced(printer, name, DRAWN) or mean[k]
-    turns = np.round((printer.values - mean) / (2 * np.pi))
-    angles = [names.index(f"angle_{tower}") for tower in TOWERS]
-    mean[angles] += 2 * np.pi * turns[angles]
+        values[f"angle_{tower}"] = now["angle_c"] + turn * DEGREE
+    for name, value in values.items():
+        values[name] = _replaced(printer, name, DRAWN) or value
+        if name.startswith("angle"):  # as many whole turns as in the file
+            values[name] += 2 * np.pi * round((now[name] - values[name]) / (2 * np.pi))
+    mean = np.array(list(values.values()))
     if printer.kinematics == "delta" and len(printer.readings.heights):
         F = directions(names, ["radius", *(f"endstop_{tower}" for tower in TOWERS)])
         mean = fit(model, mean, printer.readings.heights_only(), F)
@@ -131,8 +124,8 @@ def _drawn_arm(printer: Printer, rods: list[str], arm: float | None) -> tuple[fl
         return arm, "--arm"
     for name in rods:
         if (value := _replaced(printer, name)) is not None:
-            section, option, *_ = options(printer.kinematics)[name]
-            return value, f"[{section}] {option} before it was replaced"
+            of = options(printer.kinematics)[name]
+            return value, f"[{of.section}] {of.option} before it was replaced"
     lengths = [printer.parameters[name] for name in rods]
     if max(lengths) == min(lengths):
         return lengths[0], "the file, which has one for all"
@@ -147,20 +140,20 @@ def _replaced(printer: Printer, name: str, prefix: str = "") -> float | None:
     return value if 0.5 * now < value < 2 * now else None
 
 
-def as_drawn(known: Prior, names: tuple[str, ...], kinematics: str) -> dict[tuple[str, str], float]:
+def as_drawn(known: Prior, kinematics: str) -> dict[tuple[str, str], float]:
     """Return the nominal values that a file with the estimate must keep for :func:`prior`.
 
     Otherwise the estimate would become the next nominal, and the same readings would count twice.
     """
-    where = options(kinematics)
-    rod = where["arm_a" if kinematics == "delta" else "lower_arm_a"]
-    said = {(rod.section, rod.option): known.arm / rod.scale}
-    if kinematics != "delta":
-        for name, mean, sigma in zip(names, known.mean, known.sigma, strict=True):
-            if sigma > 0 and not name.startswith(("angle", "lower_arm")):
-                section, option, _, scale = where[name]
-                said[section, DRAWN + option] = float(mean) / scale
-    return {place: round(value, 6) for place, value in said.items()}
+    said = {}
+    for (name, of), mean, sigma in zip(
+        options(kinematics).items(), known.mean.tolist(), known.sigma, strict=True
+    ):
+        if name in ("arm_a", "lower_arm_a"):
+            said[of.section, of.option] = round(known.arm / of.scale, 6)
+        elif kinematics != "delta" and sigma and not name.startswith(("angle", "lower_arm")):
+            said[of.section, DRAWN + of.option] = round(mean / of.scale, 6)
+    return said
 
 
 @dataclass(frozen=True)
@@ -173,8 +166,6 @@ class Estimate:
     covariance: Array  #: (p + 2, p + 2): of [p, κ, b]
     prior: Prior
     assumed: Assumed
-    differences: Differences  #: heights and distances, each tested against the others
-    doubt: tuple[str, ...]  #: assumptions that the readings contradict
     fit: Calibration  #: of the printer as a robot
 
     @property
@@ -184,16 +175,11 @@ class Estimate:
 
     def learnt(self, names: tuple[str, ...]) -> dict[str, Learnt]:
         """Return every free parameter before and after; κ and b last."""
-        values = [*self.p, self.shrinkage, self.width]
-        means = [*self.prior.mean, 0.0, 0.0]
         before = [*self.prior.sigma, self.assumed.shrinkage, self.assumed.width]
-        after = np.sqrt(np.diag(self.covariance))
-        rows = zip((*names, "shrinkage", "width"), means, before, values, after, strict=True)
-        return {
-            name: Learnt(float(mean), float(prior), float(value), float(sigma))
-            for name, mean, prior, value, sigma in rows
-            if prior > 0
-        }
+        values, after = [*self.p, self.shrinkage, self.width], np.sqrt(np.diag(self.covariance))
+        rows = np.column_stack([[*self.prior.mean, 0.0, 0.0], before, values, after]).tolist()
+        found = dict(zip((*names, "shrinkage", "width"), rows, strict=True))
+        return {name: Learnt(*row) for name, row in found.items() if row[1] > 0}
 
     def expected(self, lengths: Array) -> Array:
         """Return the expected readings of a calliper on a print, from nozzle distances."""
@@ -210,22 +196,19 @@ def knowing(model: Model, p: Array, covariance: Array, source: str) -> Robot:
     return model.bare.with_calibration(calibration_of(values, np.linalg.cholesky(whole), source))
 
 
-def _differences(readings: Readings, assumed: Assumed) -> list[Difference]:
-    """Return the measured differences: heights first, then both ends of every distance."""
-    H, D = len(readings.heights), len(readings.distances)
+def differences(
+    assumed: Assumed, above: ArrayLike, pairs: Array, measured: ArrayLike = 1.0
+) -> list[Difference]:
+    """Return heights of the bed at the first poses, and distances between pairs of poses."""
+    lines = np.arange(len(np.atleast_1d(above)))
     result: list[Difference] = [
-        PlaneContacts(
-            lines=np.arange(H), above=readings.heights, height=(0.0, 0.0), sigma=assumed.height
-        )
+        PlaneContacts(lines=lines, above=above, height=(0.0, 0.0), sigma=assumed.height)
     ]
-    if D:
+    if len(pairs):
+        scale, width = (0.0, assumed.shrinkage), (0.0, assumed.width)
         result.append(
             DistanceMeasurements(
-                pairs=H + np.arange(2 * D).reshape(D, 2),
-                measured=readings.distances,
-                scale=(0.0, assumed.shrinkage),
-                width=(0.0, assumed.width),
-                sigma=assumed.distance,
+                pairs=pairs, measured=measured, scale=scale, width=width, sigma=assumed.distance
             )
         )
     return result
@@ -233,47 +216,37 @@ def _differences(readings: Readings, assumed: Assumed) -> list[Difference]:
 
 def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> Estimate:
     """Return the maximum a posteriori estimate; UnfitError if a reading's pose is unreachable."""
-    steps = np.concatenate([readings.height_steps, readings.distance_steps.reshape(-1, 3)])
+    H, D = len(readings.heights), len(readings.distances)
+    pairs = H + np.arange(2 * D).reshape(D, 2)
     try:
         found = fit_to(
             known.robot,
-            -steps * model.step,
+            -readings.steps * model.step,
             level="ideal",
             model_error="off",
-            differences=_differences(readings, assumed),
+            differences=differences(assumed, readings.heights, pairs, readings.distances),
         )
     except PoseError:  # its advice concerns other logs
         raise UnfitError(
             f"no printer was found that fits the readings: are some wrong, or {CHANGED}?"
         ) from None
-    between = found.differences
-    if between is None or (found.status != "ok").any():
+    if (found.status != "ok").any():
         raise UnfitError("the nozzle cannot be where the readings were taken")
-    at = [found.names.index(name) for name in model.parameters]
-    learnt = found.parameters
+    learnt = found.parameters | found.others
     xi = np.array([learnt[name].value for name in model.parameters])
     free = known.sigma > 0
     p = known.mean.copy()
     for _ in range(_NEWTON):
         back = np.linalg.pinv(model.xi_jacobian(p)[:, free])
         p[free] += back @ (xi - model.xi(p))
-    size, count = len(p), len(between.unknowns)
-    G = np.zeros((size + 2, len(xi) + 2))
-    G[:size][free, :-2] = back
-    G[size:, -2:] = np.diag([-1.0, 1.0])  # scale = -κ
-    joint = np.zeros((len(xi) + 2, len(xi) + 2))
-    joint[-2:, -2:] = np.diag([assumed.shrinkage**2, assumed.width**2])
-    joint[:-2, :-2] = found.covariance[np.ix_(at, at)]
-    kappa, width = 0.0, 0.0
-    if count:
-        joint[:-2, -2:], joint[-2:, :-2] = between.cross[at], between.cross[at].T
-        joint[-2:, -2:] = between.covariance
-        kappa, width = (
-            -between.unknowns["distances.scale"].value,
-            between.unknowns["distances.width"].value,
-        )
-    doubt = tuple(found.departure.doubt("the assumed σ"))
-    return Estimate(p, kappa, width, G @ joint @ G.T, known, assumed, between, doubt, found)
+    G = np.zeros((len(p) + 2, len(xi) + 2))
+    G[:-2][free, :-2] = back
+    G[-2:, -2:] = np.diag([-1.0, 1.0])  # scale = -κ
+    joint = np.diag([*0.0 * xi, assumed.shrinkage**2, assumed.width**2])
+    at = [list(learnt).index(name) for name in (*model.parameters, *found.others)]
+    joint[: len(at), : len(at)] = found.joint_covariance[np.ix_(at, at)]
+    scale, width = (of.value for of in found.others.values()) if D else (0.0, 0.0)
+    return Estimate(p, -scale, width, G @ joint @ G.T, known, assumed, found)
 
 
 def verdict(name: str, learnt: Learnt, readings: Readings) -> str:

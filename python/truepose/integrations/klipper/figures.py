@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,7 +16,7 @@ from truepose.exceptions import one_line
 from truepose.files import picture
 from truepose.integrations.klipper import review
 from truepose.integrations.klipper.assessment import Assessment
-from truepose.integrations.klipper.held_out import ESTIMATE, MEAN
+from truepose.integrations.klipper.held_out import ESTIMATE, MEAN, Residuals
 from truepose.integrations.klipper.printer import MM, TOWERS, probe_offset
 from truepose.show.page import as_uri, render, versions
 from truepose.show.results import figure_of
@@ -42,13 +45,8 @@ def page(found: Assessment, source: str) -> str:
         tables={table.name: table for table in review.tables(found)},
         to_read=found.to_read,
         images={
-            name: as_uri(picture(draw(found), ".svg"))
-            for name, draw in {
-                "bed": bed,
-                "readings": readings,
-                **({"held_out": held_out} if found.held_out else {}),
-                "parameters": parameters,
-            }.items()
+            draw.__name__: as_uri(picture(draw(found), ".svg"))
+            for draw in (bed, readings, *[held_out] * bool(found.held_out), parameters)
         },
         versions=versions(),
     )
@@ -92,26 +90,19 @@ def _towers(axes: Axes, found: Assessment) -> None:
 
 def readings(found: Assessment) -> Figure:
     """Plot the residual of every reading with each set of parameters."""
-    return _bars(
-        found, [(way.name, way.heights, way.distances) for way in found.fits], "left over (mm)"
-    )
+    return _bars(found, found.fits, "left over (mm)")
 
 
 def held_out(found: Assessment) -> Figure:
     """Plot the error of every left-out reading, one colour per calibration method."""
-    return _bars(
-        found,
-        [(way.name, way.heights, way.distances) for way in found.held_out],
-        "predicted less read (mm)",
-    )
+    return _bars(found, found.held_out, "predicted less read (mm)")
 
 
-def _bars(found: Assessment, rows: list, label: str) -> Figure:
-    extended = found.extended
+def _bars(found: Assessment, rows: Sequence[Residuals], label: str) -> Figure:
     figure = Figure(figsize=(8.4, 3.4))
     figure.subplots_adjust(0.11, 0.08, 0.99, 0.78 if len(rows) > 3 else 0.83, 0.2)
     names = [found.printer.readings.height_names, found.printer.readings.distance_names]
-    wide = [max(len(part), 4) for part in names[: 1 + extended]]
+    wide = [max(len(part), 4) for part in names[: 1 + found.extended]]
     panels = figure.subplots(1, len(wide), squeeze=False, width_ratios=wide)[0]
     for k, (axes, of) in enumerate(zip(panels, names, strict=False)):
         for j, (name, *values) in enumerate(rows):
@@ -119,10 +110,8 @@ def _bars(found: Assessment, rows: list, label: str) -> Figure:
             at = np.arange(len(of)) + 0.8 * ((j + 0.5) / len(rows) - 0.5)
             axes.bar(at, values[k] / MM, 0.8 / len(rows), color=colour, label=name)
         axes.axhline(0, color="0.4", lw=0.8)
-        short = [name.replace("manual_height", "m").replace("height", "h") for name in of]
-        axes.set_xticks(
-            range(len(of)), [name.replace("distance", "d") for name in short], fontsize=8
-        )
+        short = [re.sub("[a-z_]+", lambda stem: stem[0][0], name) for name in of]
+        axes.set_xticks(range(len(of)), short, fontsize=8)
         axes.set(title=("heights", "distances")[k])
         axes.title.set_size(10)
     panels[0].set(ylabel=label)

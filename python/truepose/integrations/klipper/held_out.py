@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,56 +19,45 @@ _MOST = 24  #: largest number of fits per method
 _COUNTS = {4: "four", 6: "six", 7: "seven", 9: "nine"}
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """Leave-one-out errors of one calibration method; NaN: no prediction."""
+#: Calibration of a printer by readings.
+Way = Callable[[Readings], Array]
+
+
+class Residuals(NamedTuple):
+    """Errors of one set of parameters or calibration method; NaN: no prediction."""
 
     name: str
     heights: Array  #: (H,) predicted − read, m
     distances: Array  #: (D,)
 
 
-def _by_heights(way: Callable[[Readings], Array]) -> Callable[[Readings], Array]:
-    """Calibrate on heights only; independent of the left-out distance."""
-    known: dict[tuple[str, ...], Array] = {}
-
-    def found(readings: Readings) -> Array:
-        names = readings.height_names
-        if names not in known:
-            known[names] = way(readings.heights_only())
-        return known[names]
-
-    return found
-
-
-def ways(
-    model: Model, start: Array, readings: Readings, as_drawn: Array
-) -> dict[str, Callable[[Readings], Array]]:
+def ways(model: Model, start: Array, readings: Readings, as_drawn: Array) -> dict[str, Way]:
     """Return calibration methods on Klipper's readings by label.
 
     `start` and `as_drawn`, shape (p,), are the starting values of Klipper's criterion with its own
     parameters and with others.
     """
-    extended = len(readings.distances) > 0
 
-    def criterion(
-        begin: Array, by: Readings, *free: str | tuple[str, ...]
-    ) -> Callable[[Readings], Array]:
+    def criterion(begin: Array, by: Readings, *free: str | tuple[str, ...]) -> Way:
         F = directions(model.names, free)
         near = fit(model, begin, by, F)  # same minimum, found faster from here
         return lambda readings: fit(model, near, readings, F)
 
-    basic = adjusted(model.kinematics, extended=False)
-    all_of_them = adjusted(model.kinematics, extended)
-    heights = criterion(as_drawn, readings.heights_only(), *basic)
-    found: dict[str, Callable[[Readings], Array]] = {}
-    found["bed heights alone"] = _by_heights(heights)
-    if extended:
-        name = f"Klipper's {_COUNTS[len(all_of_them)]} parameters"
-        found[name] = criterion(start, readings, *all_of_them)
-    if extended and model.kinematics == "delta":
-        found["one common arm"] = criterion(as_drawn, readings, *basic, ARMS)
+    basic, every = (adjusted(model.kinematics, extended) for extended in (False, True))
+    of_heights = criterion(as_drawn, readings.heights_only(), *basic)
+    known: dict[tuple[str, ...], Array] = {}  # independent of the left-out distance
 
+    def heights_alone(readings: Readings) -> Array:
+        names = readings.height_names
+        if names not in known:
+            known[names] = of_heights(readings.heights_only())
+        return known[names]
+
+    found: dict[str, Way] = {"bed heights alone": heights_alone}
+    if len(readings.distances):
+        found[f"Klipper's {_COUNTS[len(every)]} parameters"] = criterion(start, readings, *every)
+        if model.kinematics == "delta":
+            found["one common arm"] = criterion(as_drawn, readings, *basic, ARMS)
     return found
 
 
@@ -78,31 +67,30 @@ def _parts(count: int) -> list[range]:
 
 
 def leave_one_out(
-    model: Model, readings: Readings, how: dict[str, Callable[[Readings], Array]], judged: Judged
-) -> list[HeldOut]:
+    model: Model, readings: Readings, how: dict[str, Way], judged: Judged
+) -> list[Residuals]:
     """Test every calibration method on left-out readings.
 
     Many readings are left out in parts, since the number of fits is limited. Heights are left out
     only if the others determine Klipper's parameters; the result is empty if none can be. The
     estimate's predictions are those of `judged`, each reading left out separately.
     """
-    result: list[HeldOut] = []
     H, D = len(readings.heights), len(readings.distances)
     spare = len(adjusted(model.kinematics, extended=False)) < H
-    if not (spare or D):
-        return result
+    result: list[Residuals] = []
     for name, way in how.items():
         heights, distances = np.full(H, np.nan), np.full(D, np.nan)
         for part in _parts(H) if spare else ():
             p = way(readings.without(heights=part))
-            heights[part] = errors(model, p, readings, jacobian=False).heights[part]
+            heights[part] = errors(model, p, readings).heights[part]
         for part in _parts(D):
             p = way(readings.without(distances=part))
-            distances[part] = errors(model, p, readings, jacobian=False).distances[part]
-        result.append(HeldOut(name, heights, distances))
+            distances[part] = errors(model, p, readings).distances[part]
+        result.append(Residuals(name, heights, distances))
+    nothing = np.full(H, np.nan)
     heights, distances = np.split(-judged.off, [H])
-    result.append(HeldOut(ESTIMATE, heights if spare else np.full(H, np.nan), distances))
+    result.append(Residuals(ESTIMATE, heights if spare else nothing, distances))
     if D > 1:
         others = (readings.distances.sum() - readings.distances) / (D - 1)
-        result.append(HeldOut(MEAN, np.full(H, np.nan), others - readings.distances))
-    return result
+        result.append(Residuals(MEAN, nothing, others - readings.distances))
+    return result if spare or D else []

@@ -14,6 +14,7 @@ endstop.
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,55 +27,52 @@ from truepose.robotfile.to_core import columns
 
 #: z of the FKM's starting pose, m.
 _START = 0.02
+#: Parameters of a chain that are Klipper's own, by its name for them.
+_SAME = {
+    "delta": {"rod": "arm"},
+    "rotary_delta": {
+        "base.z": "shoulder_height",
+        "yaw": "angle",
+        "arm": "upper_arm",
+        "rod": "lower_arm",
+    },
+}
 
 
 class Model:
-    """A printer's kinematics by Klipper's parameters p, all in the core.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of p, in the order of :func:`truepose.integrations.klipper.printer.options`.
-    bare : Robot
-        Nominal robot of the file with motor offsets 0; towers a, b, c are chains 1, 2, 3.
-    parameters : list of str
-        The robot's parameters that p determines: `keys` of each chain.
-    """
+    """A printer's kinematics by Klipper's parameters p, all in the core."""
 
     def __init__(self, printer: Printer):
         self.kinematics = printer.kinematics
-        self.names = printer.names
+        self.names = names = printer.names  #: of p, in the order of `options`
         self.step = printer.step
-        self.keys: tuple[str, ...] = ("base.x", "base.y", "rod", "encoder_offset")
-        if self.kinematics != "delta":
-            self.keys = ("base.x", "base.y", "base.z", "yaw", "arm", "rod", "encoder_offset")
+        same = _SAME[self.kinematics]
+        self.keys = ("base.x", "base.y", *same, "encoder_offset")
+        #: The robot's parameters that p determines: `keys` of each chain.
         self.parameters = [f"chain{i}.{key}" for i in (1, 2, 3) for key in self.keys]
-        self._drawn = printer.parameters
         spec = robotfile.validate(_file(printer), printer.config.path)
-        self.bare = Robot(spec)
+        self.bare = Robot(spec)  #: nominal, with motor offsets 0; chains 1, 2, 3: towers a, b, c
         column = dict(columns(spec))
         self._at = np.array([column[name] for name in self.parameters])
         self._xi = np.asarray(self.bare.core_drawn.drawn_parameters())
-        self._offsets = [k for k, name in enumerate(self.keys * 3) if name == "encoder_offset"]
-
-    def _value(self, p: Array, name: str, tower: str | None = None) -> float:
-        return float(p[self.names.index(name if tower is None else f"{name}_{tower}")])
+        rows = np.arange(0, len(self.parameters), len(self.keys))
+        self._x, self._y, self._offsets = rows, rows + 1, rows + len(self.keys) - 1
+        self._angles, self._ends = (
+            [names.index(f"{of}_{tower}") for tower in TOWERS] for of in ("angle", "endstop")
+        )
+        self._same = np.zeros((len(self.parameters), len(names)))  #: their part of ∂ξ/∂p
+        self._zero = np.zeros(len(self.parameters))  #: of yaw: the nominal angles
+        for row, (tower, key) in zip(rows.repeat(len(same)), product(TOWERS, same), strict=True):
+            own = f"{same[key]}_{tower}"
+            at = row + self.keys.index(key)
+            self._same[at, names.index(own if own in names else same[key])] = 1.0
+            self._zero[at] = printer.parameters[own] if key == "yaw" else 0.0
 
     def _geometry(self, p: Array) -> Array:
-        """Return ξ of the chains with offsets 0."""
-        rows = []
-        for tower in TOWERS:
-            angle = self._value(p, "angle", tower)
-            if self.kinematics == "delta":
-                radius = self._value(p, "radius")
-                row = [radius * np.cos(angle), radius * np.sin(angle), self._value(p, "arm", tower)]
-            else:
-                radius = self._value(p, "shoulder_radius")
-                row = [radius * np.cos(angle), radius * np.sin(angle)]
-                row += [self._value(p, "shoulder_height"), angle - self._drawn[f"angle_{tower}"]]
-                row += [self._value(p, f"{part}_arm", tower) for part in ("upper", "lower")]
-            rows += [*row, 0.0]
-        return np.array(rows)
+        """Return ξ of the chains with offsets 0; p begins with the radius."""
+        xi = self._same @ p - self._zero
+        xi[self._x], xi[self._y] = p[0] * np.cos(p[self._angles]), p[0] * np.sin(p[self._angles])
+        return xi
 
     def _core(self, xi: Array) -> _core.Robot:
         """Return the core's robot with these parameters of the chains."""
@@ -86,8 +84,7 @@ class Model:
 
     def _homing(self, p: Array) -> Array:
         """Return the poses (0, 0, E_i), one per tower."""
-        ends = [self._value(p, "endstop", tower) for tower in TOWERS]
-        return np.array([[0.0, 0.0, end] for end in ends])
+        return np.outer(p[self._ends], [0.0, 0.0, 1.0])
 
     def xi(self, p: Array) -> Array:
         """Return ξ of the chains for p in the order of :attr:`parameters`.
@@ -101,45 +98,24 @@ class Model:
 
     def xi_jacobian(self, p: Array) -> Array:
         """Return ∂ξ/∂p, shape (3 k, p); offsets keep the nozzle at (0, 0, E_i)."""
-        xi = self._geometry(p)
-        J = np.zeros((len(xi), len(p)))
-        size = len(self.keys)
-        for i, tower in enumerate(TOWERS):
-            angle = self._value(p, "angle", tower)
-            turn = np.array([np.cos(angle), np.sin(angle)])
-            shared = "radius" if self.kinematics == "delta" else "shoulder_radius"
-            radius = self._value(p, shared)
-            entries = {("base.x", shared): turn[0], ("base.y", shared): turn[1]}
-            entries |= {("base.x", f"angle_{tower}"): -radius * turn[1]}
-            entries |= {("base.y", f"angle_{tower}"): radius * turn[0]}
-            if self.kinematics == "delta":
-                entries[("rod", f"arm_{tower}")] = 1.0
-            else:
-                entries[("base.z", "shoulder_height")] = 1.0
-                entries[("yaw", f"angle_{tower}")] = 1.0
-                entries[("arm", f"upper_arm_{tower}")] = 1.0
-                entries[("rod", f"lower_arm_{tower}")] = 1.0
-            for (key, name), value in entries.items():
-                J[i * size + self.keys.index(key), self.names.index(name)] = value
+        xi, J = self._geometry(p), self._same.copy()
+        J[self._x, 0], J[self._y, 0] = np.cos(p[self._angles]), np.sin(p[self._angles])
+        J[self._x, self._angles], J[self._y, self._angles] = -xi[self._y], xi[self._x]
         H_x, H_xi, _, _ = _core.linearise(self._core(xi), self._homing(p), False)
-        for i, tower in enumerate(TOWERS):
-            row = self._offsets[i]
+        for i, row in enumerate(self._offsets):
             J[row] = H_xi[i, i, self._at] @ J
-            J[row, self.names.index(f"endstop_{tower}")] += H_x[i, i, 2]
+            J[row, self._ends[i]] += H_x[i, i, 2]
         return J
 
     def positions(self, p: Array, steps: Array) -> Array:
         """Return nozzle positions at stable positions (…, 3), shape (…, 3); NaN if unreachable."""
-        rows = np.ascontiguousarray(-steps.reshape(-1, 3) * self.step)
-        return self.at_readings(self.xi(p), rows).reshape(*steps.shape[:-1], 3)
-
-    def at_readings(self, xi: Array, rows: Array) -> Array:
-        """Return the FKM of motor readings with the chains' ξ; NaN if unreachable."""
+        xi = self.xi(p)
         if not np.isfinite(xi).all():
-            return np.full(rows.shape, np.nan)
+            return np.full(steps.shape, np.nan)
+        rows = np.ascontiguousarray(-steps.reshape(-1, 3) * self.step)
         start = np.tile([0.0, 0.0, _START], (len(rows), 1))
         x, status, _ = _core.fkm(self._core(xi), rows, start, False)
-        return np.where(np.asarray(status)[:, None] == 0, x, np.nan)
+        return np.where(np.asarray(status)[:, None] == 0, x, np.nan).reshape(steps.shape)
 
     def position_jacobian(self, p: Array, x: Array) -> Array:
         """Return ∂x/∂p with fixed motors at poses x (N, 3): -H_x⁻¹ H_ξ ∂ξ/∂p, shape (N, 3, p)."""
@@ -159,31 +135,24 @@ def _file(printer: Printer) -> dict[str, Any]:
     """Return the contents of a robot file with the printer of its own file."""
     values = printer.parameters
     linear = printer.kinematics == "delta"
+    radius, height = values[printer.names[0]], values.get("shoulder_height", 0.0)
     chains = []
     for tower, step in zip(TOWERS, printer.step.tolist(), strict=True):
         c, s = (float(f(values[f"angle_{tower}"])) for f in (np.cos, np.sin))
+        chain: dict[str, Any] = {
+            "base": [radius * c, radius * s, height],
+            "anchor": [0.0, 0.0, 0.0],
+            "working_mode": 1,  # carriages above the nozzle, arms outside
+            "encoder_counts": (1.0 if linear else 2 * np.pi) / step,
+        }
         if linear:
-            chain: dict[str, Any] = {
-                "actuator": "prismatic",
-                "working_mode": 1,  # carriages above the nozzle
-                "base": [values["radius"] * c, values["radius"] * s, 0.0],
-                "axis": [0.0, 0.0, 1.0],
-                "rod": values[f"arm_{tower}"],
-                "encoder_counts": 1 / step,
-            }
-        else:
-            radius = values["shoulder_radius"]
-            chain = {
-                "actuator": "revolute",
-                "working_mode": 1,  # arms outside
-                "base": [radius * c, radius * s, values["shoulder_height"]],
-                "axis": [s, -c, 0.0],  # u × e = z: q > 0 raises the arm
-                "arm_zero": [c, s, 0.0],
-                "arm": values[f"upper_arm_{tower}"],
-                "rod": values[f"lower_arm_{tower}"],
-                "encoder_counts": 2 * np.pi / step,
-            }
-        chains.append(chain | {"anchor": [0.0, 0.0, 0.0]})
+            chain |= {"actuator": "prismatic", "axis": [0.0, 0.0, 1.0]}
+            chain["rod"] = values[f"arm_{tower}"]
+        else:  # u × e = z: q > 0 raises the arm
+            chain |= {"actuator": "revolute", "axis": [s, -c, 0.0], "arm_zero": [c, s, 0.0]}
+            chain["arm"] = values[f"upper_arm_{tower}"]
+            chain["rod"] = values[f"lower_arm_{tower}"]
+        chains.append(chain)
     bed = printer.radius / np.sqrt(2)
     box = {"minimum": [-bed, -bed, 0.0], "maximum": [bed, bed, 0.1]}
     return {

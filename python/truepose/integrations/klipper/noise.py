@@ -164,9 +164,8 @@ def linear(model: Model, readings: Readings, found: Estimate) -> tuple[Array, Ar
     known, assumed = found.prior, found.assumed
     free = known.sigma > 0
     H, D = len(e.heights), len(e.distances)
-    G = np.zeros((H + D, free.sum() + 2))
-    G[:H, :-2] = e.heights_jacobian[:, free] * known.sigma[free]
-    G[H:, :-2] = (1 - found.shrinkage) * e.distances_jacobian[:, free] * known.sigma[free]
+    G = np.pad(e.jacobian()[:, free] * known.sigma[free], ((0, 0), (0, 2)))
+    G[H:] *= 1 - found.shrinkage
     G[H:, -2], G[H:, -1] = -assumed.shrinkage * e.lengths, assumed.width
     u = (found.p - known.mean)[free] / known.sigma[free]
     u = np.append(u, [found.shrinkage / assumed.shrinkage, found.width / assumed.width])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from truepose import robotfile
+from truepose.commands.options import file_text
 from truepose.integrations.klipper.assessment import Assessment
 from truepose.integrations.klipper.config import rewritten
 from truepose.integrations.klipper.estimate import as_drawn, knowing
 from truepose.integrations.klipper.printer import options
-from truepose.robot.robot import Robot
 
 
 def config_text(found: Assessment) -> str:
@@ -18,26 +17,18 @@ def config_text(found: Assessment) -> str:
     """
     changes: dict[str, dict[str, str]] = {}
     learnt = found.estimate.learnt(found.model.names)
-    values = zip(found.model.names, found.estimate.p.tolist(), strict=True)
     known = options(found.printer.kinematics)
-    for name, value in values:
+    for (name, of), value in zip(known.items(), found.estimate.p.tolist(), strict=True):
         if name in learnt or name.startswith("angle"):
-            option = known[name]
-            text = f"{value / option.scale:.6f}"
-            changes.setdefault(option.section, {})[option.option] = text
-    drawn = as_drawn(found.prior, found.model.names, found.printer.kinematics)
+            changes.setdefault(of.section, {})[of.option] = f"{value / of.scale:.6f}"
+    drawn = as_drawn(found.prior, found.printer.kinematics)
     return rewritten(found.printer.config, changes, drawn)
 
 
-def robot_of(found: Assessment) -> Robot:
-    """Return the printer as a robot with the estimate's parameters and covariance."""
+def robot_text(found: Assessment) -> str:
+    """Return the robot file of the printer with the estimate's parameters and covariance."""
     readings = found.printer.readings
     source = f"Klipper's saved readings: {len(readings.heights)} heights, "
     source += f"{len(readings.distances)} distances"
-    return knowing(found.model, found.estimate.p, found.estimate.covariance_p, source)
-
-
-def robot_text(found: Assessment) -> str:
-    """Return the robot file of :func:`robot_of`."""
-    robot = robot_of(found)
-    return robotfile.to_toml(robot.spec, {n: p.value for n, p in robot.parameters.items()})
+    covariance = found.estimate.covariance_p
+    return file_text(knowing(found.model, found.estimate.p, covariance, source))

@@ -6,6 +6,7 @@ from its endstop; it identifies a pose of the machine for any parameters.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Collection, Iterator
@@ -21,8 +22,8 @@ from truepose.integrations.klipper.config import Config
 MM, DEGREE = 1e-3, math.pi / 180
 TOWERS = "abc"
 KINEMATICS = ("delta", "rotary_delta")
-#: Klipper's default angles of the towers, degrees.
-_ANGLES = {"delta": (210.0, 330.0, 90.0), "rotary_delta": (30.0, 150.0, 270.0)}
+#: Klipper's default angles of a linear delta's towers, degrees.
+_ANGLES = (210.0, 330.0, 90.0)
 #: Sections of devices that may probe the bed, with offsets.
 _PROBES = ("probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon", "cartographer")
 #: Largest plausible difference between arms, m.
@@ -53,13 +54,12 @@ def options(kinematics: str) -> dict[str, Option]:
     >>> options("delta")["arm_b"][:3]
     ('stepper_b', 'arm_length', 'm')
     """
-    if kinematics == "delta":
-        shared = {"radius": "delta_radius"}
-        own = {"angle": "angle", "arm": "arm_length", "endstop": "position_endstop"}
-    else:
-        shared = {"shoulder_radius": "shoulder_radius", "shoulder_height": "shoulder_height"}
-        own = {"angle": "angle", "upper_arm": "upper_arm_length", "lower_arm": "lower_arm_length"}
-        own |= {"endstop": "position_endstop"}
+    shared, arms = {"radius": "delta_radius"}, ["arm"]
+    if kinematics != "delta":
+        shared = {name: name for name in ("shoulder_radius", "shoulder_height")}
+        arms = ["upper_arm", "lower_arm"]
+    own = {"angle": "angle", **{arm: f"{arm}_length" for arm in arms}}
+    own["endstop"] = "position_endstop"
     result = {name: Option("printer", option, "m", MM) for name, option in shared.items()}
     for name, option in own.items():
         unit, scale = ("rad", DEGREE) if name == "angle" else ("m", MM)
@@ -79,6 +79,16 @@ class Readings:
     distances: Array  #: (D,) m
     distance_steps: Array  #: (D, 2, 3)
     distance_names: tuple[str, ...]
+
+    @property
+    def steps(self) -> Array:
+        """Stable positions of the heights, then of both ends of every distance, (H + 2 D, 3)."""
+        return np.concatenate([self.height_steps, self.distance_steps.reshape(-1, 3)])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of heights and distances."""
+        return self.height_names + self.distance_names
 
     def without(self, heights: Collection[int] = (), distances: Collection[int] = ()) -> Readings:
         """Return the readings without some of them."""
@@ -166,33 +176,25 @@ def _parameter(config: Config, kinematics: str, name: str, option: Option) -> fl
     """Return one of Klipper's parameters in the file's unit, or its default."""
     section, key = option.section, option.option
     default = None
-    if section != "printer":
-        first = f"stepper_{TOWERS[0]}"
-        if key == "angle" and kinematics == "delta":
-            default = _ANGLES[kinematics][TOWERS.index(name[-1])]
-        elif key == "angle" and not config.has(section, key):
-            usual = ", ".join(f"{angle:g}" for angle in _ANGLES[kinematics])
-            raise config.error(
-                section, key, f"is missing (Klipper takes {usual} for the three): write it"
-            )
-        elif section != first and config.has(first, key):
-            default = config.number(first, key)
+    if key == "angle" and kinematics == "delta":
+        default = _ANGLES[TOWERS.index(name[-1])]
+    elif key == "angle" and not config.has(section, key):
+        text = "is missing (Klipper takes 30, 150, 270 for the three): write it"
+        raise config.error(section, key, text)
+    elif section in ("stepper_b", "stepper_c") and config.has("stepper_a", key):
+        default = config.number("stepper_a", key)
     return config.number(section, key, default, above=None if key == "angle" else 0.0)
 
 
 def _longer_than_the_radius(config: Config, kinematics: str, values: dict[str, float]) -> None:
     """Raise InputError for arms that do not reach the centre, as Klipper does."""
-    if kinematics != "delta":
-        return
-    for tower in TOWERS:
-        if values[f"arm_{tower}"] <= values["radius"]:
-            arm, radius = (f"{1e3 * values[key]:g}" for key in (f"arm_{tower}", "radius"))
-            section = f"stepper_{tower}"
-            raise config.error(
-                section if config.has(section, "arm_length") else "stepper_a",
-                "arm_length",
-                f"an arm of {arm} mm must be longer than delta_radius = {radius} mm; are both mm?",
-            )
+    for tower in TOWERS if kinematics == "delta" else ():
+        arm, radius = values[f"arm_{tower}"] / MM, values["radius"] / MM
+        if arm <= radius:
+            own = config.has(f"stepper_{tower}", "arm_length")
+            text = f"an arm of {arm:g} mm must be longer than delta_radius = {radius:g} mm"
+            section = f"stepper_{tower}" if own else "stepper_a"
+            raise config.error(section, "arm_length", f"{text}; are both mm?")
 
 
 def _step_distance(config: Config, section: str, rotary: bool) -> float:
@@ -205,14 +207,13 @@ def _step_distance(config: Config, section: str, rotary: bool) -> float:
     turn = 2 * math.pi if rotary else config.number(section, "rotation_distance", above=0)
     if rotary and not geared:
         config.word(section, "gear_ratio")
-    steps = [
-        config.number(section, "full_steps_per_rotation", 200.0, above=0),
-        config.number(section, "microsteps", above=0),
-    ]
-    for option, count in zip(("full_steps_per_rotation", "microsteps"), steps, strict=True):
+    steps = 1.0
+    for option, default in (("full_steps_per_rotation", 200.0), ("microsteps", None)):
+        count = config.number(section, option, default, above=0)
         if count != int(count):
             raise config.error(section, option, "must be a whole number")
-    return turn / (math.prod(steps) * (config.ratio(section, "gear_ratio") if geared else 1.0))
+        steps *= count
+    return turn / (steps * (config.ratio(section, "gear_ratio") if geared else 1.0))
 
 
 def _radius(config: Config, kinematics: str, values: dict[str, float]) -> float:
@@ -257,32 +258,25 @@ def _listed(
 ) -> Iterator[tuple[str, float, list[tuple[float, ...]]]]:
     """Yield readings of a kind, numbered from 0 without a gap, as Klipper reads them."""
     section = "delta_calibrate"
-    for number in range(_MOST):
-        name = f"{stem}{number}"
-        if not config.has(section, name):
-            return
-        distance = stem == "distance"
-        value = MM * config.number(section, name, above=0.0 if distance else None)
+    names = (f"{stem}{number}" for number in range(_MOST))
+    for name in itertools.takewhile(lambda name: config.has(section, name), names):
+        value = MM * config.number(section, name, above=0.0 if stem == "distance" else None)
         yield name, value, [config.numbers(section, f"{name}_pos{end}", 3) for end in ends]
 
 
 def _repeated(config: Config, readings: Readings) -> None:
     """Raise InputError for a repeated stable position, which would count twice."""
-    seen: dict[bytes, str] = {}
-    rows = [
-        *zip(readings.height_names, readings.height_steps, strict=True),
-        *zip(readings.distance_names, readings.distance_steps, strict=True),
-    ]
-    for name, at in rows:
-        ends = at.reshape(-1, 3)
-        if len(ends) == 2 and (ends[0] == ends[1]).all():
-            text = f"{name}: from a point to itself"
-            raise InputError(f"{config.path}: [delta_calibrate] {text}: {TAKE_OUT}")
-        key = np.array(sorted(ends.tolist())).tobytes()
-        if key in seen:
-            text = f"{name}: at the same place as {seen[key]}, digit for digit"
-            raise InputError(f"{config.path}: [delta_calibrate] {text}: {TAKE_OUT}")
-        seen[key] = name
+    seen: dict[tuple, str] = {}
+    for name, at in zip(
+        readings.names, [*readings.height_steps, *readings.distance_steps], strict=True
+    ):
+        ends, text = sorted(map(tuple, at.reshape(-1, 3).tolist())), ""
+        if len(ends) == 2 and ends[0] == ends[1]:
+            text = "from a point to itself"
+        elif (other := seen.setdefault(tuple(ends), name)) != name:
+            text = f"at the same place as {other}, digit for digit"
+        if text:
+            raise InputError(f"{config.path}: [delta_calibrate] {name}: {text}: {TAKE_OUT}")
 
 
 def _notes(config: Config, kinematics: str) -> Iterator[str]:

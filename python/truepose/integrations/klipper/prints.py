@@ -65,7 +65,8 @@ def over_the_bed(model: Model, used: Array, found: Estimate, radius: float) -> B
     planar = free @ flat
     sigma_xy = np.einsum("np,pq,nq->n", planar, found.covariance_p, planar).reshape(-1, 2)
     offset[:, :2] = (free @ offset[:, :2].ravel()).reshape(-1, 2)
-    L = _affine(told)
+    _, _, a, b, c, d = np.linalg.pinv(_affine(told))
+    L = np.stack([(a + d) / 2, (a + d) / 2, a - d, b + c])
     value = L @ offset[:, :2].ravel() - np.array([0, found.shrinkage, 0, 0])
     slope = np.column_stack([L @ planar, np.array([0, -1, 0, 0]), np.zeros(4)])  # p, κ, b
     sigma = np.sqrt(np.diag(slope @ found.covariance @ slope.T))
@@ -73,28 +74,25 @@ def over_the_bed(model: Model, used: Array, found: Estimate, radius: float) -> B
     return Bed(told[:, :2], offset, np.sqrt(np.column_stack([sigma_xy, sigma_z])), shape)
 
 
-def disc() -> Array:
+def disc(rings: int = _RINGS) -> Array:
     """Return evenly spread points of the unit disc in the plane z = 0, (N, 3), on rings."""
-    rings = [np.zeros((1, 3))]
-    for k in range(1, _RINGS + 1):
+    points = [np.zeros((1, 3))]
+    for k in range(1, rings + 1):
         turn = 2 * np.pi * np.arange(6 * k) / (6 * k)
-        rings.append(k / _RINGS * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1))
-    return np.concatenate(rings)
+        points.append(k / rings * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1))
+    return np.concatenate(points)
 
 
 def without_rigid(points: Array) -> Array:
     """Return the projection (2N, 2N) that removes common shifts and rotation from x and y."""
-    columns = np.zeros((len(points), 2, 3))
-    columns[:, 0, 0] = columns[:, 1, 1] = 1.0
-    columns[:, 0, 2], columns[:, 1, 2] = -points[:, 1], points[:, 0]
-    rigid = columns.reshape(-1, 3)
+    shift_x, shift_y, _, b, c, _ = _affine(points).T
+    rigid = np.column_stack([shift_x, shift_y, c - b])
     return np.eye(len(rigid)) - rigid @ np.linalg.pinv(rigid)
 
 
 def _affine(points: Array) -> Array:
-    """Return the map from offsets of x and y to scale (twice), stretch, skew: affine fit."""
+    """Return offsets of x and y, (2N, 6), by shifts and dx = a x + b y, dy = c x + d y."""
     columns = np.zeros((len(points), 2, 6))
     columns[:, 0, 0] = columns[:, 1, 1] = 1.0
-    columns[:, 0, 2:4] = columns[:, 1, 4:6] = points[:, :2]  # dx = a x + b y, dy = c x + d y
-    _, _, a, b, c, d = np.linalg.pinv(columns.reshape(-1, 6))
-    return np.stack([(a + d) / 2, (a + d) / 2, a - d, b + c])
+    columns[:, 0, 2:4] = columns[:, 1, 4:6] = points[:, :2]
+    return columns.reshape(-1, 6)

@@ -12,21 +12,22 @@ from truepose.integrations.klipper.assessment import Assessment
 from truepose.integrations.klipper.criterion import rms
 from truepose.integrations.klipper.doubts import named
 from truepose.integrations.klipper.estimate import Assumed, Prior, verdict
-from truepose.integrations.klipper.held_out import ESTIMATE, MEAN, HeldOut
+from truepose.integrations.klipper.held_out import ESTIMATE, MEAN, Residuals
 from truepose.integrations.klipper.noise import ERROR, LAYER, MOST, more
 from truepose.integrations.klipper.printer import MM, TAKE_OUT, options
 from truepose.integrations.klipper.prints import Bed
 from truepose.show.table import Cell, Table, number
+from truepose.show.units import printed
 
 _WORSE = 1.15  #: ratio above which an error counts as larger
 
 
 def fits(found: Assessment) -> Table:
     """Return the residuals of the readings with three sets of parameters."""
-    rows = []
-    for name, heights, distances in found.fits:
-        cells = [_mm(rms(heights), 4), _mm(_worst(heights)), _mm(rms(distances), 4)]
-        rows.append([name, *cells, _mm(_worst(distances))])
+    rows = [
+        [name, *(cell for of in parts for cell in (_mm(rms(of), 4), _mm(_worst(of))))]
+        for name, *parts in found.fits
+    ]
     header = ["what is left over", "z rms (mm)", "worst z (mm)"]
     header += ["distance rms (mm)", "worst distance (mm)"]
     counts = f"{len(found.printer.readings.heights)} heights"
@@ -37,26 +38,26 @@ def fits(found: Assessment) -> Table:
 
 def parameters(found: Assessment) -> Table:
     """Return every parameter: in the file, by Klipper's criterion, by the estimate with its σ."""
-    rows = []
-    known = options(found.printer.kinematics)
+    rows: list[list[str]] = []
     learnt = found.estimate.learnt(found.model.names)
-    for k, (name, option) in enumerate(known.items()):
-        unit = "°" if option.unit == "rad" else "mm"
-        values = [found.printer.values[k], found.klipper[k], found.estimate.p[k]]
-        cells = [Cell(f"{value / option.scale:.4f}", float(value)) for value in values]
-        first = Cell(f"{name} ({unit})", {"parameter": name, "unit": option.unit})
-        if name not in learnt:
-            rows.append([first, *cells, "", "", "the axes' direction"])
-            continue
-        p = learnt[name]
-        cells += [Cell(f"{v / option.scale:.3f}", v) for v in (p.prior_sigma, p.sigma)]
-        rows.append([first, *cells, verdict(name, p, found.printer.readings)])
+    scales = {n: (of.scale, of.unit) for n, of in options(found.printer.kinematics).items()}
+    values = np.column_stack([found.printer.values, found.klipper, found.estimate.p]).tolist()
     if found.extended:
-        for name, factor, unit in (("shrinkage", 100.0, "%"), ("width", 1 / MM, "mm")):
-            p = learnt[name]
-            cells = [Cell(f"{factor * v:.3f}", v) for v in (p.value, p.prior_sigma, p.sigma)]
-            first = Cell(f"{name} ({unit})", {"parameter": name, "unit": "m" * (unit == "mm")})
-            rows.append([first, "", "", *cells, p.verdict])
+        scales |= {"shrinkage": (0.01, ""), "width": (MM, "m")}
+    for k, (name, (scale, unit)) in enumerate(scales.items()):
+        shown = {"m": "mm", "rad": "°", "": "%"}[unit]
+        row: list[str] = [Cell(f"{name} ({shown})", {"parameter": name, "unit": unit})]
+        p = learnt.get(name)
+        if k < len(values):
+            row += [Cell(f"{value / scale:.4f}", value) for value in values[k]]
+        elif p:
+            row += ["", "", Cell(f"{p.value / scale:.3f}", p.value)]
+        if p:
+            row += [Cell(f"{v / scale:.3f}", v) for v in (p.prior_sigma, p.sigma)]
+        else:
+            row += ["", ""]
+        said = verdict(name, p, found.printer.readings) if p else "the axes' direction"
+        rows.append([*row, said])
     header = ["parameter", "file", "Klipper's", "estimate", "assumed σ", "σ", "verdict"]
     return Table("parameters", "Parameters, in the file's own terms", header, rows)
 
@@ -76,10 +77,8 @@ def prints(found: Assessment) -> Table:
     """Return the expected errors of a print with the file's parameters and with the estimate."""
     rows, shapes = [], ("scale", "as printed", "x against y", "skew")
     for name, bed in (("the file's parameters", found.before), (ESTIMATE, found.after)):
-        cells = [_mm(_over(bed)[k]) for k in range(3)]
-        shape = bed.shape
-        cells += [_on_100(what, *value) for what, value in zip(shapes, shape, strict=True)]
-        rows.append([name, *cells])
+        shape = [_on_100(what, *value) for what, value in zip(shapes, bed.shape, strict=True)]
+        rows.append([name, *map(_mm, _over(bed)), *shape])
     header = ["expected error over the bed", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
     header += [f"{what} (mm on 100)" for what in shapes]
     return Table("prints", "What a print would show", header, rows)
@@ -110,12 +109,10 @@ def _fit_in_words(found: Assessment) -> str:
         )
     if found.as_klipper_would:
         return f"The file's parameters are what Klipper's criterion gives; left over: {left} rms"
-    off = np.abs(found.klipper - found.printer.values)
-    known = list(options(found.printer.kinematics).items())
-    k = int(np.argmax([v / option.scale for v, (_, option) in zip(off, known, strict=True)]))
-    name, option = known[k]
-    unit = "°" if option.unit == "rad" else " mm"
-    away = f"{name} off by {off[k] / option.scale:.2f}{unit}"
+    known = options(found.printer.kinematics)
+    off = dict(zip(known, np.abs(found.klipper - found.printer.values).tolist(), strict=True))
+    name = max(known, key=lambda name: off[name] / known[name].scale)
+    away = f"{name} off by {printed(off[name], known[name].unit)}"
     if left == least:
         return (
             "The file's parameters fit the file's readings as those of Klipper's criterion do "
@@ -209,7 +206,7 @@ def _use(found: Assessment) -> str:
     ways = ({way.name: way for way in found.held_out}[ESTIMATE], _of_klipper(found))
     if not math.isfinite(before):
         return "Use the estimate: with the file's parameters the nozzle does not reach the bed"
-    ours, theirs = map(_left_out, ways)
+    ours, theirs = (rms(_finite(np.append(way.heights, way.distances))) for way in ways)
     left_out = (
         f"readings that were left out are predicted to {_said(ours)} mm by the estimate and to "
         f"{_said(theirs)} by {ways[1].name}"
@@ -228,12 +225,7 @@ def _use(found: Assessment) -> str:
     return f"Use the estimate: {errors}, {_said(after)} with it; {left_out}"
 
 
-def _left_out(way: HeldOut) -> float:
-    """Return the rms error of all left-out readings."""
-    return rms(_finite(np.concatenate([way.heights, way.distances])))
-
-
-def _of_klipper(found: Assessment) -> HeldOut:
+def _of_klipper(found: Assessment) -> Residuals:
     named = {way.name: way for way in found.held_out}
     return next((w for name, w in named.items() if name.startswith("Klipper")), found.held_out[0])
 

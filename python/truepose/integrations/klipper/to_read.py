@@ -6,12 +6,11 @@ that minimise the σ of the nozzle over the bed with the estimate's assumptions 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 
-from truepose.arguments import Array
-from truepose.calibration.differences import DistanceMeasurements, PlaneContacts
 from truepose.design.candidates import CandidatePoses, reachable
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import plan_poses
@@ -19,15 +18,20 @@ from truepose.exceptions import InputError
 from truepose.integrations.klipper.assessment import Assessment, drawn_of, fitting
 from truepose.integrations.klipper.config import Config
 from truepose.integrations.klipper.criterion import adjusted
-from truepose.integrations.klipper.estimate import Assumed, Estimate, Prior, estimate, prior
+from truepose.integrations.klipper.estimate import (
+    Assumed,
+    Estimate,
+    Prior,
+    differences,
+    estimate,
+    prior,
+)
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.printer import MM, NO_READINGS, Printer, printer_of
 from truepose.integrations.klipper.prints import disc
 from truepose.integrations.klipper.review import assumptions
 from truepose.show.table import Cell, Table, fixed
 
-#: Radii of probed rings and of pillars' rings, relative to the bed's.
-PROBED, PILLARS = (0.25, 0.5, 0.75, 1.0), (0.45, 0.9)
 #: Labels of the plan's candidates, and Klipper's names.
 _WHAT, _STABLE = {"plane": "height", "distances": "distance"}, ("pos1", "pos2")
 #: Shortest useful distance on a print, m.
@@ -97,47 +101,26 @@ def _planned(
 ) -> PosePlan:
     """Search for readings at reachable positions only."""
     robot = known.robot if found is None else found.fit.robot
-    points = np.concatenate([_rings(PROBED), _rings(PILLARS)]) * printer.radius
-    probed, pillars = np.split(np.arange(len(points)), [len(_rings(PROBED))])
-    pairs = np.array([(i, j) for i in pillars for j in pillars if i < j])
-    apart = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
-    pairs = pairs[apart > _SHORTEST]
+    probed, pillars = printer.radius * disc(4), printer.radius * 0.9 * disc(2)
+    poses, pairs = probed, np.zeros((0, 2), dtype=int)
+    if not heights_only:
+        pairs = np.array(list(itertools.combinations(range(len(pillars)), 2)))
+        apart = np.linalg.norm(pillars[pairs[:, 0]] - pillars[pairs[:, 1]], axis=1)
+        poses, pairs = np.concatenate([probed, pillars]), len(probed) + pairs[apart > _SHORTEST]
     over = printer.radius * disc()
     over = over[reachable(robot, over, "ideal")]
     if not len(over):
         raise InputError(f"{printer.config.path}: the nozzle cannot be over the bed")
-    heights = PlaneContacts(lines=probed, sigma=assumed.height, height=(0.0, 0.0))
-    distances = DistanceMeasurements(
-        pairs=pairs,
-        measured=np.ones(len(pairs)),
-        sigma=assumed.distance,
-        scale=(0.0, assumed.shrinkage),
-        width=(0.0, assumed.width),
-    )
-    candidates = (
-        CandidatePoses(poses=points[probed], differences=[heights])
-        if heights_only
-        else CandidatePoses(poses=points, differences=[heights, distances])
-    )
-    after = None if found is None else found.fit
+    measured = differences(assumed, np.zeros(len(probed)), pairs)
     try:
         return plan_poses(
             robot,
             count,
-            candidates=candidates,
-            after=after,
+            candidates=CandidatePoses(poses=poses, differences=measured),
+            after=None if found is None else found.fit,
             poses=over,
             level="ideal",
             model_error=False,
         )
     except InputError as error:
         raise InputError(f"{printer.config.path}: --plan {count}: {error}") from None
-
-
-def _rings(radii: tuple[float, ...]) -> Array:
-    """Return the centre and evenly spread rings around it, (N, 3)."""
-    parts = [np.zeros((1, 3))]
-    for radius in radii:
-        turn = np.arange(0, 2 * np.pi - 1e-9, np.pi / 3 * radii[0] / radius)
-        parts.append(radius * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]))
-    return np.concatenate(parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from statistics import NormalDist
 from typing import Any
 
@@ -38,6 +38,8 @@ _SPARE, _UNPREDICTED = 1.25, 5.0
 #: Assumed bandwidth of the drives' position loops, 1/s; delay of drives and encoders, cycles; time
 #: over which a correction is blended in, s.
 _BANDWIDTH, _LATE, _BLEND = 50.0, 3, 0.5
+#: Largest velocity and acceleration of axes in m and rad, which no robot file has; assumed.
+SPEEDS = {"m": (1.5, 20.0), "rad": (10.0, 200.0)}
 #: Machine units per m and rad; axis letter of each coordinate.
 _SHOWN = {"m": 1e3, "rad": math.degrees(1)}
 _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
@@ -79,21 +81,10 @@ def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes
     return b"truepose" + b"".join(rows)
 
 
-@dataclass(frozen=True)
-class Speeds:
-    """Largest velocities and accelerations, which no robot file has; all assumed."""
-
-    linear: float = 1.5  #: m/s
-    linear_acceleration: float = 20.0  #: m/s²
-    angular: float = 10.0  #: rad/s
-    angular_acceleration: float = 200.0  #: rad/s²
-
-    def of(self, unit: str) -> dict[str, float]:
-        """Return the limits of an axis in m or rad, in mm or degrees."""
-        limits = {"velocity": self.linear, "acceleration": self.linear_acceleration}
-        if unit == "rad":
-            limits = {"velocity": self.angular, "acceleration": self.angular_acceleration}
-        return {name: _SHOWN[unit] * value for name, value in limits.items()}
+def _speeds(unit: str) -> dict[str, float]:
+    """Return the limits of an axis in m or rad, in mm or degrees."""
+    limits = zip(("velocity", "acceleration"), SPEEDS[unit], strict=True)
+    return {name: _SHOWN[unit] * value for name, value in limits}
 
 
 def to_configuration(
@@ -118,19 +109,21 @@ def to_configuration(
     require_sensors(robot, controller.built_in)
     machine = robot if machine is None else machine
     require_same_readings(robot, machine)
-    speeds, units, axes = Speeds(), reading_units(robot), _axes(robot)
+    units, axes = reading_units(robot), _axes(robot)
     exported, learnt = corrections(robot, controller)
-    noise, most, rate = _dither(robot), np.maximum(exported, learnt), rates(robot, controller)
-    moved = np.column_stack([most, rate, noise])
+    x = _workspace(robot)
+    tej = np.abs(robot.tej(x, errors="nan")[1])
+    noise = np.nanmax(tej @ robot.resolution, axis=0)  # of each error by one count of each reading
+    moved = np.column_stack([np.maximum(exported, learnt), rates(robot, controller), noise])
     shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
     values: dict[str, Any] = {
         "mark": files.mark("LinuxCNC configuration"),
         "robot": robot,
         "letters": "".join(axis["letter"] for axis in axes),
         "period": controller.period,
-        "linear": speeds.of("m"),
-        "angular": speeds.of("rad"),
-        "least": min(map(np.min, robot.conditioning(_workspace(robot)))) / 2,
+        "linear": _speeds("m"),
+        "angular": _speeds("rad"),
+        "least": min(map(np.min, robot.conditioning(x))) / 2,
         "law": list(_core.laws).index(controller.law),
         "gain": _BANDWIDTH,
         "drawn": _DRAWN,
@@ -144,25 +137,19 @@ def to_configuration(
         "axes": axes,
         "sensors": _sensors(robot),
     }
-    return {
-        "robot.ini": _rendered("robot.ini", values),
-        "robot.hal": _rendered("robot.hal", values),
-        "robot.table": to_table(robot, controller, watch),
-        "machine.table": to_table(machine, controller, watch),
-    }
-
-
-def _rendered(name: str, values: dict[str, Any]) -> str:
-    """Return a template with its values, numbers with six digits."""
     import jinja2
 
-    environment = jinja2.Environment(
+    templates = jinja2.Environment(
         loader=jinja2.PackageLoader("truepose", "_data/templates/linuxcnc"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
         finalize=lambda value: f"{value:.6g}" if isinstance(value, float) else value,
     )
-    return environment.get_template(f"{name}.j2").render(values)
+    return {
+        **{n: templates.get_template(f"{n}.j2").render(values) for n in ("robot.ini", "robot.hal")},
+        "robot.table": to_table(robot, controller, watch),
+        "machine.table": to_table(machine, controller, watch),
+    }
 
 
 def corrections(robot: Robot, controller: Controller) -> tuple[Array, Array]:
@@ -210,14 +197,13 @@ def rates(robot: Robot, controller: Controller) -> Array:
     if not robot.r:
         return np.zeros(robot.n)
     linear = np.array([unit == "m" for _, unit in robot.coordinates])
-    speeds, x = Speeds(), _workspace(robot)
-    steps = np.diag(_DIFFERENCE * np.where(linear, speeds.linear, speeds.angular))
-    by_axis = [
-        (_errors(robot, controller, x + step) - _errors(robot, controller, x - step))
-        / (2 * _DIFFERENCE)
-        for step in steps
-    ]
-    rate = np.stack(by_axis, axis=-1)
+    x = _workspace(robot)
+    steps = _DIFFERENCE * np.diag([SPEEDS[unit][0] for _, unit in robot.coordinates])
+    ahead, behind = (
+        np.stack([_errors(robot, controller, x + sign * step) for step in steps], axis=-1)
+        for sign in (1, -1)
+    )
+    rate = (ahead - behind) / (2 * _DIFFERENCE)
     moved = rate[..., linear]
     together = _mean(moved[..., :, None] * moved[..., None, :])
     rms = np.sqrt(np.linalg.norm(together, 2, axis=(-2, -1)))
@@ -243,12 +229,6 @@ def _mean(products: Array) -> Array:
     return np.ma.masked_invalid(products).mean(axis=1).filled(0.0)
 
 
-def _dither(robot: Robot) -> Array:
-    """Return the change of each motor's error by one count of every reading, m or rad."""
-    tej = np.abs(robot.tej(_workspace(robot), errors="nan")[1])
-    return np.nanmax(tej @ robot.resolution, axis=0)
-
-
 def _workspace(robot: Robot) -> Array:
     """Return home, the workspace's corners, and regular poses sampled in it."""
     box = robot.spec.workspace
@@ -267,7 +247,7 @@ def _axes(robot: Robot) -> list[dict[str, Any]]:
         )
     box, axes = robot.spec.workspace, []
     for k, (name, unit) in enumerate(robot.coordinates):
-        axis: dict[str, Any] = {"low": "-1e9", "high": "1e9", **Speeds().of(unit)}
+        axis: dict[str, Any] = {"low": "-1e9", "high": "1e9", **_speeds(unit)}
         axis["letter"] = _LETTERS.get(name, name.upper())
         if box is not None and (unit == "m" or robot.n < 6):
             axis["low"], axis["high"] = (_SHOWN[unit] * e[k] for e in (box.minimum, box.maximum))
@@ -279,7 +259,7 @@ def _joint(
     robot: Robot, i: int, unit: str, moved: Array, controller: Controller
 ) -> dict[str, str | float]:
     """Return the entries of [JOINT_i]; `moved`: largest correction, its rate, noise."""
-    chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
+    chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], _speeds(unit)
     stops = chain.limits or (-math.inf, math.inf)
     low, high = sorted(
         robot.core_drawn.motor_reading(i, stop) if math.isfinite(stop) else chain.gain * stop

@@ -46,13 +46,13 @@ _SLED = """name = "sled"
 title = "Sled on four belts"
 mobility = "planar_translation"
 source = "The belts' own lengths. Gravity's direction and the tolerances are assumed."
-home = [{home[0]!r}, {home[1]!r}]
+home = {home}
 gravity = [0.0, -9.81, 0.0]
 sensors = ["bl", "br"]
 
 [workspace] # of the poses that were read
-minimum = [{low[0]!r}, {low[1]!r}]
-maximum = [{high[0]!r}, {high[1]!r}]
+minimum = {low}
+maximum = {high}
 
 [chain_defaults]
 actuator = "telescopic"
@@ -60,32 +60,26 @@ anchor = [0.0, 0.0, 0.0]
 encoder_noise = {sigma!r}
 
 [[chain]] # upper left
-base = [{tl[0]!r}, {tl[1]!r}, {tl[2]!r}]
+base = {tl}
 
 [[chain]] # upper right
-base = [{tr[0]!r}, {tr[1]!r}, {tr[2]!r}]
+base = {tr}
 
 [platform]
 mass = 10.0 # assumed
-
-[[sensor]]
-name = "bl"
-kind = "distance"
-origin = [{bl[0]!r}, {bl[1]!r}, {bl[2]!r}]
-target = [0.0, 0.0, 0.0]
-noise = {sigma!r}
-
-[[sensor]]
-name = "br"
-kind = "distance"
-origin = [{br[0]!r}, {br[1]!r}, {br[2]!r}]
-target = [0.0, 0.0, 0.0]
-noise = {sigma!r}
-
+{sensors}
 # The base's frame: from the lower left anchor, x towards the lower right one.
 [tolerances]
 "chain*.base.[xy]" = {{ sigma = {anchor!r} }}
 "br.origin.x" = {{ sigma = {anchor!r} }}
+"""
+_SENSOR = """
+[[sensor]]
+name = "{belt}"
+kind = "distance"
+origin = {at}
+target = [0.0, 0.0, 0.0]
+noise = {sigma!r}
 """
 _OFFSETS = """"chain*.encoder_offset" = {{ sigma = {offset!r} }}
 "b[lr].offset" = {{ sigma = {offset!r} }}
@@ -127,7 +121,7 @@ class Sled:
     @property
     def unknowns(self) -> dict[str, Learnt]:
         """Anchors, offsets (m) and strains by the names of this command."""
-        every = {**self.fit.parameters, **self.fit.influences}
+        every = self.fit.parameters | self.fit.influences
         return {NAMES.get(name, name): of for name, of in every.items()}
 
     @property
@@ -142,31 +136,21 @@ class Sled:
         width = (at["tr.x"] - at["tl.x"] + at["br.x"]) / 2
         return width, (at["tl.y"] + at["tr.y"]) / 2
 
-    def covariance(self) -> Array:
-        """Covariance of `unknowns`, in their order."""
-        p = len(self.fit.names)
-        cross, own = self.fit.beside[:, :p], self.fit.beside[:, p:]
-        return np.block([[self.fit.covariance, cross.T], [cross, own]])
-
     def corrected(self, lengths: Array) -> Array:
         """Return the readings minus stretch: lengths of belts that do not stretch."""
         robot, result = self.fit.robot, lengths
         for _ in range(3 if self.fit.influences else 0):
             x = robot.fkm(result[:, :2])
-            acting = influences(robot, x, self.model.tightened)
-            amounts = [self.fit.influences[of.name].value for of in acting]
             result = lengths - sum(
-                amount * np.asarray(of.pattern) for amount, of in zip(amounts, acting, strict=True)
+                self.fit.influences[of.name].value * np.asarray(of.pattern)
+                for of in influences(robot, x, self.model.tightened)
             )
         return result
 
     def predicted(self, lengths: Array) -> Array:
         """Return lower belts predicted by the upper ones minus their readings, (N, 2) in m."""
-        right = self.corrected(lengths)
-        return (
-            self.fit.robot.extended_positions(self.fit.robot.fkm(right[:, :2]))[:, 2:]
-            - right[:, 2:]
-        )
+        right, robot = self.corrected(lengths), self.fit.robot
+        return (robot.extended_positions(robot.fkm(right[:, :2])) - right)[:, 2:]
 
     def suspects(self) -> list[tuple[int, str, float]]:
         """Return poses with low weight in the robust loss, the most suspect belt, and its error."""
@@ -213,20 +197,14 @@ def influences(robot: Robot, x: Array, tightened: Tightened) -> list[NuisancePar
     ]
 
 
-def calibrate(
-    lengths: Array,
-    heights: Sequence[float],
-    model: Model | None = None,
-    frame: tuple[float, float] | None = None,
-) -> Sled:
+def calibrate(lengths: Array, heights: Sequence[float], model: Model | None = None) -> Sled:
     """Estimate anchors, offsets and strains from the lengths of four belts.
 
     `lengths`, shape (N, 4), m, are in the order of `BELTS`. `heights` are those of the anchors
-    above the sled's plane, m. `frame` is a starting value (width, height), m, default the best
-    rectangle.
+    above the sled's plane, m.
     """
-    model = Model() if model is None else model
-    width, height = frame_of(lengths, heights)[:2] if frame is None else frame
+    model = model or Model()
+    width, height, _ = frame_of(lengths, heights)
     corners = np.array([[0, height], [width, height], [0, 0], [width, 0]])
     sigma, sled, x = READING, None, None
     for _ in range(4):  # patterns and σ depend weakly on the fit
@@ -251,23 +229,18 @@ def _disagreement(sled: Sled) -> float:
     The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, which are subtracted. A residual over a σ
     of f degrees of freedom is Student's t with variance f/(f - 2), so σ is enlarged accordingly.
     """
-    chi2 = sled.fit.chi2[sled.fit.redundancy > 0]  # two degrees of freedom: median 2 log 2
+    rows = np.flatnonzero(sled.fit.redundancy > 0)  # two degrees of freedom each
     ratio2 = [of.ratio**2 for of in sled.unknowns.values()]
-    left = max(1 - (len(ratio2) - sum(ratio2)) / (2 * len(chi2)), 0.1)
-    f = max(2 * len(chi2) * left * MEDIAN, 4.0)
-    return float(np.sqrt(np.median(chi2) / (2 * np.log(2)) / left * f / (f - 2)))
+    left = max(1 - (len(ratio2) - sum(ratio2)) / (2 * len(rows)), 0.1)
+    f = max(2 * len(rows) * left * MEDIAN, 4.0)
+    return float(sled.fit.disagreement(rows) * np.sqrt(1 / left * f / (f - 2)))
 
 
-class Frame(NamedTuple):
-    """A rectangle, m."""
+def frame_of(lengths: Array, heights: Sequence[float]) -> tuple[float, float, float]:
+    """Return width and height, m, of the rectangle whose upper belts predict the lower ones best.
 
-    width: float
-    height: float
-    misfit: float  #: median error of the lower belts predicted by the upper ones
-
-
-def frame_of(lengths: Array, heights: Sequence[float]) -> Frame:
-    """Return the rectangle whose upper belts predict the lower ones best."""
+    The third number is its misfit: the median error of the prediction, m.
+    """
     tl, tr, bl, br = (lengths**2 - np.square(heights)).T
     W, H = (side[..., None] for side in np.meshgrid(*FRAMES, indexing="ij"))
     x = (tl - tr + W**2) / (2 * W)
@@ -276,7 +249,7 @@ def frame_of(lengths: Array, heights: Sequence[float]) -> Frame:
     wrong = np.hypot(np.hypot(x, y) - np.sqrt(bl), np.hypot(x - W, y) - np.sqrt(br))
     misfit = np.median(np.where(np.isnan(wrong), 9.0, wrong), axis=2)
     i, j = np.unravel_index(np.argmin(misfit), misfit.shape)
-    return Frame(float(FRAMES[0][i]), float(FRAMES[1][j]), float(misfit[i, j]))
+    return float(FRAMES[0][i]), float(FRAMES[1][j]), float(misfit[i, j])
 
 
 def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Model) -> Robot:
@@ -285,34 +258,25 @@ def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Mode
         belt: [*map(float, corner), float(z)]
         for belt, corner, z in zip(BELTS, corners, heights, strict=True)
     }
-    width, height = corners[1]
-    text = (_SLED + _OFFSETS * model.offsets).format(
-        **at,
-        sigma=sigma,
-        anchor=ANCHOR,
-        offset=OFFSET,
-        home=[float(width / 2), float(height / 2)],
-        low=[float(0.2 * width), float(0.2 * height)],
-        high=[float(0.8 * width), float(0.8 * height)],
-    )
+    sensors = [_SENSOR.format(belt=belt, at=at[belt], sigma=sigma) for belt in BELTS[2:]]
+    home, low, high = (np.multiply(share, corners[1]).tolist() for share in (0.5, 0.2, 0.8))
+    values = {"home": home, "low": low, "high": high, "sensors": "".join(sensors)}
+    sigmas = {"sigma": sigma, "anchor": ANCHOR, "offset": OFFSET}
+    text = (_SLED + _OFFSETS * model.offsets).format(**at, **values, **sigmas)
     return Robot(robotfile.parse(text, "sled"))
 
 
-class HeldOut(NamedTuple):
-    """Predictions of a calibration on held-out rows."""
+def held_out(lengths: Array, heights: Sequence[float], model: Model, parts: int = 9) -> Array:
+    """Predict every ninth row from the others; σ is re-estimated without it each time.
 
-    wrong: Array  #: (N, 2) error of the lower belts predicted by the upper ones, m
-    rms: float
-
-
-def held_out(lengths: Array, heights: Sequence[float], model: Model, parts: int = 9) -> HeldOut:
-    """Predict every ninth row from the others; σ is re-estimated without it each time."""
+    Returns the errors of the lower belts predicted by the upper ones, (N, 2) m.
+    """
     part = np.arange(len(lengths)) % parts
     wrong = np.zeros((len(lengths), 2))
     for k in range(parts):
         sled = calibrate(lengths[part != k], heights, model)
         wrong[part == k] = sled.predicted(lengths[part == k])
-    return HeldOut(wrong, float(np.sqrt(np.mean(wrong**2))))
+    return wrong
 
 
 class Spread(NamedTuple):
@@ -327,24 +291,19 @@ def spread(lengths: Array, heights: Sequence[float], model: Model, parts: int = 
 
     All parts share the prior, so of a covariance Σ with prior Π only Σ - Σ Π⁻¹ Σ scatters.
     """
-    part = np.arange(len(lengths)) % parts
-    found = [calibrate(lengths[part == k], heights, model) for k in range(parts)]
+    found = [calibrate(lengths[k::parts], heights, model) for k in range(parts)]
     value = np.array([[of.value for of in sled.anchors.values()] for sled in found])
     stated, scatters = [], []
     for sled in found:
         names = list(sled.unknowns)
         at = [names.index(name) for name in sled.anchors]
-        after = sled.covariance()
+        after = sled.fit.joint_covariance
         by_prior = after / [of.prior_sigma**2 for of in sled.unknowns.values()] @ after
         stated.append(np.sqrt(np.diag(after))[at])
         scatters.append(np.sqrt(np.diag(after - by_prior))[at])
     apart = value.std(axis=0, ddof=1)
-    return Spread(
-        *(
-            float(np.sqrt(np.mean((apart / np.mean(sigma, axis=0)) ** 2)))
-            for sigma in (stated, scatters)
-        )
-    )
+    ratios = (apart / np.mean(sigma, axis=0) for sigma in (stated, scatters))
+    return Spread(*(float(np.sqrt(np.mean(ratio**2))) for ratio in ratios))
 
 
 def mistakes(lengths: Array) -> str | None:
@@ -363,13 +322,13 @@ def swapped(lengths: Array, heights: Sequence[float]) -> str | None:
     Exchanging the two upper or the two lower belts is a mirror image. Exchanging opposite belts
     gives a frame on its side, which only its shape reveals (`Sled.size`).
     """
-    as_is = frame_of(lengths, heights).misfit
+    *_, as_is = frame_of(lengths, heights)
     if as_is < FITS:
         return None
     for order, names in (
         ([1, 0, 2, 3], "columns tl and tr exchanged, or bl and br?"),
         ([2, 1, 0, 3], "columns tl and bl exchanged, or tr and br?"),
     ):
-        if frame_of(lengths[:, order], [heights[k] for k in order]).misfit < FITS:
+        if frame_of(lengths[:, order], [heights[k] for k in order])[2] < FITS:
             return names
     return f"no frame explains the lengths: {1e3 * as_is:.0f} mm (median) off in the best"

@@ -10,7 +10,7 @@ import typer
 
 from truepose import files, logs, robotfile
 from truepose.arguments import Array
-from truepose.commands.options import Force, How, wrote
+from truepose.commands.options import Force, How, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
 from truepose.exceptions import InputError
@@ -73,16 +73,17 @@ def command(
     ]
     sled = belts.calibrate(lengths, above, model)
     before.append(f"σ of a belt's reading, as the log bears it out: {1e3 * sled.sigma:.2f} mm")
-    before += on_its_side(sled)
-    if output:
-        fitted = sled.fit.robot
-        values = {name: p.value for name, p in fitted.parameters.items()}
-        contents = {output: robotfile.to_toml(fitted.spec, values)}
+    width, height = (1e3 * side for side in sled.size)
+    if height > width:  # as with two opposite columns exchanged
+        before.append(
+            f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: columns "
+            "bl and tr exchanged, or br and tl?"
+        )
     further = [] if next_poses is None else [worth_reading(sled, next_poses)]
     answer = [*before, *apart(sled), *suspects(sled, lines), *honesty(lengths, above, model)]
     show([unknowns(sled), models(sled, above), *further], how, answer)
     if output:
-        files.write(contents, (log,), force)
+        files.write({output: file_text(sled.fit.robot)}, (log,), force)
     wrote(how, out)
 
 
@@ -95,10 +96,10 @@ def read(path: Path, heights: list[float]) -> tuple[Array, Array]:
             raise InputError(f"{path}: {at}: must be a length, mm")
     if len(lengths) < FEWEST:
         raise InputError(f"{path}: {len(lengths)} poses: must be {FEWEST} or more")
-    _, first, count = np.unique(lengths, axis=0, return_index=True, return_counts=True)
-    if (count > 1).any():
-        again = np.setdiff1d(np.arange(len(lengths)), first)[0]
-        twin = np.flatnonzero((lengths == lengths[again]).all(axis=1))[0]
+    _, first, of = np.unique(lengths, axis=0, return_index=True, return_inverse=True)
+    if (repeated := np.setdiff1d(np.arange(len(lengths)), first)).size:
+        again = repeated[0]
+        twin = first[of.ravel()[again]]
         raise InputError(
             f"{path}: line {lines[again]}: as line {lines[twin]}, digit for digit: a pose that is "
             "there twice counts twice"
@@ -144,28 +145,17 @@ def models(sled: Sled, heights: list[float]) -> Table:
     known = [Model(False, "off"), Model(True, "off"), Model(True, "alike"), Model(True, "sides")]
     rows = []
     for model in known:
-        held = belts.held_out(sled.lengths, heights, model)
+        wrong = 1e3 * belts.held_out(sled.lengths, heights, model)
         used = "used" if model == sled.model else ""
-        middle = 1e3 * float(np.median(np.abs(held.wrong)))
-        rows.append([str(model), number(1e3 * held.rms), number(middle), Cell(used, used)])
+        cells = [number(v) for v in (np.sqrt(np.mean(wrong**2)), np.median(np.abs(wrong)))]
+        rows.append([str(model), *cells, Cell(used, used)])
     title = "Lower belts predicted by the upper ones, on held-out ninths"
     return Table("held_out", title, ["unknown", "rms (mm)", "median (mm)", "here"], rows)
 
 
-def on_its_side(sled: Sled) -> list[str]:
-    """Return a warning if the frame is higher than wide, as with two opposite columns exchanged."""
-    width, height = (1e3 * side for side in sled.size)
-    if height <= width:
-        return []
-    return [
-        f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: columns bl "
-        "and tr exchanged, or br and tl?"
-    ]
-
-
 def apart(sled: Sled) -> list[str]:
     """Return offsets that the poses cannot separate from anchors, and the effect of one σ."""
-    unknowns, covariance = sled.unknowns, sled.covariance()
+    unknowns, covariance = sled.unknowns, sled.fit.joint_covariance
     names, said = list(unknowns), []
     prior = np.array([of.prior_sigma for of in unknowns.values()])
     own = [k for k, name in enumerate(names) if not name.endswith((".x", ".y"))]

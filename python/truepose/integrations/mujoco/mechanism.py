@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.integrations.mujoco.mjcf_parts import axes, turn
 from truepose.robot.batches import require_answers
-from truepose.robot.frames import frames
+from truepose.robot.frames import frames, rotation
 from truepose.robot.robot import Robot
 
 
@@ -131,3 +130,17 @@ class Mechanism:
             if np.linalg.norm(z) < 0.1 * np.linalg.norm(along):
                 z = np.cross(np.eye(3)[np.abs(along).argmin()], along)
         return axes(along, z)
+
+
+def turn(axis: int, angle: float) -> Array:
+    """Return the rotation about the x, y or z axis (0, 1, 2)."""
+    return rotation(angle * np.eye(3)[axis])
+
+
+def axes(x: ArrayLike, z: ArrayLike) -> Array:
+    """Return columns x, y, z with this z, and x as near as possible to the given one."""
+    up, near = np.asarray(z, dtype=float), np.asarray(x, dtype=float)
+    up = up / np.linalg.norm(up)
+    near = near - (near @ up) * up
+    near = near / np.linalg.norm(near)
+    return np.column_stack([near, np.cross(up, near), up])

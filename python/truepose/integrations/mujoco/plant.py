@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,60 +33,32 @@ _STILL = 2e-5  # m, and ten times that in rad
 _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 
+@dataclass(eq=False)
 class MujocoPlant:
-    """A true robot in MuJoCo, every rod on its own.
+    """A true robot in MuJoCo, every rod on its own. TrueposeError: MuJoCo is not installed."""
 
-    Parameters
-    ----------
-    truth : Robot
-        True robot, cold.
-    effects : Effects
-        Effects that the model omits, default none.
-    seed : int
-        Seed of the phases of eccentricity and ripple, and of the readings' noise.
-    duration, hold, longest : float
-        Time of a move, least time after it, and time after it at which a robot that is not at rest
-        is measured anyway, s.
-    pose_time : float
-        Time from one pose to the next in the warm-up: moving, resting, measuring, s.
-    timestep : float
-        MuJoCo's time step, s; the control period must be a multiple.
-    faults : sequence of Fault
-        Sensor faults, in the warm-up's time: the k-th move begins at k · `pose_time`.
+    truth: Robot  #: cold
+    effects: Effects = field(default_factory=Effects.none)  #: effects that the model omits
+    _: KW_ONLY
+    seed: int = 0  #: of the phases of eccentricity and ripple, and of the readings' noise
+    duration: float = 0.2  #: time of a move, s
+    hold: float = 0.1  #: least time after a move, s
+    longest: float = 0.3  #: time after a move at which even a moving robot is measured, s
+    pose_time: float = 10.0  #: from pose to pose in the warm-up: moving, resting, measuring, s
+    timestep: float = TIMESTEP  #: MuJoCo's, s; the control period must be a multiple
+    faults: Sequence[Fault] = ()  #: in the warm-up's time: the k-th move begins at k · `pose_time`
 
-    Raises
-    ------
-    TrueposeError
-        MuJoCo is not installed.
-    """
-
-    def __init__(
-        self,
-        truth: Robot,
-        effects: Effects | None = None,
-        *,
-        seed: int = 0,
-        duration: float = 0.2,
-        hold: float = 0.1,
-        longest: float = 0.3,
-        pose_time: float = 10.0,
-        timestep: float = TIMESTEP,
-        faults: Sequence[Fault] = (),
-    ):
+    def __post_init__(self) -> None:
         require()
-        positive("duration", duration)
-        positive("timestep", timestep)
-        positive("longest", longest)
-        for name, value in (("hold", hold), ("pose_time", pose_time)):
-            if not (math.isfinite(value) and value >= 0):
+        for name in ("duration", "timestep", "longest"):
+            positive(name, getattr(self, name))
+        for name in ("hold", "pose_time"):
+            if not (math.isfinite(value := getattr(self, name)) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
-        in_core(truth, faults, math.inf)  # for any control period
-        self.truth = truth
-        self.effects = Effects.none() if effects is None else effects
-        self.seed = check_seed(seed)
-        self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
-        self.pose_time, self.timestep, self.faults = pose_time, timestep, tuple(faults)
-        self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
+        in_core(self.truth, self.faults, math.inf)  # for any control period
+        self.longest = max(self.hold, self.longest)
+        phases = self.effects.plant(self.truth, check_seed(self.seed)).phase
+        self.ripple_phase = np.array(phases)[: self.truth.n]
 
     def body(self, time: float = 0.0) -> Body:
         """Return the robot in MuJoCo at home and at rest, `time` after a cold start."""

@@ -80,12 +80,8 @@ def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Ar
     return ghost, ghost + magnified * (state.truth.skeleton(x) - ghost)
 
 
-def covariance(state: State, how: str) -> Array:
-    """Return the covariance of the best pose estimate, (n, n), in the case `how` of `HOWS`."""
-    return _bound(state.robot, state.x_d, how)
-
-
-def _bound(robot: Robot, x: Array, how: str) -> Accuracy:
+def covariance(robot: Robot, x: Array, how: str) -> Accuracy:
+    """Return the covariance of the best estimate of poses in the case `how` of `HOWS`."""
     learnt, referenced = HOWS[how]
     visited = workspace_poses(robot) if learnt else None
     return accuracy(robot, x, visited, robot.home if referenced else None)
@@ -115,7 +111,7 @@ def bounds(robot: Robot) -> dict[str, Array]:
     [4.91 0.2  0.75 0.1 ]
     """
     poses = workspace_poses(robot)
-    return {how: np.sqrt((_bound(robot, poses, how).sigma ** 2).mean(axis=0)) for how in HOWS}
+    return {how: np.sqrt((covariance(robot, poses, how).sigma ** 2).mean(axis=0)) for how in HOWS}
 
 
 def workspace_poses(robot: Robot) -> Array:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from truepose.commands.options import completing
+from truepose.exceptions import TrueposeError
 from truepose.integrations.workbench import serve
 from truepose.integrations.workbench.state import begin, demonstration
 from truepose.robot.robot import list_robots, load
@@ -48,8 +49,13 @@ def command(
     """
     serve.require()
     subject = demonstration() if robot is None else begin(load(robot))
-    if not no_browser:
-        serve.require_browser()
+    try:
+        if not no_browser:
+            webbrowser.get()
+    except webbrowser.Error:
+        raise TrueposeError(
+            "no browser found; --no-browser serves the page for one on another machine"
+        ) from None
     page = serve.open_page(subject, host, port, log=log, dark=dark)
     address = page.address("localhost" if host in ("0.0.0.0", "127.0.0.1") else host)
     say(f"{subject.drawn.name}: {address} (Ctrl-C ends it)")

@@ -31,24 +31,26 @@ class LogTab(Tab):
         super().__init__(page)
         self.played: Playback | None = None
         self._next = 0.0
-        upload = gui.add_upload_button("Open a log", hint="CSV, Parquet or MCAP")
-        page.when(upload.on_upload, self._upload)
+        page.on(gui.add_upload_button("Open a log", hint="CSV, Parquet or MCAP"), self._upload)
         simulate = gui.add_button(f"Simulate a log of {_POSES} poses")
-        page.when(simulate.on_click, lambda _: self._simulate_log())
-        self._calibrate: Any = gui.add_button("Calibrate on it", disabled=True)
-        page.when(self._calibrate.on_click, lambda _: self._fit())
-        self._believe: Any = gui.add_checkbox(
-            "Control by the calibrated robot", False, disabled=True
-        )
-        page.when(self._believe.on_update, self._choose)
-        self._line: Any = gui.add_slider("Pose", 1, 2, 1, 1, disabled=True)
-        page.when(self._line.on_update, lambda _: self._go())
-        self._run: Any = gui.add_checkbox("Play", False, disabled=True)
+        page.on(simulate, lambda _: self._simulate_log())
+        self._calibrate = page.on(gui.add_button("Calibrate on it"), lambda _: self._fit())
+        believe = gui.add_checkbox("Control by the calibrated robot", False)
+        self._believe = page.on(believe, self._choose)
+        self._line = page.on(gui.add_slider("Pose", 1, 2, 1, 1), lambda _: self._go())
+        self._run: Any = gui.add_checkbox("Play", False)
         self._about: Any = gui.add_html(words.page(words.note("No log yet.")))
-        self._sensor: Any = gui.add_dropdown("Plot", ("–",), disabled=True)
-        page.when(self._sensor.on_update, lambda _: self._plot())
+        self._sensor = page.on(gui.add_dropdown("Plot", ("–",)), lambda _: self._plot())
+        self._allow(log=False, calibration=False)
         self._chart: Any = None
         self._gui, self._folder = gui, gui.add_folder(None)
+
+    def _allow(self, log: bool, calibration: bool) -> None:
+        """Enable the controls that need a log, and the one that needs a calibration."""
+        for handle in (self._calibrate, self._line, self._run, self._sensor):
+            handle.disabled = not log
+        self._believe.disabled = not calibration
+        self._believe.value = calibration
 
     def open(self, path: Path) -> None:
         """Read a log file."""
@@ -78,15 +80,12 @@ class LogTab(Tab):
     def _take(self, played: Playback) -> None:
         """Open another log."""
         self.played = played
-        self._believe.value = False
         self.page.state = self.page.state.believing(None)
         self._line.max = max(len(played.log.lines), 2)
         self._line.value = 1
         self._sensor.options = played.robot.sensors
         self._sensor.value = played.robot.sensors[0]
-        for handle in (self._calibrate, self._line, self._run, self._sensor):
-            handle.disabled = False
-        self._believe.disabled = True
+        self._allow(log=True, calibration=False)
         self._plot()
         self._go()
 
@@ -94,8 +93,7 @@ class LogTab(Tab):
         if self.played is None:
             return
         self.played = playback.calibrated(self.played)
-        self._believe.disabled = False
-        self._believe.value = True
+        self._allow(log=True, calibration=True)
         self._choose(True)
         self._plot()
 
@@ -161,9 +159,8 @@ class LogTab(Tab):
             return
         if self.played.robot.sensors != state.drawn.sensors:
             self.played = None
-            for handle in (self._calibrate, self._believe, self._line, self._run, self._sensor):
-                handle.disabled = True
-            self._believe.value = self._run.value = False
+            self._allow(log=False, calibration=False)
+            self._run.value = False
             self._about.content = words.page(words.note("No log of these sensors yet."))
             return
         line = int(self._line.value) - 1

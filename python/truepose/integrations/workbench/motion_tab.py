@@ -38,21 +38,20 @@ class MotionTab(Tab):
         self._faults: list[Fault] = []
         self._time = self._now = 0.0
         self._of: tuple | None = None  #: robots of the run
-        self._move: Any = gui.add_checkbox("Move", False, hint="there and back; key M")
-        page.when(self._move.on_update, lambda _: self._begin())
-        self._law: Any = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
-        self._watched: Any = gui.add_checkbox("Fault monitor", True)
-        for handle in (self._law, self._watched):
-            page.when(handle.on_update, lambda _: self._again())
+        move = gui.add_checkbox("Move", False, hint="there and back; key M")
+        self._move = page.on(move, lambda _: self._begin())
+        law = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
+        self._law = page.on(law, lambda _: self._again())
+        self._watched = page.on(gui.add_checkbox("Fault monitor", True), lambda _: self._again())
         self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
         self._kind: Any = gui.add_dropdown("Fault", FAULT_KINDS, initial_value="stuck")
         self._size: Any = gui.add_number("Size", 0.0, step=0.01)
         self._other: Any = gui.add_dropdown("Swapped with", page.state.drawn.readings)
         for handle in (self._reading, self._kind):
-            page.when(handle.on_update, lambda _: self._name_size())
+            page.on(handle, lambda _: self._name_size())
         self._name_size()
-        self._on: Any = gui.add_checkbox("Fault", False, hint="from now until it is switched off")
-        page.when(self._on.on_update, lambda on: self._begin_fault() if on else self._end_fault())
+        fault = gui.add_checkbox("Fault", False, hint="from now until it is switched off")
+        self._on = page.on(fault, lambda on: self._begin_fault() if on else self._end_fault())
         self._lights: Any = gui.add_html(words.page(words.note("At rest.")))
 
     def toggle(self) -> None:

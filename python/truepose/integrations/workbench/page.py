@@ -7,7 +7,6 @@ import io
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from viser import GuiApi, ViserServer
@@ -19,7 +18,7 @@ from truepose.integrations.workbench import answers, words
 from truepose.integrations.workbench.guard import Guard
 from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
 from truepose.integrations.workbench.state import State
-from truepose.robot.laws import Law, usual
+from truepose.robot.laws import LAWS, Law, usual
 
 FRAMES = 20  #: animation frames per second
 
@@ -61,7 +60,7 @@ class Page:
             folder = gui.add_folder(label, expand_by_default=False) if label == "View" else None
             with folder or group.add_tab(label):
                 self.tabs.append(made(self, gui))
-        self.when(button.on_click, lambda _: self.calibrate())
+        self.on(button, lambda _: self.calibrate())
         self.scene.place_gizmos(state)
         self._keys(gui)
         self.show()
@@ -81,14 +80,17 @@ class Page:
             brand_color=(88, 150, 220) if dark else (31, 95, 168),
         )
 
-    def when(self, happens: Callable[[Any], Any], do: Callable[[Any], None]) -> None:
-        """Call `do` with a handle's value at each of the user's events: `handle.on_update`, …"""
+    def on(self, handle: Any, do: Callable[[Any], object]) -> Any:
+        """Call `do` with a handle's value at each of the user's events; return the handle."""
 
-        @happens
-        def _(event: Any) -> None:
+        def happened(event: Any) -> None:
             if event.client is not None:  # None: set by this program
                 with self.doing():
                     do(getattr(event.target, "value", None))
+
+        events = ("on_click", "on_trigger", "on_upload", "on_update")
+        next(getattr(handle, name) for name in events if hasattr(handle, name))(happened)
+        return handle
 
     @contextlib.contextmanager
     def doing(self) -> Iterator[None]:
@@ -117,18 +119,18 @@ class Page:
         state, said = self.state, self._said
         found = answers.rests(state)
         P = None
-        if self.how in answers.HOWS and not self.moving:
+        if not self.moving:
             try:
-                P = answers.covariance(state, self.how)
+                if self.how in answers.HOWS:
+                    P = answers.covariance(state.robot, state.x_d, self.how)
             except TrueposeError as error:
                 said = said or one_line(error, 300)
-        if not self.moving:
             self.scene.show_robot(state, found[self.law].x, self.magnified, self.coloured)
             self.scene.show_rests(state, found, self.magnified)
         self.scene.show_ellipsoid(state, P, self.magnified)
         self.scene.show_map(state, self.mapped)
         self._answers.content = words.page(
-            words.NARROW,
+            words.STYLE,
             words.laws(found, LAW_COLOURS),
             words.conditioning(state.robot.conditioning(state.x_d)),
             words.note(said, wrong=True) if said else words.pose(state, self.magnified),
@@ -149,21 +151,19 @@ class Page:
         """Add keys for frequent actions; the command palette lists them."""
 
         def next_law(_: Any) -> None:
-            laws = [*LAW_COLOURS, *LAW_COLOURS]
-            self.law = laws[laws.index(self.law) + 1]
+            self.law = LAWS[(LAWS.index(self.law) + 1) % len(LAWS)]
 
         def no_errors(_: Any) -> None:
             self.state = self.state.without_errors()
 
-        actions: dict[str, tuple[str, Callable[[Any], None]]] = {
-            "H": ("Home", lambda _: self.home()),
-            "L": ("Next law", next_law),
-            "N": ("No errors", no_errors),
-            "M": ("Move, or stop", lambda _: self.tabs[4].toggle()),
-        }
-        for key, (label, do) in actions.items():
-            command: Any = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
-            self.when(command.on_trigger, do)
+        actions: tuple[tuple[Any, str, Callable[[Any], None]], ...] = (
+            ("H", "Home", lambda _: self.home()),
+            ("L", "Next law", next_law),
+            ("N", "No errors", no_errors),
+            ("M", "Move, or stop", lambda _: self.tabs[4].toggle()),
+        )
+        for key, label, do in actions:
+            self.on(gui.add_command(label, hotkey=key), do)
 
     def _play(self) -> None:
         """Advance the animations until the page is stopped."""
@@ -185,12 +185,6 @@ class Page:
         self._verdict.content = words.page(
             words.verdict(drawn, law, (before, after, bound), len(over), len(visited))
         )
-
-    def open_log(self, path: Path) -> None:
-        """Play a log file back."""
-        with self.lock:
-            self.tabs[3].open(path)
-            self.show()
 
     def stop(self) -> None:
         """Stop serving the page."""

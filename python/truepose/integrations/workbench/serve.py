@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import socket
 import time
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,16 +48,6 @@ def own_address() -> str | None:
         return str(probe.getsockname()[0])
 
 
-def require_browser() -> None:
-    """Raise a TrueposeError if there is no browser to open."""
-    try:
-        webbrowser.get()
-    except webbrowser.Error:
-        raise TrueposeError(
-            "no browser found; --no-browser serves the page for one on another machine"
-        ) from None
-
-
 def open_page(
     subject: Robot | State,
     host: str = HOST,
@@ -85,7 +74,9 @@ def open_page(
         if page.server.get_port() != port:  # port taken meanwhile
             raise InputError(f"--port {port}: {host}:{port}: already in use; choose another")
         if log is not None:
-            page.open_log(log)
+            with page.lock:
+                page.tabs[3].open(log)
+                page.show()
     except BaseException:
         page.stop()
         raise

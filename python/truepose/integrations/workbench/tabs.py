@@ -34,8 +34,7 @@ def _slider(page: Page, axis: Axis, ends: Array, value: float, do: Callable[[flo
     low, high = round(np.floor(low / step) * step, 9), round(np.ceil(high / step) * step, 9)
     label, start = axis.label.removesuffix(" ()"), _stepped(axis.factor * value, low, high, step)
     handle = page.server.gui.add_slider(label, float(low), float(high), float(step), start)
-    page.when(handle.on_update, lambda shown: do(shown / axis.factor))
-    return handle
+    return page.on(handle, lambda shown: do(shown / axis.factor))
 
 
 def _set(slider: Any, value: float) -> None:
@@ -65,7 +64,7 @@ class PoseTab(Tab):
             self._motors = [
                 _slider(page, *row, partial(self._drive, k)) for k, row in enumerate(rows)
             ]
-        page.when(gui.add_button("Home").on_click, lambda _: page.home())
+        page.on(gui.add_button("Home"), lambda _: page.home())
 
     def _send(self, k: int, value: float) -> None:
         x = self.page.state.x_d.copy()
@@ -94,11 +93,10 @@ class ErrorsTab(Tab):
         super().__init__(page)
         self._sliders: dict[str, Any] = {}
         self._seed: Any = gui.add_number("Seed", 1, min=0, max=2**31, step=1)
-        source = gui.add_button_group("True robot", ("nominal", "from tolerances"))
-        page.when(source.on_click, self._draw)
+        page.on(gui.add_button_group("True robot", ("nominal", "from tolerances")), self._draw)
         self._list: Any = gui.add_html("")
-        self._group: Any = gui.add_dropdown("Errors of", tuple(groups(page.state.drawn)))
-        page.when(self._group.on_update, lambda _: self._fill())
+        group = gui.add_dropdown("Errors of", tuple(groups(page.state.drawn)))
+        self._group = page.on(group, lambda _: self._fill())
         self._folder: Any = gui.add_folder(None)
         self._fill()
 
@@ -148,9 +146,8 @@ class SensorsTab(Tab):
             cost = getattr(sensor, "price", None)
             label = sensor.name + ("" if cost is None else f" · {cost:g}")
             hint = sensor.kind.replace("_", " ")
-            tick: Any = gui.add_checkbox(label, sensor.name in used, hint=hint)
-            self._ticks[sensor.name] = tick
-            page.when(tick.on_update, lambda _: self._use())
+            tick = gui.add_checkbox(label, sensor.name in used, hint=hint)
+            self._ticks[sensor.name] = page.on(tick, lambda _: self._use())
 
     def _use(self) -> None:
         names = [name for name, tick in self._ticks.items() if tick.value]
@@ -189,8 +186,8 @@ class ViewTab(Tab):
             "mapped": gui.add_checkbox("Map of singularities", False, hint="about the workspace"),
         }
         for what, handle in shown.items():
-            page.when(handle.on_update, partial(setattr, page, what))
-        page.when(gui.add_checkbox("Dark page", page.dark).on_update, page.dress)
+            page.on(handle, partial(setattr, page, what))
+        page.on(gui.add_checkbox("Dark page", page.dark), page.dress)
 
     def follow(self, state: State) -> None:
         """Show the law, which a key may have changed."""

@@ -20,40 +20,37 @@ from truepose.show.units import PRINT, printed
 
 #: Colours of the fault monitor's status.
 LIGHTS = {"valid": "#5aae61", "suspect": "#e08214", "failed": "#d6604d"}
-_PAGE = "padding:0.2em 0.9em;font-size:0.82em;line-height:1.45"
-_CELL = "padding:0 0.45em 0 0;text-align:right;font-variant-numeric:tabular-nums"
-
-
-#: On narrow screens viser's panel has unused space beside it and little height: make it as wide as
-#: the screen and half as high.
-NARROW = (
-    "<style>@media (max-width: 40em) { .mantine-Paper-root[style*='bottom: 0px'] "
-    "{ width: 100% !important; max-height: 50% !important } "
-    ".mantine-Paper-root[style*='bottom: 0px'] .mantine-ScrollArea-content > div "
-    "{ width: 100% !important } }</style>"
-)
+#: Style of all parts, on the page once. On narrow screens viser's panel has unused space beside it
+#: and little height: make it as wide as the screen and half as high.
+STYLE = """<style>
+.answer { padding: 0.2em 0.9em; font-size: 0.82em; line-height: 1.45 }
+.answer table { width: 100%; border-collapse: collapse }
+.answer :is(td, th) { padding: 0 0.45em 0 0; text-align: right; font-variant-numeric: tabular-nums }
+.answer :is(td, th):first-child { text-align: left }
+.answer td { font-weight: 400 }
+.answer th { font-weight: 600 }
+.answer div { margin-top: 0.3em; opacity: 0.8 }
+.answer div.wrong { color: #d6604d; opacity: 1 }
+.answer i { display: inline-block; width: 0.7em; height: 0.7em; border: 2px solid;
+  border-radius: 50%; margin-right: 0.4em }
+@media (max-width: 40em) {
+  .mantine-Paper-root[style*='bottom: 0px'] { width: 100% !important; max-height: 50% !important }
+  .mantine-Paper-root[style*='bottom: 0px'] .mantine-ScrollArea-content > div {
+    width: 100% !important }
+}
+</style>"""
 
 
 def page(*parts: str) -> str:
     """Stack parts, as wide as the panel."""
-    return f'<div style="{_PAGE}">{"".join(parts)}</div>'
+    return f'<div class="answer">{"".join(parts)}</div>'
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Lay out rows of HTML cells; the first column is text."""
-
-    def line(cells: Sequence[str], tag: str) -> str:
-        style = [_CELL.replace("right", "left"), *[_CELL] * (len(cells) - 1)]
-        return "".join(
-            f'<{tag} style="{one};font-weight:{600 if tag == "th" else 400}">{cell}</{tag}>'
-            for one, cell in zip(style, cells, strict=True)
-        )
-
-    body = "".join(f"<tr>{line(row, 'td')}</tr>" for row in rows)
-    return (
-        '<table style="width:100%;border-collapse:collapse">'
-        f"<tr>{line(header, 'th')}</tr>{body}</table>"
-    )
+    lines = [("th", header), *(("td", row) for row in rows)]
+    parts = ["".join(f"<{tag}>{cell}</{tag}>" for cell in cells) for tag, cells in lines]
+    return f"<table><tr>{'</tr><tr>'.join(parts)}</tr></table>"
 
 
 def verdict(robot: Robot, law: str, errors: tuple[float, float, float], over: int, on: int) -> str:
@@ -69,16 +66,13 @@ def verdict(robot: Robot, law: str, errors: tuple[float, float, float], over: in
 def dot(colour: str, hollow: bool = False) -> str:
     """Draw a disc, or a ring."""
     inside = "transparent" if hollow else colour
-    return (
-        f'<span style="display:inline-block;width:0.7em;height:0.7em;border-radius:50%;'
-        f'background:{inside};border:2px solid {colour};margin-right:0.4em"></span>'
-    )
+    return f'<i style="background: {inside}; border-color: {colour}"></i>'
 
 
 def note(text: str, wrong: bool = False) -> str:
     """Write a line of text; errors stand out."""
-    colour = "color:#d6604d;" if wrong else "opacity:0.8;"
-    return f'<div style="{colour}margin-top:0.3em">{escape(text)}</div>'
+    kind = "wrong" if wrong else "note"
+    return f'<div class="{kind}">{escape(text)}</div>'
 
 
 def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:

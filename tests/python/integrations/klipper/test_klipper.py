@@ -128,7 +128,7 @@ def test_the_estimate_is_the_minimum_of_its_own_cost():
     def residual(u: np.ndarray) -> np.ndarray:
         theta = np.array([*known.mean, 0.0, 0.0])
         theta[free] += sigma[free] * u
-        e = errors(model, theta[:-2], readings, jacobian=False)
+        e = errors(model, theta[:-2], readings)
         d = (1 - theta[-2]) * e.lengths + theta[-1] - readings.distances
         return np.concatenate([u, e.heights / assumed.height, d / assumed.distance])
 

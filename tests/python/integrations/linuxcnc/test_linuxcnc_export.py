@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.integrations.linuxcnc.configuration import Speeds, corrections, to_configuration
+from truepose.integrations.linuxcnc.configuration import SPEEDS, corrections, to_configuration
 
 SOURCES = Path(__file__).parents[4] / "deploy/linuxcnc"
 NAMES = ["machine.table", "robot.hal", "robot.ini", "robot.table"]
@@ -88,12 +88,13 @@ def test_corrections_of_robots_within_their_tolerances_are_accepted(h4):
 def test_drives_that_lag_behind_a_correction_are_no_following_error(h4):
     """`pid` feeds the command forward alone: it lags by what the correction changes in 1/P."""
     said = ini(configuration(h4))
-    gain, box, speeds = float(said["PID"]["P"]), h4.spec.workspace, Speeds()
+    gain, box = float(said["PID"]["P"]), h4.spec.workspace
+    linear, angular = (SPEEDS[unit][0] for unit in ("m", "rad"))
     rng, seconds = np.random.default_rng(3), 1e-3
     x_d = rng.uniform(box.minimum, box.maximum, (2000, 4))
     way = rng.normal(size=(2000, 3))
-    way *= speeds.linear / np.linalg.norm(way, axis=1)[:, None]
-    there = x_d + seconds * np.column_stack([way, rng.choice([-1, 1], 2000) * speeds.angular])
+    way *= linear / np.linalg.norm(way, axis=1)[:, None]
+    there = x_d + seconds * np.column_stack([way, rng.choice([-1, 1], 2000) * angular])
     lags = np.empty((2, 40, 4))
     for k in range(40):
         true = h4.sample(100 + k)

@@ -6,6 +6,7 @@ import importlib.metadata
 import re
 import socket
 import time
+import webbrowser
 from types import SimpleNamespace
 
 import numpy as np
@@ -79,7 +80,7 @@ def test_the_picture_magnifies_what_is_wrong_and_nothing_else(somewhere):
 def test_the_ellipsoid_is_the_covariance(somewhere):
     robot = somewhere.robot
     for how in answers.HOWS:
-        P = answers.covariance(somewhere, how)
+        P = answers.covariance(robot, somewhere.x_d, how)
         radii, axes = answers.ellipsoid(robot, P)
         whole = axes @ np.diag(radii**2) @ axes.T
         linear = ["xyz".index(name) for name, _ in robot.coordinates if name in "xyz"]
@@ -87,7 +88,7 @@ def test_the_ellipsoid_is_the_covariance(somewhere):
         assert np.allclose(whole[np.ix_(linear, linear)], P[:k, :k], atol=1e-15)
         assert np.linalg.det(axes) == pytest.approx(1)
     assert np.array_equal(
-        answers.covariance(somewhere, "as built"), tp.accuracy(robot, somewhere.x_d)
+        answers.covariance(robot, somewhere.x_d, "as built"), tp.accuracy(robot, somewhere.x_d)
     )
 
 
@@ -235,9 +236,9 @@ def test_without_a_browser_one_line_says_what_else(run, monkeypatch):
     pytest.importorskip("viser", reason="the workbench's page needs viser")
 
     def none():
-        raise serve.webbrowser.Error("could not locate runnable browser")
+        raise webbrowser.Error("could not locate runnable browser")
 
-    monkeypatch.setattr(serve.webbrowser, "get", none)
+    monkeypatch.setattr(webbrowser, "get", none)
     status, out, err = run("workbench", "h4", "--port", free())
     assert (status, out) == (2, "")
     assert err == (
