@@ -92,5 +92,5 @@ def test_the_dynamics_end_where_the_statics_say(h4, truth, table2):
 
 def test_progress_is_reported_once_a_robot(h4, truth, table2):
     calls = []
-    experiment.run(h4, [truth, truth], table2[:5], progress=lambda: calls.append(1))
-    assert len(calls) == 2
+    experiment.run(h4, [truth, truth], table2[:5], progress=lambda *step: calls.append(step))
+    assert calls == [(1, 2), (2, 2)]
