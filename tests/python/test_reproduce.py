@@ -23,6 +23,7 @@ from truepose.paper import (
     following,
     forgotten,
     report,
+    sensor_sets,
     tables,
 )
 from truepose.robot.laws import LAWS
@@ -47,8 +48,12 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def with_experiment(tmp_path_factory):
-    """Return what is said and written with --experiment where MuJoCo is not installed."""
+def with_experiment(tmp_path_factory, reproduction):
+    """Return what is said and written with --experiment where MuJoCo is not installed.
+
+    The studies and figures of every report are those of `reproduction`, which `made` tries.
+    """
+    save = report._save
     out = tmp_path_factory.mktemp("experiment") / "report"
     words = ["truepose", "reproduce", "--robots", "1", "--experiment", "--all", "--out", str(out)]
     said, errors = io.StringIO(), io.StringIO()
@@ -65,6 +70,14 @@ def with_experiment(tmp_path_factory):
         patch.delitem(sys.modules, "truepose.integrations.mujoco.plant", raising=False)
         patch.delitem(sys.modules, "truepose.integrations.mujoco.body", raising=False)
         patch.setattr(forgotten, "cases", lambda: cases)
+        patch.setattr(forgotten, "LEARN", 3 * forgotten.LEARN)
+        patch.setattr(forgotten, "JUDGE", 3 * forgotten.JUDGE)
+        patch.setattr(experiment, "dynamics_check", lambda *_, **__: reproduction.check)
+        patch.setattr(sensor_sets, "compare", lambda *_, **__: reproduction.sensing)
+        patch.setattr(following, "study", lambda *_, **__: reproduction.following)
+        patch.setattr(faulty, "study", lambda *_, **__: reproduction.faults)
+        own = re.compile("experiment-")
+        patch.setattr(report, "_save", lambda f, p: save(f, p) if own.match(p.name) else "")
         cli.main()
     result = subprocess.CompletedProcess(words, left.value.code or 0)
     result.stdout, result.stderr = said.getvalue(), errors.getvalue()

@@ -111,6 +111,7 @@ def run(
     truths: list[Robot],
     poses: Array | None = None,
     progress: Progress = lambda done, total: None,
+    controls: Sequence[Control] = tuple(CONTROLS),
 ) -> Experiment:
     """Compute the steady-state pose of every true robot at every pose under each control.
 
@@ -118,9 +119,13 @@ def run(
     desired, default Table 2's 625. `progress` is called after each robot.
     """
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
-    numbered = enumerate(truths)
-    settled = list(each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), numbered, progress))
-    errors = {c: in_print_units(np.array([x[c] for x in settled]) - poses) for c in CONTROLS}
+
+    def settled(numbered: tuple[int, Robot]) -> dict[Control, Array]:
+        seed, truth = numbered
+        return rest(robot, truth, poses, None, controls, seed)
+
+    found = list(each(settled, enumerate(truths), progress))
+    errors = {c: in_print_units(np.array([x[c] for x in found]) - poses) for c in controls}
     tables = {control: table3(values) for control, values in errors.items()}
     return Experiment(robot, truths, poses, errors, tables)
 

@@ -109,15 +109,15 @@ def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: 
         true = effects.geometry(cold, time)
         poses = table[rng.choice(len(table), POSES, replace=False)]
         poses = poses + rng.uniform(-JITTER, JITTER, poses.shape)
-        believed["online"] = online.robot
+        believed["online"] = learnt = online.robot
         row = []
         for method, law in METHODS.items():
             x = steady_state(believed[method], true, poses, law)
             row.append(position_rms(x - poses))
         readings = true.read(x, seed=int(rng.integers(2**32)))
-        P = accuracy(online.robot, poses)
+        P = accuracy(learnt, poses)
         bound = 1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
-        rows.append([*row, position_rms(online.robot.estimate(readings).x - x), bound])
+        rows.append([*row, position_rms(learnt.estimate(readings).x - x), bound])
         online.observe(readings)
     return np.array(rows)
 
