@@ -13,8 +13,14 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if on_linux else os.cpu_count() or 1
 
 
-def each(work: Callable, items: Iterable) -> Iterator:
+def each(
+    work: Callable,
+    items: Iterable,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Iterator:
     """Yield work(item) in the order of the items, computed on all cores.
+
+    `progress` is called with the numbers of finished and of all items after each.
 
     Threads suffice because the core releases the interpreter's lock. The waiting thread receives
     signals; on Ctrl-C it stops the core's loops in the others and drops items not yet started.
@@ -22,8 +28,11 @@ def each(work: Callable, items: Iterable) -> Iterator:
     pool = ThreadPoolExecutor(cores())
     stopping = 0
     try:
-        for future in [pool.submit(work, item) for item in items]:
-            yield future.result()
+        futures = [pool.submit(work, item) for item in items]
+        for done, future in enumerate(futures, 1):
+            result = future.result()
+            progress(done, len(futures))
+            yield result
     except KeyboardInterrupt:
         stopping = 1
         raise

@@ -12,10 +12,12 @@ from truepose.paper import forgotten
 
 @pytest.fixture(scope="module")
 def lines():
-    """Return the cases that matter most, on one robot."""
+    """Return the cases that matter most, on one robot and a third of the poses."""
     some = {"none": tp.Effects.none(), "all": tp.Effects()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(forgotten, "cases", lambda: some)
+        patch.setattr(forgotten, "LEARN", 3 * forgotten.LEARN)
+        patch.setattr(forgotten, "JUDGE", 3 * forgotten.JUDGE)
         return {line.case: line for line in forgotten.study(tp.load("h4"), 1, seed=0)}
 
 

@@ -11,7 +11,7 @@ import typer
 from truepose import files
 from truepose.commands.options import Force, How
 from truepose.exceptions import InputError
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, progress, say, show
 
 
 def command(
@@ -66,25 +66,17 @@ def command(
         return
     if rates is not None:
         raise InputError("--rates: is for --life; add --life")
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
     from truepose.paper import report, tables
-    from truepose.paper.reproduce import reproduce, total_steps
+    from truepose.paper.reproduce import reproduce
 
     start = time.perf_counter()
-    with report.folder(out, force) as work:
-        columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
-        with Progress(*columns, console=Console(stderr=True)) as bar:
-            task = bar.add_task(
-                "robots", total=total_steps(robots, experiment, full) + report.FIGURES + full
-            )
+    with report.folder(out, force) as work, progress("robots") as bar:
 
-            def progress(what: str) -> None:
-                bar.update(task, advance=1, description=what)
+        def step(what: str, done: int, total: int) -> None:
+            bar(description=what, completed=done, total=total)
 
-            result = reproduce(robots, seed, progress, virtual=experiment, full=full)
-            report.write(result, work, progress)
+        result = reproduce(robots, seed, step, virtual=experiment, full=full)
+        report.write(result, work, step)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
     found += [tables.sensing(result.sensing), *tables.following(result.following)]
     found += tables.twin_tables(result.section) if result.section else []
@@ -109,7 +101,6 @@ def _life(robots: int, seed: int, out: Path, rates: Path | None, how: Format) ->
     from truepose.robot.robot import load
     from truepose.show.results import figure_of
     from truepose.show.table import as_csv
-    from truepose.show.terminal import progress
     from truepose.studies import life_report
     from truepose.studies.life import Life
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,9 @@ CONTROLS: dict[Control, Law] = {
     "cartesian": "cartesian",
     "self-calibrated": "estimated",
 }
+Kind = TypeVar("Kind")
+#: Function called with the numbers of finished and of all parts of a study.
+Progress = Callable[[int, int], None]
 #: Names of the controls for people.
 LABELS: dict[Control, str] = {
     "joint": "usual",
@@ -107,7 +110,8 @@ def run(
     robot: Robot,
     truths: list[Robot],
     poses: Array | None = None,
-    progress: Callable[[], None] = lambda: None,
+    progress: Progress = lambda done, total: None,
+    controls: Sequence[Control] = tuple(CONTROLS),
 ) -> Experiment:
     """Compute the steady-state pose of every true robot at every pose under each control.
 
@@ -115,11 +119,13 @@ def run(
     desired, default Table 2's 625. `progress` is called after each robot.
     """
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
-    settled = []
-    for x in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
-        settled.append(x)
-        progress()
-    errors = {c: in_print_units(np.array([x[c] for x in settled]) - poses) for c in CONTROLS}
+
+    def settled(numbered: tuple[int, Robot]) -> dict[Control, Array]:
+        seed, truth = numbered
+        return rest(robot, truth, poses, None, controls, seed)
+
+    found = list(each(settled, enumerate(truths), progress))
+    errors = {c: in_print_units(np.array([x[c] for x in found]) - poses) for c in controls}
     tables = {control: table3(values) for control, values in errors.items()}
     return Experiment(robot, truths, poses, errors, tables)
 
@@ -136,8 +142,18 @@ def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
     return 1e3 * np.linalg.norm(redundant - usual, axis=1)
 
 
+def of_every_kind(
+    work: Callable, kinds: Iterable[Kind], robots: Sequence, progress: Progress
+) -> list[tuple[Kind, list]]:
+    """Return every kind of a study with its results work(kind, robot), computed on all cores."""
+    tasks = list(itertools.product(kinds, robots))
+    found = list(each(lambda task: work(*task), tasks, progress))
+    count = len(robots)
+    return [(tasks[k][0], found[k : k + count]) for k in range(0, len(tasks), count)]
+
+
 def dynamics_check(
-    robot: Robot, truth: Robot, poses: Array, progress: Callable[[], None] = lambda: None
+    robot: Robot, truth: Robot, poses: Array, progress: Progress = lambda done, total: None
 ) -> dict[str, dict[Law, Array]]:
     """Return final poses of simulated dynamics minus those of exact statics, at some of the poses.
 
@@ -152,15 +168,17 @@ def dynamics_check(
         "loaded": exact,
         "as built": [robot, truth],
     }
+
+    def end(kind: tuple[str, Law], x: Array) -> Array:
+        (nominal, real), controller = cases[kind[0]], article.control(kind[1])
+        start = robot.home
+        run = simulate(nominal, real, controller, start=start, end=x, duration=0.4, hold=0.4)
+        return run.x[-1]
+
     result: dict[str, dict[Law, Array]] = {case: {} for case in cases}
-    for (case, (nominal, real)), law in itertools.product(cases.items(), LAWS):
-        ends, controller = [], article.control(law)
-        for x in poses:
-            run = simulate(
-                nominal, real, controller, start=robot.home, end=x, duration=0.4, hold=0.4
-            )
-            ends.append(run.x[-1])
-            progress()
+    kinds = itertools.product(cases, LAWS)
+    for (case, law), ends in of_every_kind(end, kinds, list(poses), progress):
+        (nominal, real), controller = cases[case], article.control(law)
         loaded = steady_state(nominal, real, poses, controller, gravity=case != "ideal")
         result[case][law] = in_print_units(np.array(ends) - loaded)
     return result
@@ -212,6 +230,13 @@ def table3(error: ArrayLike) -> Array:
     mean, squares = values.mean(axis=-2), (values**2).sum(axis=-2)
     spread, average = np.ptp(values, axis=-2), np.abs(values).mean(axis=-2)
     return np.stack([mean, spread, squares, average], axis=-1)
+
+
+def position_rms(error: Array) -> float:
+    """Return the position rms over the finite rows of errors (P, 3 or more), m, in mm."""
+    squares = (error[:, :3] ** 2).sum(axis=1)
+    squares = squares[np.isfinite(squares)]
+    return float(1e3 * np.sqrt(squares.mean())) if len(squares) else float("nan")
 
 
 def over_robots(each: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from truepose.arguments import Array
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.faults.monitor import FaultMonitor, first
 from truepose.paper import article
+from truepose.paper.experiment import Progress
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.simulation.moves import default_move
@@ -94,16 +95,11 @@ def moves(robot: Robot, count: int, seed: int) -> list[Move]:
     ]
 
 
-def total_steps() -> int:
-    """Return how often `progress` will be called."""
-    return len(list(cases(0)))
-
-
 def study(
     robot: Robot,
     count: int,
     seed: int,
-    progress: Callable[[], None] = lambda: None,
+    progress: Progress = lambda done, total: None,
     truth: Robot | None = None,
 ) -> list[Line]:
     """Simulate every move with one faulty reading and no other error.
@@ -121,11 +117,7 @@ def study(
         return Line(names[number], *both)
 
     names = [name for name, _ in cases(0)]
-    lines = []
-    for found in each(line, range(len(names))):
-        lines.append(found)
-        progress()
-    return lines
+    return list(each(line, range(len(names)), progress))
 
 
 def _run(

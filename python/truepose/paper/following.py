@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,11 @@ import numpy as np
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.paper import article, experiment
-from truepose.paper.experiment import CONTROLS, Control
+from truepose.paper.experiment import CONTROLS, Control, Progress, of_every_kind
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Path, Waypoints
-from truepose.threads import each
 
 CENTRE, RADIUS = (0.0, 0.0, -0.4, 0.0), 0.05  #: m; the square's half side is the circle's radius
 _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
@@ -51,17 +49,12 @@ class Line:
         return float(np.median([getattr(one, name) for one in self.each]))
 
 
-def total_steps(robots: int, full: bool) -> int:
-    """Return how often `progress` will be called."""
-    return robots * (len(PATHS) * len(SPEEDS) * len(CASES) if full else len(SOME))
-
-
 def study(
     robot: Robot,
     robots: int,
     seed: int,
     full: bool = True,
-    progress: Callable[[], None] = lambda: None,
+    progress: Progress = lambda done, total: None,
 ) -> list[Line]:
     """Simulate true robots that follow paths ten times each, cold, with all effects.
 
@@ -81,8 +74,8 @@ def study(
         for law, calibrated in (CASES if full else SOME)
     ]
 
-    def judge(task: tuple[str, float, Law, bool, int]) -> PathAccuracy:
-        path, speed, law, calibrated, number = task
+    def judge(kind: tuple[str, float, Law, bool], number: int) -> PathAccuracy:
+        path, speed, law, calibrated = kind
         truth, believed = known[number]
         return path_accuracy(
             believed[law, calibrated],
@@ -94,12 +87,8 @@ def study(
             seed=number,
         )
 
-    tasks = [(*kind, number) for kind in kinds for number in range(robots)]
-    found = []
-    for judged in each(judge, tasks):
-        found.append(judged)
-        progress()
-    return [Line(*kind, found[k * robots : (k + 1) * robots]) for k, kind in enumerate(kinds)]
+    found = of_every_kind(judge, kinds, range(robots), progress)
+    return [Line(*kind, of_robots) for kind, of_robots in found]
 
 
 def drawn(robot: Robot, effects: Effects, seed: int, number: int) -> tuple[Robot, Believed]:

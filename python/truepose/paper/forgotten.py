@@ -7,7 +7,6 @@ Errors under the estimated law are computed from the true poses and from the vis
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,13 +18,18 @@ from truepose.control.effects import Effects
 from truepose.exceptions import PoseError
 from truepose.paper import article, experiment
 from truepose.paper.article import JITTER
-from truepose.paper.experiment import interval, over_robots
+from truepose.paper.experiment import (
+    Progress,
+    interval,
+    of_every_kind,
+    over_robots,
+    position_rms,
+)
 from truepose.paper.vision import Setup, Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.plants.dynamic import DynamicPlant
-from truepose.threads import each
 
 #: A PD whose loop is stable with all effects on.
 FREQUENCY, BANDWIDTH = 40.0, 300.0
@@ -73,32 +77,24 @@ def cases() -> dict[str, Effects]:
     return result | {f"all but {group}": whole.without(group) for group in Effects.groups()}
 
 
-def total_steps(robots: int) -> int:
-    """Return how often `progress` will be called."""
-    return len(cases()) * robots
-
-
 def study(
-    robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
+    robot: Robot, robots: int, seed: int, progress: Progress = lambda done, total: None
 ) -> list[Line]:
     """Run every case, in the order of :func:`cases`.
 
     `robot` is the nominal H4 with θ measured; `robots` true ones are sampled from the paper's
     errors with `seed`. `progress` is called after each robot of each case.
     """
-    truths = experiment.draw_robots(robot, robots, seed)
-    vision = Vision(Setup.facing(robot))
-    numbered = list(enumerate(truths))
+    vision, whole = Vision(Setup.facing(robot)), cases()
+
+    def one(case: str, numbered: tuple[int, Robot]) -> list[Array]:
+        return _one(robot, numbered[1], whole[case], vision, numbered[0])
+
     lines = []
-    for case, effects in cases().items():
-        found = []
-        for result in each(
-            lambda pair, effects=effects: _one(robot, pair[1], effects, vision, pair[0]), numbered
-        ):
-            found.append(result)
-            progress()
-        excluded = sum(int((~np.isfinite(e).all(axis=1)).sum()) for one in found for e in one[2:])
-        rms = [np.array([_rms(one[k]) for one in found]) for k in range(4)]
+    truths = list(enumerate(experiment.draw_robots(robot, robots, seed)))
+    for case, found in of_every_kind(one, whole, truths, progress):
+        excluded = sum(int(np.isnan(e).any(axis=1).sum()) for errors in found for e in errors[2:])
+        rms = [np.array([position_rms(errors[k]) for errors in found]) for k in range(4)]
         lines.append(Line(case, rms[0], rms[1], rms[2], rms[3], excluded))
     return lines
 
@@ -108,9 +104,7 @@ def _soft(law: Law) -> Controller:
     return replace(prompt, frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
 
 
-def _one(
-    robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int
-) -> tuple[Array, Array, Array, Array]:
+def _one(robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int) -> list[Array]:
     """Return errors of one robot, (P, 3) each, m: true usual and calibrated, then as measured."""
     table = article.table2()
     rng = np.random.default_rng(number)
@@ -128,13 +122,4 @@ def _one(
         nothing = np.full_like(usual.x, np.nan)
         calibrated = usual._replace(x=nothing, frame=np.full_like(usual.frame, np.nan))
     seen = [coordinates(robot, vision.measure(v.frame, number).frame) for v in (usual, calibrated)]
-    first, second, third, fourth = (
-        (x - judge)[:, :3] for x in (usual.x, calibrated.x, seen[0], seen[1])
-    )
-    return first, second, third, fourth
-
-
-def _rms(error: Array) -> float:
-    """Return the rms over the finite rows, mm."""
-    counted = error[np.isfinite(error).all(axis=1)]
-    return float(1e3 * np.sqrt((counted**2).sum(axis=-1).mean())) if len(counted) else float("nan")
+    return [(x - judge)[:, :3] for x in (usual.x, calibrated.x, *seen)]

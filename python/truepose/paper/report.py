@@ -7,6 +7,7 @@ import importlib.util
 import os
 import uuid
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,6 @@ from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
 from truepose.simulation.moves import MOVE_TO
 
-FIGURES = 11  #: figures of every report; one more with the warm-up
 PAGE = "report.html"
 #: File endings in the folder.
 _ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
@@ -59,13 +59,16 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
 
 
 def write(
-    result: Reproduction, out: Path, progress: Callable[[str], None] = lambda _: None
+    result: Reproduction,
+    out: Path,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> None:
     """Write report.html, the figures (SVG, PNG) and the numbers (CSV) into the folder `out`."""
     images = {}
-    for name, figure in _figures(result):
-        images[name] = _save(figure, out / name)
-        progress("figures")
+    drawn = _figures(result)
+    for done, (name, draw) in enumerate(drawn.items(), 1):
+        images[name] = _save(draw(), out / name)
+        progress("figures", done, len(drawn))
     numbers = [
         tables.verdicts(result),
         tables.one_robot(result),
@@ -125,20 +128,21 @@ def write(
     (out / PAGE).write_text(text, encoding="utf-8")
 
 
-def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
-    yield "robot", result.robot.plot()
-    for name, run in result.moves.items():
-        yield name, figures.move(run, result.moves.values())
-    yield "poses", figures.poses(result.experiment)
-    yield "ratios", figures.ratios(result.experiment)
-    yield "rest", figures.rest(result.robot, result.experiment)
+def _figures(result: Reproduction) -> dict[str, Callable[[], Figure]]:
+    """Return the function that draws each figure, by its name."""
+    moves, found, section = result.moves, result.experiment, result.section
+    drawn: dict[str, Callable[[], Figure]] = {"robot": result.robot.plot}
+    drawn |= {name: partial(figures.move, run, moves.values()) for name, run in moves.items()}
+    drawn["poses"] = partial(figures.poses, found)
+    drawn["ratios"] = partial(figures.ratios, found)
+    drawn["rest"] = partial(figures.rest, result.robot, found)
     if result.warm_up:
-        yield "warm_up_curves", figures.warm_up(result.warm_up)
-    yield "following", figures.following(result.following)
-    yield "faults", figures.faults(result.faults)
-    if result.section:
-        for plant, runs in result.section.runs.items():
-            yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
+        drawn["warm_up_curves"] = partial(figures.warm_up, result.warm_up)
+    drawn["following"] = partial(figures.following, result.following)
+    drawn["faults"] = partial(figures.faults, result.faults)
+    for plant, runs in section.runs.items() if section else ():
+        drawn[f"experiment-{plant.lower()}"] = partial(figures.twin_poses, runs)
+    return drawn
 
 
 def describe(of: twin.Twin) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,9 +11,10 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.paper import article, experiment, faulty, following, sensor_sets, twin, warm_up
 from truepose.paper.experiment import Experiment
-from truepose.robot.laws import LAWS, Law
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, load
 from truepose.simulation.simulate import Simulation, simulate
+from truepose.threads import each
 
 FAULTY_MOVES = 30  #: moves with faulty readings, in a report with statistics
 CHECKED_POSES = 12  #: poses of Table 2 simulated in the dynamics, per law and case
@@ -44,20 +46,10 @@ MOVES: dict[str, tuple[str, Law]] = {
 }
 
 
-def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
-    """Return how often `progress` will be called, at most."""
-    checks = 3 * len(LAWS) * CHECKED_POSES
-    studies = sensor_sets.total_steps(_real(robots, full))
-    studies += warm_up.total_steps(robots) if full else 0
-    studies += following.total_steps(_following(robots, full), full) + faulty.total_steps()
-    more = twin.total_steps(robots) if virtual else 0
-    return len(MOVES) + robots + checks + studies + more
-
-
 def reproduce(
     robots: int,
     seed: int,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
     virtual: bool = False,
     full: bool = False,
 ) -> Reproduction:
@@ -66,46 +58,33 @@ def reproduce(
     Then study self-calibration with sensor sets, path following, and sensor faults. True robots are
     sampled from the paper's errors; `seed` is that of all random numbers.
 
-    `progress` is called with the name of the present task after each step, see :func:`total_steps`.
+    `progress` is called with the name of the present task and the numbers of its finished and of
+    all its parts.
     `virtual` adds the virtual experiment of section 4 on the twin. `full` adds statistics: sensor
     sets over at least `paper.sensor_sets.ROBOTS` robots, calibrated robots that warm up, more paths
     and speeds, more moves with faults.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
-    moves = {}
-    for name, (_, law) in MOVES.items():
-        believed = robot
+
+    def at(what: str) -> experiment.Progress:
+        return functools.partial(progress, what)
+
+    def move(name: str) -> Simulation:
+        believed, truth = robot, robot if name == "figure-11" else truths[0]
         if name == "self-calibrated":
-            believed = experiment.self_calibrated(robot, truths[0], article.table2())
-        moves[name] = simulate(
-            believed, robot if name == "figure-11" else truths[0], article.control(law)
-        )
-        progress("the 0.2 s move")
-    result = experiment.run(robot, truths, progress=lambda: progress("625 poses, exact statics"))
+            believed = experiment.self_calibrated(robot, truth, article.table2())
+        return simulate(believed, truth, article.control(MOVES[name][1]))
+
+    moves = dict(zip(MOVES, each(move, MOVES, at("the 0.2 s move")), strict=True))
+    result = experiment.run(robot, truths, progress=at("625 poses, exact statics"))
     some = np.random.default_rng(seed).choice(article.table2(), CHECKED_POSES, replace=False)
-    check = experiment.dynamics_check(
-        robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
-    )
-    real = _real(robots, full)
-    sets = sensor_sets.compare(robot, real, seed, lambda: progress("sensor sets"))
-    warm = []
-    if full:
-        warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
-    lines = following.study(
-        robot, _following(robots, full), seed, full, lambda: progress("following paths")
-    )
-    moved = FAULTY_MOVES if full else 1
-    faults = faulty.study(robot, moved, seed, lambda: progress("faulty readings"))
+    check = experiment.dynamics_check(robot, truths[0], some, at("some poses in the dynamics"))
+    real = max(robots, sensor_sets.ROBOTS) if full else 1
+    sets = sensor_sets.compare(robot, real, seed, at("sensor sets"))
+    warm = warm_up.study(robot, robots, seed, progress=at("warming up")) if full else []
+    followers = min(robots, following.ROBOTS) if full else 1
+    lines = following.study(robot, followers, seed, full, at("following paths"))
+    faults = faulty.study(robot, FAULTY_MOVES if full else 1, seed, at("faulty readings"))
     section = twin.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, lines, faults, section)
-
-
-def _real(robots: int, full: bool) -> int:
-    """Return the number of robots for each sensor set."""
-    return max(robots, sensor_sets.ROBOTS) if full else 1
-
-
-def _following(robots: int, full: bool) -> int:
-    """Return the number of robots that follow paths."""
-    return min(robots, following.ROBOTS) if full else 1

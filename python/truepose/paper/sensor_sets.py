@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +9,17 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.paper import article, experiment
-from truepose.paper.experiment import Control, over_robots, rms_interval
+from truepose.paper.experiment import (
+    Control,
+    Progress,
+    of_every_kind,
+    over_robots,
+    position_rms,
+    rms_interval,
+)
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
-from truepose.threads import each
+from truepose.simulation.equilibrium import steady_state
 
 #: Sensors of the H4's file that are added to its motors.
 SETS: dict[str, tuple[str, ...]] = {
@@ -69,43 +75,37 @@ def tolerances(robot: Robot) -> dict[str, Robot]:
     }
 
 
-def total_steps(robots: int) -> int:
-    """Return how often `progress` will be called."""
-    return 2 * len(SETS) * robots
-
-
 def compare(
-    robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
+    robot: Robot, robots: int, seed: int, progress: Progress = lambda done, total: None
 ) -> list[Line]:
     """Compute steady states of robots sampled from the tolerances, per control and sensor set.
 
     `robot` is the H4 with the sensors of `SETS` in its file. Each set has the same `robots` true
-    robots, each rod sampled on its own. `progress` is called after each robot.
+    robots, each rod sampled on its own. `progress` is called after each robot of each set.
     """
     visited = article.table2()
     poses = visited[::EVERY]
+    kinds = {
+        (name, label): nominal.with_sensors(*sensors)
+        for name, nominal in tolerances(robot).items()
+        for label, sensors in SETS.items()
+    }
+
+    def errors(
+        kind: tuple[str, str], numbered: tuple[int, np.random.SeedSequence]
+    ) -> dict[Control, float]:
+        drawn, (number, source) = kinds[kind], numbered
+        truth = drawn.sample(source).with_level(drawn.highest_level)
+        found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)
+        return {control: position_rms(x - poses) for control, x in found.items()}
+
     lines = []
-    for name, nominal in tolerances(robot).items():
-        for label, sensors in SETS.items():
-            drawn = nominal.with_sensors(*sensors)
-
-            def errors(
-                numbered: tuple[int, np.random.SeedSequence], drawn: Robot = drawn
-            ) -> dict[Control, Array]:
-                number, source = numbered
-                truth = drawn.sample(source).with_level(drawn.highest_level)
-                found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)
-                return {control: (x - poses)[:, :3] for control, x in found.items()}
-
-            found = []
-            sources = np.random.SeedSequence(seed).spawn(robots)
-            for result in each(errors, enumerate(sources)):
-                found.append(result)
-                progress()
-            of_robots = {c: np.array([_rms(result[c]) for result in found]) for c in CONTROLS}
-            P = accuracy(drawn, poses, calibrated_on=visited)
-            bound = float(1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean()))
-            lines.append(Line(name, label, of_robots, bound))
+    sources = list(enumerate(np.random.SeedSequence(seed).spawn(robots)))
+    for kind, found in of_every_kind(errors, kinds, sources, progress):
+        of_robots = {c: np.array([rms[c] for rms in found]) for c in CONTROLS}
+        P = accuracy(kinds[kind], poses, calibrated_on=visited)
+        bound = float(1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean()))
+        lines.append(Line(*kind, of_robots, bound))
     return lines
 
 
@@ -118,11 +118,5 @@ def promised(robot: Robot, line: Line, seed: int, robots: int = 100) -> float:
     usual = []
     for source in np.random.SeedSequence(seed).spawn(robots):
         truth = robot.sample(source).with_level(robot.highest_level)
-        usual.append(
-            _rms((experiment.rest(robot, truth, poses, None, ["joint"])["joint"] - poses)[:, :3])
-        )
+        usual.append(position_rms(steady_state(robot, truth, poses, "joint") - poses))
     return line.bound / float(over_robots(np.array(usual)))
-
-
-def _rms(error: Array) -> float:
-    return float(1e3 * np.sqrt((error**2).sum(axis=-1).mean()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib.util
 import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -115,17 +114,10 @@ class Section:
     forgotten: list[Line]  #: effects on calibration
 
 
-def total_steps(robots: int) -> int:
-    """Return how often `progress` will be called."""
-    there = [name for name in PLANTS if name == "exact" or importlib.util.find_spec("mujoco")]
-    steps = sum(virtual_experiment.total_steps(PLANTS[name]) for name in there)
-    return steps + forgotten.total_steps(min(robots, forgotten.ROBOTS))
-
-
-def run(progress: Callable[[str], None], robots: int, seed: int) -> Section:
+def run(progress: Callable[[str, int, int], None], robots: int, seed: int) -> Section:
     """Carry out the experiment on the shipped twin under every control, on all installed plants.
 
-    `progress` is called with the name of the present task after each step, see :func:`total_steps`.
+    `progress` is that of :func:`truepose.paper.reproduce.reproduce`.
     :func:`truepose.paper.forgotten.study` has `robots` robots of this `seed`, at most
     `forgotten.ROBOTS`.
     """
@@ -153,5 +145,6 @@ def run(progress: Callable[[str], None], robots: int, seed: int) -> Section:
         for name, plant in plants.items()
     }
     few = min(robots, forgotten.ROBOTS)
-    lines = forgotten.study(robot, few, seed, lambda: progress("effects that the model omits"))
+    step = functools.partial(progress, "effects that the model omits")
+    lines = forgotten.study(robot, few, seed, step)
     return Section(of, runs, notes, lines)

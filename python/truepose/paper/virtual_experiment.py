@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -13,7 +14,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.writing import Column, numbered, pose, readings
 from truepose.paper import article, experiment
-from truepose.paper.experiment import CONTROLS, Control
+from truepose.paper.experiment import CONTROLS, Control, Progress
 from truepose.paper.vision import Seen, Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import require_sensors
@@ -88,9 +89,9 @@ def run(
     robot: Robot,
     vision: Vision,
     poses: Array | None = None,
-    controls: Iterable[Control] = ("joint", "tej"),
+    controls: Sequence[Control] = ("joint", "tej"),
     seed: int = 0,
-    progress: Callable[[], None] = lambda: None,
+    progress: Progress = lambda done, total: None,
 ) -> dict[Control, Run]:
     """Carry out the experiment under some controls.
 
@@ -106,9 +107,15 @@ def run(
         raise InputError(f"{robot.name}: mobility must be schoenflies (x, y, z and θ)")
     require_sensors(robot, "tej")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
+    total = len(poses) * (len(controls) + ("self-calibrated" in controls))
+    count = itertools.count(1)
+
+    def visit(believed: Robot, x_d: Array, control: Control) -> Visit:
+        law = article.control(CONTROLS[control])
+        return plant.visit(believed, x_d, law, lambda: progress(next(count), total))
 
     def learnt() -> Robot:
-        taught = plant.visit(robot, article.offset(poses, seed), article.control("joint"), progress)
+        taught = visit(robot, article.offset(poses, seed), "joint")
         return calibrate(robot, taught.q_e[taught.status == "ok"], loss="squares").robot
 
     result: dict[Control, Run] = {}
@@ -116,10 +123,9 @@ def run(
         if control not in CONTROLS:
             raise InputError(choose("control", control, CONTROLS))
         believed = experiment.believed(control, robot, learnt)
-        visit = plant.visit(believed, poses, article.control(CONTROLS[control]), progress)
-        result[control] = observe(
-            control, believed, poses, visit, vision.measure(visit.frame, seed)
-        )
+        visited = visit(believed, poses, control)
+        seen = vision.measure(visited.frame, seed)
+        result[control] = observe(control, believed, poses, visited, seen)
     return result
 
 
@@ -148,8 +154,3 @@ def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Arr
     if control in ("tej", "cartesian"):
         return believed.redundant_fkm(q_e, errors="nan")
     return believed.estimate(q_e, guess=poses, errors="nan").x
-
-
-def total_steps(controls: Iterable[Control], poses: int = 625) -> int:
-    """Return how often `progress` will be called."""
-    return sum(poses * (2 if control == "self-calibrated" else 1) for control in controls)

@@ -144,8 +144,8 @@ class CameraCalibration(NamedTuple):
 
     cameras: Cameras  #: estimated
     covariance: Array  #: (7 K, 7 K)
-    residuals: Array  #: (seen points,) of u, pixels
-    freedoms: float  #: degrees of freedom of their sum of squares over noise²
+    residuals: Array  #: (K points,) of u, whitened; 0 where a camera does not see the point
+    freedoms: float  #: degrees of freedom of their sum of squares
 
 
 class Seen(NamedTuple):
@@ -286,25 +286,23 @@ def _nominal(setup: Setup) -> Cameras:
 def _calibrate(
     start: Cameras, sigma: Array, nominal: Array, u: Array, seen: Array, setup: Setup
 ) -> CameraCalibration:
-    """Bundle adjustment by Gauss-Newton: cameras and the artefact's points, each with its prior.
+    """Fit the cameras by Gauss-Newton, with priors; the points' errors are noise of the readings.
 
-    Unknowns are in units of their priors' σ, readings in units of the noise.
+    Unknowns are in units of their priors' σ. Each point's readings are whitened by the covariance
+    of pixels and point.
     """
-    count, own = len(nominal), CAMERAS * _PARAMETERS
-    unknown = np.zeros(own + 3 * count)
-    J = np.zeros((count, CAMERAS, unknown.size))
+    unknown, own = np.zeros(CAMERAS * _PARAMETERS), np.arange(CAMERAS)
+    J = np.zeros((len(nominal), CAMERAS, CAMERAS, _PARAMETERS))
     for _ in range(_ITERATIONS):
-        cameras = start.moved(unknown[:own].reshape(CAMERAS, -1) * sigma)
-        points = nominal + unknown[own:].reshape(-1, 3) * setup.artefact_tolerance
-        by_camera, by_point = cameras.by_parameter(points) * sigma, cameras.by_point(points)
-        for k in range(CAMERAS):
-            J[:, k, _PARAMETERS * k : _PARAMETERS * (k + 1)] = by_camera[:, k]
-        for p in range(count):
-            J[p, :, own + 3 * p : own + 3 * p + 3] = by_point[p] * setup.artefact_tolerance
-        residual = (u - cameras.project(points))[seen]
-        rows = J[seen] / setup.noise
+        cameras = start.moved(unknown.reshape(CAMERAS, -1) * sigma)
+        shaken = cameras.by_point(nominal) * setup.artefact_tolerance * seen[..., None]
+        noise = setup.noise**2 * np.eye(CAMERAS) + shaken @ np.swapaxes(shaken, 1, 2)
+        white = np.linalg.inv(np.linalg.cholesky(noise))
+        J[:, own, own] = cameras.by_parameter(nominal) * sigma * seen[..., None]
+        rows = (white @ J.reshape(len(nominal), CAMERAS, -1)).reshape(-1, unknown.size)
+        residual = (white @ ((u - cameras.project(nominal)) * seen)[..., None]).ravel()
         information = rows.T @ rows + np.eye(unknown.size)
-        step = np.linalg.solve(information, rows.T @ residual / setup.noise - unknown)
+        step = np.linalg.solve(information, rows.T @ residual - unknown)
         unknown += step
         if np.abs(step).max() < 1e-8:
             break
@@ -312,8 +310,7 @@ def _calibrate(
     # Degrees of freedom: readings − the trace of each unknown's information, 1 - posterior/prior.
     freedoms = float(seen.sum() - (unknown.size - np.trace(inverse)))
     every = np.tile(sigma, CAMERAS)
-    covariance = inverse[:own, :own] * np.outer(every, every)
-    return CameraCalibration(cameras, covariance, residual, freedoms)
+    return CameraCalibration(cameras, inverse * np.outer(every, every), residual, freedoms)
 
 
 def _triangulated(cameras: Cameras, u: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,11 +14,11 @@ from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
 from truepose.paper import article
 from truepose.paper.article import JITTER
+from truepose.paper.experiment import Progress, of_every_kind, position_rms
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
-from truepose.threads import each
 
 Method = Literal["frozen", "tej", "weighted", "online"]
 
@@ -59,17 +58,12 @@ class WarmUp:
         return np.sqrt((self.estimated**2).mean(axis=0) / (self.bound**2).mean(axis=0))
 
 
-def total_steps(robots: int) -> int:
-    """Return how often `progress` will be called."""
-    return len(SETS) * min(robots, ROBOTS)
-
-
 def study(
     robot: Robot,
     robots: int,
     seed: int,
     effects: Effects | None = None,
-    progress: Callable[[], None] = lambda: None,
+    progress: Progress = lambda done, total: None,
 ) -> list[WarmUp]:
     """Warm up robots that were perfectly calibrated when cold; compare the methods' errors.
 
@@ -82,29 +76,22 @@ def study(
     """
     effects = (Effects() if effects is None else effects).only("thermal", "quantization")
     times = np.linspace(0, 1.5 * effects.warm_up_time, STEPS + 1)
+
+    def one(label: str, number: int) -> Array:
+        source = np.random.SeedSequence(seed, spawn_key=(number,))
+        return _one(robot.with_sensors(*SETS[label]), source, effects, times)
+
     results = []
-    for label, sensors in SETS.items():
-        drawn = robot.with_sensors(*sensors)
-        sources = np.random.SeedSequence(seed).spawn(min(robots, ROBOTS))
-        rms: dict[Method, list[Array]] = {method: [] for method in METHODS}
-        estimates, bounds = [], []
-        for errors, estimated, bound in each(
-            lambda source, drawn=drawn: _one(drawn, source, effects, times), sources
-        ):
-            for method in METHODS:
-                rms[method].append(errors[method])
-            estimates.append(estimated)
-            bounds.append(bound)
-            progress()
-        found = {method: np.array(values) for method, values in rms.items()}
-        results.append(WarmUp(label, times / 3600, found, *map(np.array, (estimates, bounds))))
+    numbers = range(min(robots, ROBOTS))
+    for label, found in of_every_kind(one, SETS, numbers, progress):
+        *rms, estimated, bound = np.moveaxis(np.array(found), -1, 0)
+        of_methods = dict(zip(METHODS, rms, strict=True))
+        results.append(WarmUp(label, times / 3600, of_methods, estimated, bound))
     return results
 
 
-def _one(
-    drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array
-) -> tuple[dict[Method, Array], Array, Array]:
-    """Return rms errors of one robot per method, of `online`'s estimates, and their bound."""
+def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array) -> Array:
+    """Return one robot's rms errors, (T, 6): per method, of `online`'s estimates; their bound."""
     cold = drawn.with_level(drawn.highest_level).sample(source)
     known = _calibrated(drawn, cold, np.zeros((0, 0)))
     growth = effects.growth(cold)
@@ -117,24 +104,22 @@ def _one(
     believed = {"frozen": known, "tej": known, "weighted": _calibrated(drawn, cold, modes)}
     rng = np.random.default_rng(source.spawn(1)[0])
     table = article.table2()
-    rms: dict[Method, list[float]] = {method: [] for method in METHODS}
-    estimated, bound = [], []
+    rows = []
     for time in times:
         true = effects.geometry(cold, time)
         poses = table[rng.choice(len(table), POSES, replace=False)]
         poses = poses + rng.uniform(-JITTER, JITTER, poses.shape)
-        believed["online"] = online.robot
+        believed["online"] = learnt = online.robot
+        row = []
         for method, law in METHODS.items():
             x = steady_state(believed[method], true, poses, law)
-            rms[method].append(_rms(((x - poses)[:, :3] ** 2).sum(axis=1)))
+            row.append(position_rms(x - poses))
         readings = true.read(x, seed=int(rng.integers(2**32)))
-        off = believed["online"].estimate(readings).x - x
-        estimated.append(_rms((off[:, :3] ** 2).sum(axis=1)))
-        P = accuracy(online.robot, poses)
-        bound.append(_rms(np.trace(P[:, :3, :3], axis1=1, axis2=2)))
+        P = accuracy(learnt, poses)
+        bound = 1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
+        rows.append([*row, position_rms(learnt.estimate(readings).x - x), bound])
         online.observe(readings)
-    errors = {method: np.array(values) for method, values in rms.items()}
-    return errors, np.array(estimated), np.array(bound)
+    return np.array(rows)
 
 
 def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
@@ -147,7 +132,3 @@ def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
     values = {name: cold.parameters[name].value for name in names}
     learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
     return learnt.with_level(drawn.highest_level)
-
-
-def _rms(squares: Array) -> float:
-    return float(1e3 * np.sqrt(squares.mean()))

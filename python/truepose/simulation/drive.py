@@ -35,7 +35,7 @@ _STEPS, _RINGING = 2, 1.0  #: least per period, and largest phase of a rotor's r
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Settings:
     """Settings of a run, see :func:`truepose.simulate`."""
 

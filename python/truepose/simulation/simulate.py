@@ -309,17 +309,7 @@ def simulate(
         usual = default_move(robot)
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
-    settings = Settings(
-        duration=duration,
-        hold=hold,
-        steps=steps,
-        seed=seed,
-        effects=effects,
-        time=time,
-        learn=learn,
-        faults=faults,
-        watch=watch,
-    )
+    settings = Settings(duration, hold, steps, seed, effects, time, learn, faults, watch)
     drive = begin(robot, truth, controller, ("start", start), settings)
     if law is None and callable(controller.law):
         law = Torques(controller, robot, drive.origin[: robot.n])

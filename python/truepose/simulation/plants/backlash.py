@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from truepose.arguments import Array
 
 TOLERANCE = 1e-12  #: of the tool's angle, rad
-_ITERATIONS = 100
 
 
 def follow(lowest: Array, highest: Array, start: float) -> tuple[Array, Array]:
@@ -42,32 +39,3 @@ def follow(lowest: Array, highest: Array, start: float) -> tuple[Array, Array]:
         tools.append(last)
         ends.append(found)
     return np.array(tools), np.array(ends)
-
-
-def crossing(f: Callable, left: Array, right: Array, at_left: Array, at_right: Array) -> Array:
-    """Find zeros of N functions, (N,), by false position (Illinois).
-
-    f(which, a) are the values of the functions with indices `which` at a, NaN where undefined.
-    `left` and `right`, (N,), bracket the zeros, with values `at_left`, `at_right` of opposite
-    signs. The result has |f| of at most `TOLERANCE`; NaN where f was undefined on the way.
-    Convergence is certain for continuous functions, superlinear for smooth ones.
-    """
-    ends, values = np.stack([left, right]), np.stack([at_left, at_right])
-    found, which, before = np.full(len(left), np.nan), np.arange(len(left)), np.full(len(left), -1)
-    for _ in range(_ITERATIONS):
-        width = values[1] - values[0]
-        flat = np.abs(width) <= TOLERANCE  # any point is a zero: the middle
-        share = np.where(flat, 0.5, -values[0] / np.where(flat, 1.0, width))
-        a = ends[0] + share * (ends[1] - ends[0])
-        value = f(which, a)
-        there = np.abs(value) <= TOLERANCE
-        found[which[there]] = a[there]
-        moved = (np.sign(value) == np.sign(values[1])).astype(int)  # the end that a replaces
-        own = np.arange(len(a))
-        values[1 - moved, own] *= np.where(moved == before, 0.5, 1.0)
-        ends[moved, own], values[moved, own] = a, value
-        going = np.isfinite(value) & ~there
-        which, before, ends, values = which[going], moved[going], ends[:, going], values[:, going]
-        if which.size == 0:
-            break
-    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.optimize.elementwise import find_root
 
 from truepose import _core
 from truepose.arguments import Array, Level, check_seed
@@ -136,12 +137,15 @@ class ExactPlant:
         x = np.where(at_high[:, None], high, low)
         stays = np.flatnonzero(end == 0)
         if stays.size:
-            ahead[stays] = backlash.crossing(  # type: ignore[call-arg]
-                lambda which, a: rest(stays[which], a)[0][:, -1] + a - tool[stays[which]],
-                *np.repeat(sides[:, None], stays.size, axis=1),
-                lowest[stays] - tool[stays],
-                highest[stays] - tool[stays],
+            found = find_root(
+                lambda a, pose: rest(pose, a)[0][:, -1] + a - tool[pose],
+                tuple(np.repeat(sides[:, None], stays.size, axis=1)),
+                args=(stays,),
+                tolerances={"fatol": backlash.TOLERANCE},
             )
+            ahead[stays] = np.where(found.success, found.x, np.nan)
+            same = np.abs(highest - lowest) <= backlash.TOLERANCE
+            ahead[(end == 0) & same] = 0.0  # any lead is a zero: the middle
             x[stays], status[stays] = rest(stays, ahead[stays])
         return x, ahead, status
 
