@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Errors, Level
 from truepose.exceptions import InputError
 from truepose.robot import compliance
 from truepose.robot.kinematics import Kinematics
@@ -29,6 +31,19 @@ def uncertain(robot: Kinematics) -> list[str]:
 def learnable(robot: Kinematics) -> list[str]:
     """Return the names that a calibration identifies: of :func:`uncertain`, then compliances."""
     return [*uncertain(robot), *compliance.unknown(robot)]
+
+
+def linearized(
+    robot: Kinematics,
+    x: ArrayLike,
+    names: Sequence[str],
+    errors: Errors = "raise",
+    level: Level | None = None,
+) -> tuple[Array, Array]:
+    """Return H_x and these parameters' columns of H_ξ, as of :meth:`Robot.linearize`."""
+    every = list(robot.parameters)
+    H_x, H_xi = robot.linearize(x, errors, level)
+    return H_x, H_xi[..., [every.index(name) for name in names]]
 
 
 def root(robot: Kinematics, names: list[str]) -> Array:
@@ -105,9 +120,8 @@ def model_error(robot: Kinematics) -> Array:
     if not errors or box is None:
         return np.zeros(robot.n + robot.r)
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
-    names = list(robot.parameters)
-    at = [names.index(name) for name in errors]
-    full, ideal = (robot.linearize(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
+    levels: tuple[Level, ...] = ("full", "ideal")
+    full, ideal = (linearized(robot, poses, [*errors], "nan", level)[1] for level in levels)
     off = (full - ideal) * np.array(list(errors.values()))
     return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
 

@@ -24,6 +24,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.calibrate import calibrate
 from truepose.calibration.differences import (
     Difference,
     Differences,
@@ -31,8 +32,7 @@ from truepose.calibration.differences import (
     PlaneContacts,
 )
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to
-from truepose.calibration.learnt import Learnt, calibration_of
+from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError, PoseError
 from truepose.integrations.klipper.criterion import ARMS, directions, fit
 from truepose.integrations.klipper.model import Model
@@ -207,7 +207,7 @@ def knowing(model: Model, p: Array, covariance: Array, source: str) -> Robot:
     if not np.isfinite(whole).all():
         raise UnfitError("an arm does not reach the middle at its endstop")
     values = dict(zip(model.parameters, model.xi(p).tolist(), strict=True))
-    return model.bare.with_calibration(calibration_of(values, np.linalg.cholesky(whole), source))
+    return calibrated(model.bare, values, np.linalg.cholesky(whole), source)
 
 
 def _differences(readings: Readings, assumed: Assumed) -> list[Difference]:
@@ -235,7 +235,7 @@ def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -
     """Return the maximum a posteriori estimate; UnfitError if a reading's pose is unreachable."""
     steps = np.concatenate([readings.height_steps, readings.distance_steps.reshape(-1, 3)])
     try:
-        found = fit_to(
+        found = calibrate(
             known.robot,
             -steps * model.step,
             level="ideal",
