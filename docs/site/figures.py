@@ -15,7 +15,7 @@ from truepose.integrations.klipper import assessment
 from truepose.integrations.klipper import figures as of_printer
 from truepose.integrations.klipper.config import Config
 from truepose.paper import article, faulty, figures, following, with_paper_errors
-from truepose.show.colours import COLOURS
+from truepose.robot.parts import COLOURS
 from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
 

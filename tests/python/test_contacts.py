@@ -310,7 +310,7 @@ def test_spoiled_files_are_a_calibration_or_one_line(tmp_path, rng, count):
             differences = between.of(robot, log)
             log, findings = log_checks.check(robot, log, measurements(differences))
             if not any(finding.refused for finding in findings):
-                fit = fit_to(robot, log.readings, differences=differences, loss="student")
+                fit = fit_to(robot, log, differences=differences, loss="student")
                 assert np.isfinite(fit.covariance).all()
         except tp.TrueposeError as error:
             refused += 1

@@ -105,10 +105,8 @@ def test_a_robot_with_effects_rests_as_calmly_as_on_its_motors_alone(camera):
 
 def test_gains_count_a_late_sensor_as_what_the_motors_say(camera):
     x, effects = camera.home, Effects().only("delay")
-    prompt, slow = (
-        plants(r, [x], "estimated", effects, 1e-3)[0] for r in (timed(camera, 0, 0), camera)
-    )
-    joint = plants(camera, [x], "joint", effects, 1e-3)[0]
+    prompt, slow = (plants(r, [x], "estimated", effects)[0] for r in (timed(camera, 0, 0), camera))
+    joint = plants(camera, [x], "joint", effects)[0]
     np.testing.assert_allclose(slow.E[:, 4:], 0)
     # Of a rigid robot all laws see the motors' error in readings that agree.
     z = np.exp(1j * np.array([0.01, 0.1, 1.0]))

@@ -10,7 +10,7 @@ import truepose as tp
 from truepose import robotfile
 from truepose.control import gains
 from truepose.control.effects import Effects
-from truepose.control.linear import Gains, plants
+from truepose.control.linear import ControllerSettings, plants
 from truepose.control.loci import Responses, worst
 from truepose.simulation.moves import default_move
 
@@ -19,8 +19,8 @@ from truepose.simulation.moves import default_move
 @pytest.mark.parametrize("groups", [["delay"], ["compliance"], ["delay", "compliance"]])
 def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups):
     robot, effects = h4.without_quantization(), Effects().only(*groups)
-    loop = Responses(plants(robot, [robot.home], law, effects, 1e-3))
-    margin = loop.common(Gains(40, 300))[0].more
+    loop = Responses(plants(robot, [robot.home], law, effects))
+    margin = loop.common(ControllerSettings(frequency=40, velocity_bandwidth=300))[0].more
     late = []
     for share in (0.93, 1.07):  # gains times k: poles times √k, damping times √k
         root = np.sqrt(share * margin)
@@ -42,12 +42,9 @@ def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups)
 
 
 def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_between(h4):
-    loop = Responses(plants(h4, [h4.home], "tej", Effects().only("delay"), 1e-3))
-    poles = next(
-        found
-        for found in (Gains(f, 10 * f) for f in range(60, 150))
-        if 2.2 < loop.common(found)[0].delay < 2.8
-    )
+    loop = Responses(plants(h4, [h4.home], "tej", Effects().only("delay")))
+    asked = [ControllerSettings(frequency=f, velocity_bandwidth=10 * f) for f in range(60, 150)]
+    poles = next(found for found in asked if 2.2 < loop.common(found)[0].delay < 2.8)
     radius = []
     for more in (2, 3):
         late = replace(loop.plants[0], late=1 + more)
@@ -56,10 +53,10 @@ def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_bet
 
 
 def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
-    chosen, _ = gains.choose(h4, "tej", Effects(), 1e-3)
-    found = gains.responses(h4, "tej", Effects(), 1e-3)
+    chosen = gains.choose(h4, "tej", Effects(), ControllerSettings())
+    found = Responses(plants(h4, gains.poses(h4), "tej", Effects()))
     assert len(found.plants) == 17 and found.stable(chosen).all()
-    of_each = sum(found.alone(chosen) + found.torques(chosen), found.common(chosen))
+    of_each = sum(found.alone(chosen), found.common(chosen))
     assert gains.kept(worst(of_each))
 
 
@@ -98,7 +95,8 @@ def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, p
 
 
 def test_less_damping_is_stiffer_at_the_same_limit_cycle(h4):
-    soft, stiff = (gains.choose(h4, "joint", Effects(), 1e-3, damping)[0] for damping in (1, 0.55))
+    damped = (ControllerSettings(damping=damping) for damping in (1, 0.55))
+    soft, stiff = (gains.choose(h4, "joint", Effects(), rest) for rest in damped)
     assert stiff.frequency > 1.2 * soft.frequency
 
 
@@ -116,9 +114,9 @@ def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
 
 @pytest.mark.parametrize("law", ["joint", "tej"])
 def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
-    chosen, _ = gains.choose(h4, law, Effects(), 1e-3)
+    chosen = gains.choose(h4, law, Effects(), ControllerSettings())
     run = tp.simulate(h4, controller=law, effects=Effects(), hold=0.8)
-    loop = Responses(plants(h4, [run.x_d[-1]], law, Effects(), 1e-3))
+    loop = Responses(plants(h4, [run.x_d[-1]], law, Effects()))
     predicted = loop.dither(chosen, h4.reading_sigma).max()
     # Counts at rest are no white noise: a loop hunts by one.
     assert 0.5 < run.torque[-200:].std(axis=0).max() / predicted < 3
@@ -153,26 +151,25 @@ def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):
 def test_margins_are_those_of_the_loops_that_they_name(h4):
     controller = tp.Controller(frequency=40, velocity_bandwidth=300)
     found = tp.control.stability_margins(h4, controller, poses=[h4.home])
-    loop = Responses(plants(h4, [h4.home], "tej", Effects(), 1e-3))
-    asked = Gains(40, 300)
+    loop = Responses(plants(h4, [h4.home], "tej", Effects()))
+    asked = ControllerSettings(frequency=40, velocity_bandwidth=300)
     assert list(found.loops) == ["all motors", *(f"motor {i}" for i in "1234"), *h4.readings]
     assert found.loops["all motors"] == loop.common(asked)
-    assert found.worst("motor 3") == loop.torques(asked)[0][2]
-    assert found.worst("theta") == loop.alone(asked)[0][4]
+    assert found.worst("motor 3") == loop.alone(asked)[0][2]
+    assert found.worst("theta") == loop.alone(asked)[0][h4.n + 4]
     assert found.stable.tolist() == [True]
 
 
 def test_a_sensor_alone_may_be_so_much_stronger(h4):
     # The sensor's own loop: its gain in the law times k, all other readings' as they are.
-    found = tp.control.stability_margins(
-        h4, tp.Controller(frequency=40, velocity_bandwidth=300), poses=[h4.home]
-    )
-    margin, plant = found.worst("theta").more, plants(h4, [h4.home], "tej", Effects(), 1e-3)
+    asked = tp.Controller(frequency=40, velocity_bandwidth=300)
+    found = tp.control.stability_margins(h4, asked, poses=[h4.home])
+    margin, plant = found.worst("theta").more, plants(h4, [h4.home], "tej", Effects())
     radius = []
     for share in (0.98, 1.02):
         E = plant[0].E.copy()
         E[:, 4] *= share * margin
-        closed = replace(plant[0], E=E).closed(Gains(40, 300))
+        closed = replace(plant[0], E=E).closed(asked)
         radius.append(abs(np.linalg.eigvals(closed)).max())
     assert radius[0] < 1 < radius[1]
 

@@ -95,7 +95,7 @@ def test_calibration_of(kept, case):
     elif case == "loads":
         options = {"loads": of.Payloads(force=np.tile([0, 0, -20.0], (20, 1)))}
     elif case == "homings":
-        options = {"influences": of.homings(h4, np.repeat([0, 1], 10), 0.01), "loss": "student"}
+        options = {"homing": (np.repeat([0, 1], 10), 0.01), "loss": "student"}
     elif case == "rehomed":
         h4 = of.rehomed(tp.calibrate(h4, truth.read(some(h4, 30, 7), seed=7)).robot, 0.02)
     fit = tp.calibrate(h4, q_e, **options)

@@ -2,7 +2,7 @@
 
 from truepose.calibration.differences import DistanceMeasurements, PlaneContacts, RepeatedPoses
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import NuisanceParameter, homings, rehomed
+from truepose.calibration.influences import NuisanceParameter, rehomed
 from truepose.calibration.registration import Registration
 from truepose.calibration.zeroing import Zeroing, zero
 from truepose.robot.compliance import Payloads
@@ -16,7 +16,6 @@ __all__ = [
     "Registration",
     "RepeatedPoses",
     "Zeroing",
-    "homings",
     "rehomed",
     "zero",
 ]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.differences import Difference, assemble
+from truepose.calibration.learnt import calibrated
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
@@ -147,63 +148,62 @@ def accuracy(
     """
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
-    model = robot.expected()
     level = robot.highest_level if level is None else level
-    full = model.is_full(level)
-    rows, lead = flattened(model, poses, model.n, "poses", errors)
-    known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
-    nowhere = np.zeros((0, model.n))
-
-    def bound(
-        at: Array, lead: tuple[int, ...], errors: Errors, name: str, reference: Array = nowhere
-    ) -> Array:
-        influence = compliance.acting(model, np.vstack([at, reference]), full)
-        P, status, chain = _core.accuracy(model.core, known.core, at, reference, full, influence)
-        require_answers(model, "pose", at, lead, status, chain, errors, name)
-        return P.reshape(*lead, model.n, model.n)
+    rows, lead = flattened(robot, poses, robot.n, "poses", errors)
+    nowhere = np.zeros((0, robot.n))
 
     def one(pose: ArrayLike | None, name: str) -> Array:
         if pose is None:
             return nowhere
-        at, shape = flattened(model, pose, model.n, name, "raise")
+        at, shape = flattened(robot, pose, robot.n, name, "raise")
         if shape:
-            raise InputError(f"{name}: shape {np.shape(pose)}, must be ({model.n},)")
-        bound(at, (), "raise", name)
+            raise InputError(f"{name}: shape {np.shape(pose)}, must be ({robot.n},)")
+        _bound(robot, at, (), level, model_error, "raise", name)
         return at
 
     touched, reference = one(reference_pose, "reference_pose"), one(relative_to, "relative_to")
     sigma = reference_sigmas(robot, reference_sigma)
+    learnt = robot
     if calibrated_on is not None or reference_pose is not None:
         given = nowhere if calibrated_on is None else calibrated_on
-        visited, shape = flattened(model, given, model.n, "calibrated_on", "raise")
-        root, status = after_visiting(
-            robot, visited, level, model_error, touched, sigma, differences
-        )
-        if status:  # raises for the pose concerned
-            bound(visited, shape, "raise", "calibrated_on")
-            raise PoseError(
-                f"{robot.name}: model_error: {_core.describe(status)} at the full level"
-            )
-        known = knowledge.knowledge(robot, root, level=level, error=model_error, stretches=True)
-    P = bound(rows, lead, errors, "poses", reference)
+        learnt = after_visiting(robot, given, level, model_error, touched, sigma, differences)
+    P = _bound(learnt, rows, lead, level, model_error, errors, "poses", reference)
     state = state_of(calibrated_on, reference_pose)
-    return Accuracy(P, robot=robot, poses=rows.reshape(*lead, model.n), state=state)
+    return Accuracy(P, robot=robot, poses=rows.reshape(*lead, robot.n), state=state)
+
+
+def _bound(
+    robot: Robot,
+    at: Array,
+    lead: tuple[int, ...],
+    level: Level,
+    model_error: bool,
+    errors: Errors,
+    name: str,
+    reference: Array | None = None,
+) -> Array:
+    model, full = robot.expected(), robot.is_full(level)
+    known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
+    reference = at[:0] if reference is None else reference
+    influence = compliance.acting(model, np.vstack([at, reference]), full)
+    P, status, chain = _core.accuracy(model.core, known.core, at, reference, full, influence)
+    require_answers(model, "pose", at, lead, status, chain, errors, name)
+    return P.reshape(*lead, model.n, model.n)
 
 
 def after_visiting(
     robot: Robot,
-    visited: Array,
+    poses: ArrayLike,
     level: Level,
     model_error: bool = True,
     touched: Array | None = None,
     reference_sigma: Sequence[float] = (),
     differences: Sequence[Difference] = (),
-) -> tuple[Array, int]:
-    """Return the root of Σ_ξ after a calibration at poses `visited`, (N, n), and the core's status.
-
-    `touched` is one pose more, known from outside; `differences` link the visited poses.
-    """
+) -> Robot:
+    """Return the robot as a calibration at `poses`, (N, n), and at `touched`, known, leaves it."""
+    knowledge.require_uncertain(robot)
     model, full = robot.expected(), robot.is_full(level)
+    visited, lead = flattened(model, poses, model.n, "calibrated_on", "raise")
     between = assemble(robot, differences, len(visited), len(knowledge.uncertain(robot)))
     known = knowledge.knowledge(
         robot,
@@ -225,7 +225,12 @@ def after_visiting(
         known.nuisances,
         compliance.acting(model, np.vstack([visited, known_poses]), full),
     )
-    return known.own(root), status
+    if status:  # raises for the pose concerned
+        _bound(robot, visited, lead, level, model_error, "raise", "calibrated_on")
+        raise PoseError(f"{robot.name}: model_error: {_core.describe(status)} at the full level")
+    mean = {name: robot.parameters[name].mean for name in knowledge.learnable(robot)}
+    error = knowledge.stated_error(robot) if model_error and not full else None
+    return calibrated(robot, mean, known.own(root), "predicted", error)
 
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from truepose.calibration.between import Between
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Loss, ModelError, fit_to
-from truepose.calibration.influences import NuisanceParameter
+from truepose.calibration.influences import NuisanceParameter, homings
 from truepose.calibration.registration import KnownPose, Registration
 from truepose.exceptions import InputError
 from truepose.logs import Log
@@ -40,6 +40,7 @@ def calibrate(
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
     influences: Sequence[NuisanceParameter] = (),
+    homing: tuple[ArrayLike, ArrayLike] | None = None,
     loads: Payloads | None = None,
 ) -> Calibration:
     """Identify a robot's geometry from its own readings: maximum a posteriori, poses unknown.
@@ -91,6 +92,10 @@ def calibrate(
         of 0.02 mm a touch.
     influences : sequence of NuisanceParameter, optional
         Additions to the readings of known pattern and unknown amount.
+    homing : tuple of array_like, optional
+        For a log with several homings: the number of the homing before each row, (N,), increasing,
+        and σ of each offset's change, m or rad, a number or (n,). The robot then has the offsets of
+        the last homing; ``influences`` has by how much the earlier ones exceed them.
     loads : Payloads, optional
         Forces and measured tensions of each row, for robots whose file has compliances with
         tolerances; by default a table's columns load_x, … and q1_tension, ….
@@ -120,18 +125,24 @@ def calibrate(
     require(robot, Robot, "robot", "truepose.load(name)")
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
-    log, notes, rows = None, list[str](), readings
-    if logs.is_table(readings):
-        log, differences, notes = _looked_over(robot, readings, differences)
-        rows, loads = log.readings, log.loads if loads is None else loads
-        measured = log.measured if measured is None else measured
-        measured_sigma = log.measured_sigma if measured_sigma is None else measured_sigma
+    table, notes = logs.is_table(readings), list[str]()
+    log = log_checks.log_of(robot, readings, known_pose is not None)
+    if table:
+        if not differences:
+            Between().check(robot, log)
+            differences = Between().of(robot, log)
+        log, findings = log_checks.check(robot, log, measurements(differences))
+        notes = [finding.text for finding in findings]
+        if refused := [finding.text for finding in findings if finding.refused]:
+            raise InputError(f"readings: {'; '.join(refused)}")
+    if homing is not None:
+        influences = [*influences, *homings(robot, *homing)]
+    given: dict[str, Any] = {"measured": measured, "measured_sigma": measured_sigma, "loads": loads}
+    log = replace(log, **{name: value for name, value in given.items() if value is not None})
     fit = fit_to(
         robot,
-        cast(ArrayLike | None, rows),
+        log,
         known_pose=known_pose,
-        measured=measured,
-        measured_sigma=measured_sigma,
         measured_angle_sigma=measured_angle_sigma,
         registration=registration,
         level=level,
@@ -140,34 +151,16 @@ def calibrate(
         model_error=model_error,
         differences=differences,
         influences=influences,
-        loads=loads,
     )
-    if log is not None:
-        notes += review(fit, log)
-    elif rows is not None:
-        table = dict(zip(robot.readings, np.asarray(rows).T, strict=True))
-        notes += left_out(fit, logs.of(robot, table))
+    notes += review(fit, log) if table else left_out(fit, log)
     return replace(fit, notes=(*notes, *fit.notes))
-
-
-def _looked_over(
-    robot: Robot, table: Any, differences: Sequence[Difference]
-) -> tuple[logs.Log, Sequence[Difference], list[str]]:
-    """Return a table's log, differences and findings; InputError where it is refused."""
-    log = logs.of(robot, table)
-    if not differences:
-        between = Between()
-        between.check(robot, log)
-        differences = between.of(robot, log)
-    log, findings = log_checks.check(robot, log, measurements(differences))
-    if refused := [finding.text for finding in findings if finding.refused]:
-        raise InputError(f"readings: {'; '.join(refused)}")
-    return log, differences, [finding.text for finding in findings]
 
 
 def left_out(fit: Calibration, log: Log) -> list[str]:
     """List rows with motor readings that the calibrated robot cannot reach, by reason."""
     read = np.isfinite(log.readings[:, : fit.robot.n]).all(axis=1)
+    if not read.size:  # known poses alone
+        return []
     reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())
     return [
         f"{log.at(np.flatnonzero(read & (fit.status == reason)))}: left out: {reason} with the "

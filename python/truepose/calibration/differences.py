@@ -112,12 +112,11 @@ class Differences:
         limit = NormalDist().inv_cdf(1 - 0.5 * FALSE_ALARM / max(count, 1))
         size = [np.abs(of.left_out / of.left_out_sigma) for of in self.found]
         worst = max(np.nanmax(s, initial=0.0) for s in size)
-        result = []
+        result: list[Each] = []
         for given, of, s in zip(self.measured, self.found, size, strict=True):
-            for at in np.ndindex(of.residual.shape):
-                doubtful = bool(s[at] > limit and (of.weight[at] < 0.1 or s[at] == worst))
-                residual, left_out, sigma, weight = (float(v[at]) for v in of)
-                result.append(Each(_named(given, at), residual, left_out, sigma, weight, doubtful))
+            doubtful = (s > limit) & ((of.weight < 0.1) | (s == worst))
+            names = [_named(given, at) for at in np.ndindex(s.shape)]
+            result += map(Each, names, *(v.ravel().tolist() for v in (*of, doubtful)))
         return result
 
 
@@ -157,14 +156,12 @@ class Assembled:
     names: list[str]  #: of all
     shapes: list[tuple[int, ...]]  #: of each set's measurements
 
-    def columns(self, size: int) -> Array:
-        """Return the free unknowns' columns in a covariance of `size` columns, w the last."""
-        return size - len(self.sigma) + np.flatnonzero(self.sigma > 0)
-
-    def found(self, w: Array, each: Array, joint: Array, p: int, more: int) -> Differences:
-        """Split the core's result by set; in the covariance `joint`, `more` columns follow w."""
+    def found(
+        self, w: Array, each: Array, joint: Array, geometry: Array, own: Array
+    ) -> Differences:
+        """Split the core's result by set; `joint` has w's covariance at `own`, (w,)."""
         free = np.flatnonzero(self.sigma > 0)
-        at = self.columns(len(joint) - more)
+        at = own[free]
         covariance = joint[np.ix_(at, at)]
         unknowns = {
             self.names[k]: Learnt(self.mean[k], self.sigma[k], float(w[k]), float(sigma))
@@ -175,7 +172,7 @@ class Assembled:
             Found(*(column.reshape(shape) for column in part.T))
             for part, shape in zip(parts, self.shapes, strict=True)
         )
-        return Differences(self.given, found, unknowns, covariance, joint[:p, at])
+        return Differences(self.given, found, unknowns, covariance, joint[np.ix_(geometry, at)])
 
 
 def assemble(

@@ -94,9 +94,8 @@ def expect(
 
 def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tuple[Array, Array]:
     """Return derivatives of all readings by the pose and by the uncertain parameters."""
-    H_x, H_xi = robot.linearize(x, errors="nan", level=level)
-    known = list(robot.parameters)
-    by_unknown = H_xi[:, :, [known.index(name) for name in knowledge.learnable(robot)]]
+    names = knowledge.learnable(robot)
+    H_x, by_unknown = knowledge.linearized(robot, x, names, "nan", level)
     if yielding := compliance.unknown(robot):
         at = compliance.under_load(robot, x, robot.is_full(level), **loads)
         by_unknown[..., -len(yielding) :] = compliance.columns(robot, yielding, at.by_compliance)

@@ -19,6 +19,7 @@ from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
+from truepose.robot.units import in_print
 from truepose.show.results import Shown
 from truepose.show.table import Table
 
@@ -86,7 +87,8 @@ class Calibration(Shown):
 
     def table(self) -> Table:
         """Return every uncertain parameter: prior, posterior, verdict."""
-        return learnt.table(self.robot, self.parameters)
+        units = {name: in_print(self.robot, name) for name in self.names}
+        return learnt.table(self.parameters, units)
 
     def _draw(self, figure: Any) -> None:
         learnt.draw(figure, self.parameters)
@@ -142,18 +144,14 @@ class Calibration(Shown):
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
         robot, by = self.robot, self.registration
         x, _ = flattened(robot, poses, robot.n, "poses", "raise")
-        known, full = (
-            knowledge.knowledge(robot, level=self.level, stretches=True),
-            robot.is_full(self.level),
-        )
+        known = knowledge.knowledge(robot, level=self.level, stretches=True)
+        full = robot.is_full(self.level)
         acting = compliance.acting(robot, x, full)
         gain, _, status, chain = _core.gain(robot.core, known.core, x, full, acting)
         require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
-        _, H_xi = robot.linearize(x, level=self.level)
-        every = list(robot.parameters)
         view = by.see(robot, x)
         H_mt, G = view.H, view.H_x @ gain
-        E = -G @ H_xi[:, :, [every.index(name) for name in self.names]]
+        E = -G @ knowledge.linearized(robot, x, self.names, level=self.level)[1]
         joint = np.block([[self.covariance, by.cross], [by.cross.T, by.covariance]])
         both = np.concatenate([E, H_mt], axis=2)
         noise = (G * knowledge.reading_sigma(robot) ** 2) @ G.swapaxes(1, 2)

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
@@ -22,21 +21,21 @@ from truepose.calibration.influences import (
     Stretching,
     patterns,
 )
-from truepose.calibration.learnt import Learnt, calibration_of, chi2_quantile, mean_of
+from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.registration import (
     KnownPose,
     Registered,
     Registration,
     known_poses,
+    left_out,
     measured_outside,
     registration_of,
     rows_of,
-    sizes,
 )
 from truepose.exceptions import InputError, PoseError, choose
+from truepose.logs import Log
 from truepose.logs.reading import repeated
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import columns
@@ -55,11 +54,9 @@ TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
 def fit_to(
     robot: Robot,
-    readings: ArrayLike | None,
+    log: Log,
     *,
     known_pose: KnownPose | None = None,
-    measured: ArrayLike | None = None,
-    measured_sigma: ArrayLike | float | None = None,
     measured_angle_sigma: float | None = None,
     registration: Literal["unknown", "known"] | Registration = "unknown",
     level: Level | None = None,
@@ -68,15 +65,13 @@ def fit_to(
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
     influences: Sequence[NuisanceParameter] = (),
-    loads: Payloads | None = None,
 ) -> Calibration:
-    """Identify a robot's geometry from an array of readings; see :func:`truepose.calibrate`."""
-    knowledge.require_uncertain(robot)
-    names, own = knowledge.learnable(robot), len(knowledge.uncertain(robot))
+    """Identify a robot's geometry from a checked log; see :func:`truepose.calibrate`."""
+    names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
     tuning = _tuned(loss, tuning)
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    lines = _lines(robot, readings, known_pose, measured, measured_sigma, measured_angle_sigma)
+    lines = _lines(robot, log, known_pose, measured_angle_sigma)
     begun = registration_of(registration)
     frames = begun.sigma(robot, lines.outside) if lines.tracked else np.zeros(12)
     registering = bool(frames.any())
@@ -95,12 +90,16 @@ def fit_to(
         beside=np.concatenate([frames if registering else [], apart, amount_sigma]),
         stretches=True,
     )
-    under = loads and loads.padded(robot, lines.own, lines.known)
-    stretching = Stretching(robot, under, lines.rows, full)
+    stretching = Stretching(robot, lines.loads, lines.rows, full)
     needed = memory(robot, len(lines.rows), lines.tracked, guarded)
     if needed > MUCH:
-        warnings.warn(much_memory(robot, len(lines.rows), needed), stacklevel=3)
-    p, k, sigma = len(names), len(influences), knowledge.reading_sigma(robot)
+        said = f"{len(lines.rows)} lines of readings need about {1e-9 * needed:.1f} GB of memory"
+        warnings.warn(f"{robot.name}: {said}", stacklevel=3)
+    k, sigma = len(influences), knowledge.reading_sigma(robot)
+    sizes = [own, 12 * registering, len(apart), k, len(stretching.names)]
+    ends = np.cumsum(sizes)
+    first, moved, linked, acted, last = np.split(np.arange(ends[-1]), ends[:-1])
+    geometry = np.concatenate([first, last])
     for _ in range(ROUNDS):
         every = np.concatenate([acting, stretching.patterns()], axis=2)
         answer = _Answer(
@@ -122,37 +121,31 @@ def fit_to(
                 full,
                 lines.known,
             )
-        ).reordered(own, known)
+        )
         _require_found(robot, answer, loss, lines.known)
         sigmas = np.sqrt(np.diag(answer.covariance))
-        stretched = stretching.learnt(answer.amounts[k:], sigmas[own:p])
-        calibrated = _calibrated(robot, names, answer, stretched, level, guarded)
+        stretched = stretching.learnt(answer.amounts[k:], sigmas[last])
+        covariance = answer.covariance[np.ix_(geometry, geometry)]
+        after = _calibrated(robot, names, answer, covariance, stretched, guarded).with_level(level)
         added = stretching.usual() + stretching.patterns() @ answer.amounts[k:]
         if not stretching.acts:
             break
-        if not (stretching.follow(calibrated, answer.x) > NEGLIGIBLE * sigma).any():
+        if not (stretching.follow(after, answer.x) > NEGLIGIBLE * sigma).any():
             break
-    found, last = None, [*range(p)]
-    if between:
-        found = between.found(answer.w, answer.differences, answer.covariance, p, k)
-        last += between.columns(len(sigmas) - k).tolist()
-    last += range(len(sigmas) - k, len(sigmas))
-    amounts = {
-        of.name: of.learnt(float(amount), float(s))
-        for of, amount, s in zip(
-            influences, answer.amounts[:k], sigmas[len(sigmas) - k :], strict=True
-        )
-    }
+    blocks = answer.covariance, geometry, linked
+    found = between.found(answer.w, answer.differences, *blocks) if between else None
+    others = np.concatenate([linked[apart > 0], acted])
+    amounts = zip(influences, answer.amounts[:k].tolist(), sigmas[acted].tolist(), strict=True)
     shown = lines.rows - acting @ (usual + answer.amounts[:k]) - added
-    expected = calibrated.stiff.extended_positions(answer.x, errors="nan", level=level)
+    expected = after.stiff.extended_positions(answer.x, errors="nan", level=level)
     told = slice(lines.own or None)  # known poses only without a log
     root = knowledge.root(robot, names)
     fit = Calibration(
-        robot=calibrated,
+        robot=after,
         prior=robot.with_calibration(robot.spec.calibration),
         level=level,
         names=tuple(names),
-        covariance=answer.covariance[:p, :p],
+        covariance=covariance,
         prior_covariance=root @ root.T,
         x=answer.x[told],
         residuals=np.asarray(_core.innovation(robot.core, shown, expected))[told],
@@ -163,10 +156,10 @@ def fit_to(
         iterations=answer.iterations,
         cost=answer.cost,
         guarded=guarded,
-        registration=answer.registered(p, frames) if lines.tracked else None,
+        registration=answer.registered(geometry, moved, frames) if lines.tracked else None,
         differences=found,
-        influences=amounts,
-        beside=answer.covariance[np.ix_(last[p:], last)],
+        influences={of.name: of.learnt(amount, s) for of, amount, s in amounts},
+        beside=answer.covariance[np.ix_(others, np.concatenate([geometry, others]))],
     )
     notes = [*lines.notes, *(found.doubt if found else ()), *_contradictions(fit, lines)]
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
@@ -180,7 +173,7 @@ class _Answer(NamedTuple):
     iterations: int
     xi: Array
     covariance: Array
-    #: of parameters with compliances, registration if unknown, differences, influences
+    #: of parameters, registration if unknown, differences, influences, compliances
     x: Array
     chi2: Array
     redundancy: Array
@@ -195,22 +188,13 @@ class _Answer(NamedTuple):
     differences: Array  #: (M, 4) residual, residual left out, its σ, weight
     amounts: Array  #: of influences, then of compliances, less their prior means
 
-    def reordered(self, own: int, known: knowledge.Known) -> _Answer:
-        """Move the compliances, which the core puts last, behind the `own` parameters."""
-        if not known.compliances:
-            return self
-        size = len(self.covariance)
-        first = size - known.compliances
-        at = [*range(own), *range(first, size), *range(own, first)]
-        return self._replace(covariance=self.covariance[np.ix_(at, at)])
-
-    def registered(self, p: int, sigma: Array) -> Registered:
+    def registered(self, geometry: Array, own: Array, sigma: Array) -> Registered:
         """Return the registration, whose unknowns had this σ, (12,), before; 0: was known."""
-        cross, own = np.zeros((p, 12)), np.zeros((12, 12))
-        if sigma.any():
-            cross, own = self.covariance[:p, p : p + 12], self.covariance[p : p + 12, p : p + 12]
+        if not sigma.any():
+            return Registered.exact(self.base, self.marker, len(geometry))
         begun = (self.base_begun, self.marker_begun)
-        return Registered(self.base, self.marker, sigma, own, cross, begun)
+        covariance, cross = (self.covariance[np.ix_(at, own)] for at in (own, geometry))
+        return Registered(self.base, self.marker, sigma, covariance, cross, begun)
 
 
 class _Lines(NamedTuple):
@@ -221,6 +205,7 @@ class _Lines(NamedTuple):
     outside_sigma: Array
     known: int  #: number of known poses
     tracked: bool  #: whether there are other external measurements
+    loads: Payloads | None
     notes: tuple[str, ...]
 
     @property
@@ -233,20 +218,17 @@ def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
     """Report known poses that contradict the other data (χ², 1 false alarm in 1000)."""
     if not lines.known:
         return []
-    of, notes = slice(lines.own, None), list[str]()
+    of = slice(lines.own, None)
     x = lines.outside[of]
     near = fit.robot.fkm(lines.rows[of, : fit.robot.n], np.where(np.isnan(x), fit.robot.home, x))
     rows = rows_of(fit.robot, fit.names, lines.rows[of], near, x, lines.outside_sigma[of])
-    for k, row in enumerate(rows, 1):
-        chi2, off = row.left_out(fit.covariance, np.zeros(len(fit.names)))
-        limit = float(chi2_quantile(1 - FALSE_ALARMS, len(row.e)))
-        if chi2 > limit:
-            by = sizes(fit.robot, row.known, off, "+.3g")
-            notes.append(
-                f"known_pose: row {k}: contradicts all other data: by these the robot stood {by} "
-                f"from it (χ² = {chi2:.3g}, at most {limit:.3g}): wrong pose, or tolerances?"
-            )
-    return notes
+    judged = left_out(fit.robot, rows, fit.covariance, np.zeros(len(fit.names)), FALSE_ALARMS)
+    return [
+        f"known_pose: row {k}: contradicts all other data: by these the robot stood {by} from it "
+        f"(χ² = {chi2:.3g}, at most {limit:.3g}): wrong pose, or tolerances?"
+        for k, (chi2, limit, by) in enumerate(judged, 1)
+        if chi2 > limit
+    ]
 
 
 def _tuned(loss: Loss, tuning: float | None) -> float:
@@ -259,35 +241,27 @@ def _tuned(loss: Loss, tuning: float | None) -> float:
 
 
 def _lines(
-    robot: Robot,
-    readings: ArrayLike | None,
-    known_pose: KnownPose | None,
-    measured: ArrayLike | None,
-    measured_sigma: ArrayLike | float | None,
-    measured_angle_sigma: float | None,
+    robot: Robot, log: Log, known_pose: KnownPose | None, angle_sigma: float | None
 ) -> _Lines:
     """Check the shapes; keep only the motor readings of repeated rows."""
-    poses = known_poses(robot, known_pose)
-    if readings is None:
-        if not len(poses.x):
-            raise InputError("readings: none; give a log of readings, known_pose, or both")
-        readings = poses.readings[:0]
-    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
-    if len(lead) != 1 or len(rows) + len(poses.x) == 0:
-        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    tracked = measured is not None and len(rows) > 0
+    poses, rows = known_poses(robot, known_pose), log.readings
+    if len(rows) + len(poses.x) == 0:
+        raise InputError("readings: none; give a log of readings, known_pose, or both")
+    tracked = log.measured is not None and len(rows) > 0
     outside, sigma = measured_outside(
-        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
+        robot, log.measured, log.measured_sigma, angle_sigma, len(rows)
     )
     again = repeated(rows, outside, robot.n)
     if len(poses.x):  # which may repeat rows of the log
         again |= repeated(np.vstack([poses.readings, rows]), None, robot.n)[len(poses.x) :]
-    notes = (f"{again.sum()} rows identical to an earlier one: each counts once",)
+    said = f"{again.sum()} rows identical to an earlier one: each counts once"
+    notes = (said,) if again.any() else ()
     again = np.pad(again, (0, len(poses.x)))
     rows, outside = np.vstack([rows, poses.readings]), np.vstack([outside, poses.x])
     rows[again, robot.n :] = outside[again] = np.nan
     sigma = np.vstack([sigma, poses.sigma])
-    return _Lines(rows, outside, sigma, len(poses.x), tracked, notes if again.any() else ())
+    loads = log.loads and log.loads.padded(robot, len(log.readings), len(poses.x))
+    return _Lines(rows, outside, sigma, len(poses.x), tracked, loads, notes)
 
 
 def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> None:
@@ -318,21 +292,18 @@ def _calibrated(
     robot: Robot,
     names: list[str],
     answer: _Answer,
+    covariance: Array,
     stretched: dict[str, Learnt],
-    level: Level,
     guarded: bool,
 ) -> Robot:
     column = dict(columns(robot.spec))
-    values = {name: of.value for name, of in stretched.items()}
-    values = {name: values.get(name, float(answer.xi[column.get(name, 0)])) for name in names}
-    covariance = answer.covariance[: len(names), : len(names)]
+    values = {name: float(answer.xi[column[name]]) for name in names if name in column}
+    values |= {name: of.value for name, of in stretched.items()}
     sigma = np.sqrt(np.diag(covariance))  # scaled: factors mix no units
     root = sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
     source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
-    error = knowledge.model_error(robot) if guarded else ()
-    left_out = dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {}
-    learnt = calibration_of(values, root, source, left_out)
-    return robot.with_calibration(learnt).with_level(level)
+    error = knowledge.model_error(robot) if guarded else None
+    return calibrated(robot, values, root, source, error)
 
 
 def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
@@ -341,8 +312,3 @@ def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
     unknowns += len(knowledge.left_out(robot)) if guarded else 0
     beyond = robot.r + robot.n * measured
     return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
-
-
-def much_memory(robot: Robot, lines: int, needed: float) -> str:
-    """Return the warning about a calibration's memory."""
-    return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.calibration.learnt import Learnt, calibration_of
+from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
@@ -63,14 +63,6 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
         Poses, m or rad.
     tension : array_like, shape (N, n + r)
         Tension of each chain and of each sensor of kind distance, N; others are ignored.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> robot = tp.load("3rpr")
-    >>> pattern = stretch(robot, [robot.home], [[100.0, 100.0, 100.0]])
-    >>> (pattern * 1e-6).round(6)  # 1 µm/m per N
-    array([[-4.2e-05, -4.2e-05, -4.2e-05]])
     """
     x, _ = flattened(robot, poses, robot.n, "poses", "raise")
     pull = np.broadcast_to(np.asarray(tension, dtype=float), (len(x), robot.n + robot.r))
@@ -92,16 +84,6 @@ def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     ----------
     force : array_like, shape (3,) or (N, 3)
         Force, N, base frame; for the platform's weight its mass times gravity.
-
-    Examples
-    --------
-    A load compresses a hexapod's legs:
-
-    >>> import truepose as tp
-    >>> robot = tp.load("stewart")
-    >>> up = tension(robot, [robot.home], (0, 0, -100))[0]
-    >>> bool(np.isclose(up @ robot.linearize([robot.home])[0][0, :6, 2], -100))
-    True
     """
     x, _ = flattened(robot, poses, robot.n, "poses", "raise")
     F = np.array(np.broadcast_to(np.asarray(force, dtype=float), (len(x), 3)))
@@ -141,39 +123,13 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     learnt = robot.spec.calibration
     source = f"{learnt.source}; homed anew" if learnt else "homed anew"
     values = {name: robot.parameters[name].mean for name in names}
-    error = dict(zip(robot.readings, map(float, knowledge.stated_error(robot)), strict=True))
-    return robot.with_calibration(calibration_of(values, root, source, error))
+    return calibrated(robot, values, root, source, knowledge.stated_error(robot))
 
 
-def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
-    """Return the earlier homing offsets of a log with several homings, as nuisance parameters.
-
-    The calibrated robot has the offsets of the last homing. All rows contribute to the other
-    parameters and to the registration of a tracker that has not moved.
-
-    Parameters
-    ----------
-    robot : Robot
-        Robot of the log.
-    homing : array_like, shape (N,)
-        Number of the homing before each row, increasing.
-    sigma : float, or array_like, shape (n,)
-        σ of each offset's change between homings, m or rad; not negative.
-
-    Returns
-    -------
-    tuple of NuisanceParameter
-        One for each homing but the last and each offset that may have changed: its excess over the
-        last homing's.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> [of.name for of in tp.calibration.homings(tp.load("3rrr"), [0, 0, 1], 0.01)]
-    ['homing 0, q1', 'homing 0, q2', 'homing 0, q3']
-    """
+def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> list[NuisanceParameter]:
+    """Return the excess of each earlier homing's uncertain offsets over the last's."""
     moved, after = _moved(robot, sigma), np.asarray(homing)
-    return tuple(
+    return [
         NuisanceParameter(
             name=f"homing {number}, {robot.readings[k]}",
             pattern=np.outer(after == number, np.eye(robot.n + robot.r)[k]),
@@ -181,7 +137,7 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Nuisance
         )
         for number in np.unique(after)[:-1]
         for k in np.flatnonzero(moved)
-    )
+    ]
 
 
 def _moved(robot: Robot, sigma: ArrayLike) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
-from truepose.robot.units import in_print
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
 from truepose.show.table import Cell, Table, fixed
@@ -56,20 +55,23 @@ def mean_of(robot: Robot) -> Array:
     return mean
 
 
-def calibration_of(
+def calibrated(
+    robot: Robot,
     values: dict[str, float],
     root: Array,
     source: str,
-    model_error: dict[str, float] | None = None,
-) -> CalibrationSection:
-    """Return a robot file's [calibration]: values, and their covariance root·rootᵀ."""
-    return CalibrationSection(
+    model_error: Array | None = None,
+) -> Robot:
+    """Return the robot with these values, covariance root·rootᵀ, and σ of its readings' error."""
+    error = [] if model_error is None else model_error.tolist()
+    section = CalibrationSection(
         source=source,
         parameters=tuple(values),
         mean=tuple(values.values()),
         root=tuple(tuple(map(float, root[k, : k + 1])) for k in range(len(values))),
-        model_error=model_error or {},
+        model_error=dict(zip(robot.readings, error, strict=False)),
     )
+    return robot.with_calibration(section)
 
 
 class Departure(NamedTuple):
@@ -121,19 +123,21 @@ def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
     return chdtri(freedoms, 1 - probability)
 
 
-def table(robot: Robot, found: Mapping[str, Learnt]) -> Table:
-    """Every uncertain parameter: prior, posterior, verdict."""
+def table(
+    found: Mapping[str, Learnt], units: Mapping[str, tuple[float, str]], what: str = "parameter"
+) -> Table:
+    """Tabulate prior, posterior and verdict of parameters, in these units."""
     rows = []
     for name, p in found.items():
-        factor, unit = in_print(robot, name)
+        factor, unit = units[name]
         cells = [
             Cell(f"{factor * p.value:.4f}", p.value),
             Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
             *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
             fixed(p.ratio),
         ]
-        rows.append([named("parameter", name, unit), *cells, p.verdict])
-    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
+        rows.append([named(what, name, unit), *cells, p.verdict])
+    header = [what, "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
     return Table("parameters", "Parameters", header, rows)
 
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.log_faults import APART, DEGREES, MILLIMETRES, UNITS, apart
+from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot import knowledge
+from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles, reading_units
 
@@ -29,11 +32,23 @@ class Finding(NamedTuple):
     refused: bool = False  #: any fit to this log would be wrong
 
 
-def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
-    """Check a log before a fit; `differences` is the number measured between its rows.
+def log_of(robot: Robot, readings: ArrayLike | Any | None, known: bool = False) -> Log:
+    """Return the log of a table or an array, (N, n + r); N may be 0 with known poses."""
+    if logs.is_table(readings):
+        return logs.of(robot, readings)
+    width = robot.n + robot.r
+    if readings is None:
+        readings, known = np.zeros((0, width)), True
+    rows, lead = flattened(robot, readings, width, "readings", "nan")
+    if len(lead) != 1 or not (known or len(rows)):
+        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {width})")
+    return Log(robot.readings, rows, None, np.arange(1, len(rows) + 1), "row")
 
-    Return the log without repeated readings and those of a sensor that was stuck for a while, and
-    the findings. Wrong units or signs, swapped columns and stuck sensors are refused.
+
+def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
+    """Return a log without repeated and stuck readings, and the findings that a fit must know.
+
+    `differences` is the number measured between its rows.
     """
     model = robot.expected()
     findings = [*_cells(robot, log)]

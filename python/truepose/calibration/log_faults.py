@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -116,9 +117,9 @@ def _distance(robot: Robot, log: Log, readings: Array) -> float:
 
 
 def _fit(robot: Robot, log: Log, readings: Array) -> Calibration | None:
-    outside: dict[str, Any] = {"measured": log.measured, "measured_sigma": log.measured_sigma}
     try:
-        return fit_to(robot, readings, **outside, loss="student", level="ideal")
+        stiff = replace(log, readings=readings, loads=None)
+        return fit_to(robot, stiff, loss="student", level="ideal")
     except TrueposeError:
         return None
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.fitting import MODEL_ERRORS, ModelError
-from truepose.calibration.learnt import Learnt, calibration_of, mean_of
+from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
@@ -205,10 +205,8 @@ class OnlineCalibrator:
     @property
     def robot(self) -> Robot:
         """Robot with the current parameters and their covariance."""
-        left_out = {}
-        if self._error and self.level == "ideal":
-            error = knowledge.stated_error(self._robot).tolist()
-            left_out = dict(zip(self._robot.readings, error, strict=True))
+        counts = self._error and self.level == "ideal"
+        error = knowledge.stated_error(self._robot) if counts else None
         more = compliance.unknown(self._robot)  # keep their priors: loads are unknown
         values = self._values() | {name: self._robot.parameters[name].mean for name in more}
         root = self._filter.root
@@ -216,7 +214,7 @@ class OnlineCalibrator:
             p, root = len(root), np.zeros((len(values), len(values)))
             root[:p, :p] = self._filter.root
             root[p:, p:] = knowledge.root(self._robot, more)
-        return self._robot.with_calibration(calibration_of(values, root, "online", left_out))
+        return calibrated(self._robot, values, root, "online", error)
 
     def _values(self) -> dict[str, float]:
         column = dict(columns(self._robot.spec))

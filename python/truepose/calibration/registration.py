@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from truepose import _core, logs
 from truepose.arguments import Array
 from truepose.calibration.bound import reference_sigmas
+from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.batches import flattened
@@ -134,11 +135,15 @@ class Registered:
         measured = np.full_like(x, np.nan) if measured is None else measured
         return View(*_core.seen(robot.core, self.base, self.marker, x, measured))
 
+    @classmethod
+    def exact(cls, base: Array, marker: Array, parameters: int) -> Registered:
+        """Return a known registration of a robot with so many parameters."""
+        nothing, cross = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((parameters, UNKNOWNS))
+        return cls(base, marker, nothing[0], nothing, cross, (base, marker))
+
     def begun(self) -> Registered:
         """Return the registration at the search's start, taken as exact."""
-        base, marker = self.start
-        known, cross = np.zeros((12, 12)), np.zeros_like(self.cross)
-        return replace(self, base=base, marker=marker, covariance=known, cross=cross)
+        return self.exact(*self.start, len(self.cross))
 
     @property
     def known(self) -> list[Known]:
@@ -147,36 +152,25 @@ class Registered:
         Marker coordinates that only shift with the base, because the platform does not rotate that
         way, are given as sums: "base + marker.z", whose two parts keep their priors.
         """
-        result = []
         R, after = self.base[:3, :3], np.sqrt(np.diag(self.covariance))
         free = self.sigma[6:9] > 0
         shared = free & (after[6:9] > UNSEEN * self.sigma[6:9]) & self.sigma[:3].any()
-        name = "base"
+        name, axes = "base", np.array(list("xyz"))
         if shared.any():
-            axes = "".join(np.array(list("xyz"))[shared])
-            name += " + marker" + (f".{axes}" if (free & ~shared).any() else "")
-        on = R @ np.where(shared, self.marker[:3, 3], 0.0)
-        rows = []
-        for k, c in enumerate("xyz"):
-            row, unit = np.zeros(12), np.eye(3)[k]
-            row[:3], row[3:6], row[6:9] = unit, np.cross(on, unit), R[k] * shared
-            rows.append((f"{name}, {c}", "m", row, self.base[k, 3] + on[k]))
-        rows += [
-            (f"marker, {c}", "m", np.eye(12)[6 + k], self.marker[k, 3])
-            for k, c in enumerate("xyz")
-            if not shared[k]
-        ]
+            some = f".{''.join(axes[shared])}" if (free & ~shared).any() else ""
+            name = f"base + marker{some}"
+        on, one = R @ np.where(shared, self.marker[:3, 3], 0.0), np.eye(12)
+        base = np.hstack([np.eye(3), np.cross(on, np.eye(3)), R * shared, np.zeros((3, 3))])
+        rows = np.vstack([base, one[6:9][~shared], one[3:6], one[9:12]])
         turns = frames.rotation_vector([R, self.marker[:3, :3]])
-        rows += [
-            (f"{part}, r{c}", "rad", np.eye(12)[first + k], turn[k])
-            for part, first, turn in zip(("base", "marker"), (3, 9), turns, strict=True)
-            for k, c in enumerate("xyz")
-        ]
-        for name, unit, row, value in rows:
-            if prior := float(np.linalg.norm(row * self.sigma)):
-                sigma = float(np.sqrt(row @ self.covariance @ row))
-                result.append(Known(name, unit, float(value), sigma, prior))
-        return result
+        values = [*(self.base[:3, 3] + on), *self.marker[:3, 3][~shared], *turns.ravel()]
+        names = [*(f"{name}, {c}" for c in axes), *(f"marker, {c}" for c in axes[~shared])]
+        names += [f"{part}, r{c}" for part in ("base", "marker") for c in axes]
+        units = ["m"] * (len(names) - 6) + ["rad"] * 6
+        sigma = np.sqrt(((rows @ self.covariance) * rows).sum(axis=1))
+        numbers = np.array([values, sigma, np.linalg.norm(rows * self.sigma, axis=1)])
+        found = map(Known, names, units, *numbers.tolist())
+        return [known for known in found if known.prior_sigma]
 
 
 def measured_outside(
@@ -205,20 +199,19 @@ def _require_turns(robot: Robot, rows: Array, what: str) -> None:
 def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, count: int) -> Array:
     """Return σ of each measured coordinate, (count, n), m and rad; see `truepose.calibrate`."""
     angles = angles_of(robot)
-    default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
+    default = np.tile(np.where(angles, ANGLE_SIGMA, SIGMA), (count, 1))
     result = default.copy()
     if sigma is not None:
         lengths = np.ndim(sigma) == 0 and not angles.all()  # a rotational platform has none
-        which = ~angles if lengths else np.full(robot.n, True)
         try:
-            result[:, which] = sigma
+            result[:, ~angles if lengths else slice(None)] = sigma
         except ValueError:
             raise InputError(
                 f"measured_sigma: must be a number, {robot.n} or ({count}, {robot.n}) of them"
             ) from None
     if angle_sigma is not None:
         result[:, angles] = angle_sigma
-    if sigma is not None and np.ndim(sigma) == 2:  # NaN: an empty cell of a log
+    if np.ndim(sigma) == 2:  # type: ignore[arg-type]  # NaN: an empty cell of a log
         result = np.where(np.isnan(result), default, result)
     for name, given, which in (
         ("measured_sigma", sigma, ~angles),
@@ -285,24 +278,12 @@ class Row(NamedTuple):
     H: Array  #: (m, k) by the known coordinates
     known: Array  #: (n,) bool: which coordinates are known
 
-    def left_out(self, covariance: Array, step: Array) -> tuple[float, Array]:
-        """Return χ² of m freedoms and the coordinates' errors, predicted by all other rows.
-
-        With û (`step`) and Σ (`covariance`) of all rows, r = e - B û and P = I - B Σ Bᵀ, the
-        leave-one-out residual is P⁻¹ r, with covariance P⁻¹.
-        """
-        r = self.e - self.B @ step
-        missed = np.linalg.solve(np.eye(len(r)) - self.B @ covariance @ self.B.T, r)
-        return float(missed @ r), np.linalg.lstsq(self.H, missed)[0]
-
 
 def rows_of(
     robot: Robot, names: tuple[str, ...], readings: Array, x: Array, known: Array, sigma: Array
 ) -> list[Row]:
     """Linearize K readings at poses `x` near the `known` ones (or NaN) with σ `sigma`, (K, n)."""
-    H_x, H_xi = robot.linearize(x, level=robot.level)
-    every = list(robot.parameters)
-    H_xi = H_xi[..., [every.index(name) for name in names]]
+    H_x, H_xi = knowledge.linearized(robot, x, names, level=robot.level)
     noise = knowledge.stated_sigma(robot, robot.level) ** 2
     expected = robot.extended_positions(x, level=robot.level)
     off = np.asarray(_core.innovation(robot.core, readings, expected))
@@ -316,6 +297,24 @@ def rows_of(
         half = np.linalg.inv(np.linalg.cholesky(C))
         rows.append(Row(half @ e, half @ Q.T @ H_xi[k][read], half @ H, told))
     return rows
+
+
+def left_out(
+    robot: Robot, rows: list[Row], covariance: Array, step: Array, false_alarms: float
+) -> list[tuple[float, float, str]]:
+    """Return each row's χ², its limit, and the pose's error, as all other rows predict it.
+
+    With û (`step`) and Σ (`covariance`) of all rows, r = e - B û and P = I - B Σ Bᵀ, the
+    leave-one-out residual is P⁻¹ r, with covariance P⁻¹.
+    """
+    result = []
+    for e, B, H, known in rows:
+        r = e - B @ step
+        missed = np.linalg.solve(np.eye(len(r)) - B @ covariance @ B.T, r)
+        limit = float(chi2_quantile(1 - false_alarms, len(r))) if len(r) else math.inf
+        off = sizes(robot, known, np.linalg.lstsq(H, missed)[0], "+.3g")
+        result.append((float(missed @ r), limit, off))
+    return result
 
 
 def sizes(robot: Robot, known: Array, values: Array, form: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration import learnt
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import review
@@ -61,8 +62,7 @@ def assess(
 ) -> Assessment:
     """Calibrate by a checked log, and again without every fifth row; predict the accuracy.
 
-    `reference_pose`, (n,), is by default home. `progress` is called `STEPS` times with a step's
-    name. `settings` are those of :func:`truepose.calibrate`.
+    `progress` is called with each step's name; `settings` are those of :func:`truepose.calibrate`.
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
@@ -71,15 +71,7 @@ def assess(
     between = between or Between()
 
     def fitted(part: Log) -> Calibration:
-        return fit_to(
-            robot,
-            part.readings,
-            measured=part.measured,
-            measured_sigma=part.measured_sigma,
-            differences=between.of(robot, part),
-            loads=part.loads,
-            **settings,
-        )
+        return fit_to(robot, part, differences=between.of(robot, part), **settings)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
@@ -230,14 +222,11 @@ def beside_table(fit: Calibration) -> Table | None:
     """Tabulate unknowns of measured differences (planes, tool, print); None without any."""
     if fit.differences is None or not fit.differences.unknowns:
         return None
-    rows = []
-    for name, p in fit.differences.unknowns.items():
-        plain = ".slope." in name or name.endswith(".scale")
-        factor, unit = PRINT["" if plain else "m"]
-        cells = [Cell(f"{factor * v:.4f}", v) for v in (p.value, p.prior_sigma, p.sigma)]
-        rows.append([named("unknown", name, unit), *cells, fixed(p.ratio), p.verdict])
-    header = ["unknown", "value", "prior σ", "σ", "σ / prior σ", "verdict"]
-    return Table("differences_own", "Unknowns of the measured differences", header, rows)
+    known, plain = fit.differences.unknowns, (".slope.x", ".slope.y", ".slope.z", ".scale")
+    units = {name: PRINT["" if name.endswith(plain) else "m"] for name in known}
+    table = learnt.table(known, units, "unknown")
+    table = replace(table, name="differences_own", title="Unknowns of the measured differences")
+    return table.columns(0, 1, 3, 4, 5, 6)
 
 
 def tables_of(result: Assessment) -> list[Table]:

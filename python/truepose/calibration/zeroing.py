@@ -15,12 +15,10 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.log_faults import APART, MISFIT
-from truepose.calibration.registration import KNOWN, UNKNOWNS, Registered, rows_of, sizes
+from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes, reading_units
 from truepose.show.charts import ranges
@@ -137,14 +135,8 @@ def zero(
     [-0.005, -0.0117]
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    if logs.is_table(readings):
-        log = logs.of(robot, readings)
-    else:
-        rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
-        if len(lead) > 1:
-            shape = np.shape(readings)
-            raise InputError(f"readings: shape {shape}, must be (N, {robot.n + robot.r})")
-        log = logs.of(robot, dict(zip(robot.readings, rows.T, strict=True)))
+    one = not logs.is_table(readings) and np.ndim(readings) == 1
+    log = log_checks.log_of(robot, [readings] if one else readings)
     known = _sigma(robot, sigma)
     read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     if not read.any():
@@ -277,29 +269,24 @@ def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, si
     off = np.array([p.prior - p.value for p in parameters])
     covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
-    found = [row.left_out(covariance, step) for row in rows]
-    chi2, freedoms = np.array([value for value, _ in found]), np.array([len(r.e) for r in rows])
-    limit = chi2_quantile(1 - FALSE_ALARMS / len(postures), freedoms)
-    worst = int(np.argmax(np.where(freedoms, chi2 - limit, -np.inf)))
-    if not chi2[worst] > limit[worst]:
+    judged = left_out(robot, rows, covariance, step, FALSE_ALARMS / len(postures))
+    worst = max(range(len(rows)), key=lambda k: judged[k][0] - judged[k][1])
+    chi2, limit, by = judged[worst]
+    if not chi2 > limit:
         return
-    by = sizes(robot, rows[worst].known, found[worst][1], "+.3g")
     others = [posture.where for k, posture in enumerate(postures) if k != worst]
     against = f"the other {len(others)}" if len(others) > 1 else others[0]
     again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
     raise InputError(
         f"{postures[worst].where}: contradicts {against}: by that the robot stood {by} from the "
-        f"pose given (χ² = {chi2[worst]:.3g}, at most {limit[worst]:.3g}): {again}"
+        f"pose given (χ² = {chi2:.3g}, at most {limit:.3g}): {again}"
     )
 
 
 def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
     model, n = robot.expected(), robot.n
-    base, marker = KNOWN.begin()
-    nothing = np.zeros((UNKNOWNS, UNKNOWNS))
-    cross = np.zeros((len(knowledge.learnable(model)), UNKNOWNS))
-    known = Registered(base, marker, nothing[0], nothing, cross, (base, marker))
+    known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
     seen = expect(model, rows, x, sigma, known)
     distance = np.abs(seen.residual) / seen.sigma
     lost = np.asarray(np.isnan(seen.x).any(axis=1))
@@ -336,9 +323,7 @@ def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
     x = fit.x[:1]  # perhaps slightly beyond a stop
     drawn = before.extended_positions(x, level=fit.level)[0, :n]
     off = after.extended_positions(x, level=fit.level)[0, :n] - drawn
-    _, H_xi = before.linearize(x, level=fit.level)
-    every = list(before.parameters)
-    H = H_xi[0, :n][:, [every.index(name) for name in fit.names]]
+    H = knowledge.linearized(before, x, fit.names, level=fit.level)[1][0, :n]
     shares = H * (H @ fit.prior_covariance)  # of each motor's variance, (n, p)
     whole = shares.sum(axis=1)
     noise = knowledge.reading_sigma(before)[:n] ** 2

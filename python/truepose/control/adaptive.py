@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Errors, require
-from truepose.calibration.learnt import calibration_of, chi2_quantile
+from truepose.calibration.learnt import calibrated, chi2_quantile
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
@@ -212,7 +212,7 @@ class AdaptiveCalibrator:
         if fits:
             wide = own if not changed else knowledge.triangular(root)
             values = {name: self.robot.parameters[name].mean for name in names}
-            prior = self.robot.with_calibration(calibration_of(values, wide, "adaptive"))
+            prior = calibrated(self.robot, values, wide, "adaptive")
             online = OnlineCalibrator(prior, gate=0)
             online.observe(kept := rows[placed][used], errors="nan")
             online.replay(kept, 1)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, Self, get_args
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self, cast
 
 from numpy.typing import ArrayLike
 
@@ -12,22 +13,20 @@ from truepose import _core
 from truepose.arguments import Array, fraction
 from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
-from truepose.control.motor_error import OwnLaw, built_in, law_name
+from truepose.control.linear import ControllerSettings
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot.batches import flattened
 from truepose.robot.laws import LAWS, Law, require_sensors, usual
 from truepose.robot.robot import Robot
 
-FeedForward = Literal["none", "gravity", "full"]
-Gains = Literal["inertia", "diagonal"]
+#: Motor error ê, (n,), from the controller's robot, the desired pose and the readings (n + r,).
+OwnLaw = Callable[[Robot, Array, Array], ArrayLike]
 MOST_SCALED = 1_000_000  #: largest `sigma_scale`
-
-
 LONGEST_PERIOD = 0.2  #: s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Controller:
+class Controller(ControllerSettings):
     """A joint PD (or PID) on the motor error of one of the laws.
 
     Parameters
@@ -63,23 +62,13 @@ class Controller:
         errors by compliant arms and delayed torques; a larger scale amplifies less.
     """
 
-    law: Law | OwnLaw = "tej"
-    frequency: float = 150.0
-    damping: float = 1.0
-    integral: float = 0.0
-    gains: Gains = "inertia"
-    feed_forward: FeedForward = "full"
-    period: float = 1e-3
-    velocity_bandwidth: float = 1500.0
-    damped_below: float = 0.0
-    sigma_scale: int = 1
-
     def __post_init__(self) -> None:
         if not callable(self.law) and self.law not in LAWS:
             raise InputError(choose("law", self.law, LAWS))
-        for name, kinds in (("feed_forward", FeedForward), ("gains", Gains)):
-            if getattr(self, name) not in get_args(kinds):
-                raise InputError(choose(name, getattr(self, name), get_args(kinds)))
+        choices = {"gains": ("inertia", "diagonal"), "feed_forward": ("none", "gravity", "full")}
+        for name, kinds in choices.items():
+            if getattr(self, name) not in kinds:
+                raise InputError(choose(name, getattr(self, name), kinds))
         for name in ("frequency", "damping", "period", "velocity_bandwidth"):
             positive(name, getattr(self, name))
         if not (math.isfinite(self.integral) and self.integral >= 0):
@@ -157,18 +146,9 @@ class Controller:
             if name in settings:
                 raise InputError(f"{name}: is chosen here; set it with Controller(…) instead")
         rest = cls(law=law, period=period, damping=damping, **settings)
-        like = built_in(law, robot)
+        like = usual(robot) if callable(law) else law
         require_sensors(robot, like)
-        diagonal = rest.gains == "diagonal"
-        gains, scale = choose_gains(
-            robot, like, effects or Effects(), period, damping, rest.integral, diagonal
-        )
-        return replace(
-            rest,
-            frequency=gains.frequency,
-            velocity_bandwidth=gains.velocity_bandwidth,
-            sigma_scale=scale,
-        )
+        return cast(Self, choose_gains(robot, like, effects or Effects(), rest))
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""
@@ -188,6 +168,11 @@ class Controller:
             )
         settings.ki = [self.integral * kp for kp in settings.kp]
         return settings
+
+
+def law_name(law: Any) -> str:
+    """Return the name of a law, or of the function that is one."""
+    return law if isinstance(law, str) else getattr(law, "__name__", type(law).__name__)
 
 
 def positive(name: str, value: float) -> None:

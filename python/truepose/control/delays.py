@@ -19,11 +19,7 @@ _POSES, _STEP = 64, 1e-4  #: poses of the workspace; step of a finite difference
 
 
 def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
-    """Return the core's settings for multirate and delayed readings; None where there are none.
-
-    From the sample periods and latencies of the controller's robot, rounded up to whole control
-    periods (`period`, s). Raises InputError for one that is too many control periods.
-    """
+    """Return the core's settings of :func:`clock`, with the controller's :func:`sensitivity`."""
     late = clock(robot, period)
     if late is not None:
         whole = np.zeros((_core.max_sensors, 6))
@@ -38,7 +34,7 @@ def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
 
 
 def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
-    """Return when sensors sample, and their latency; see :func:`settings`."""
+    """Return sample periods and latencies in control periods of `period` s, rounded up, or None."""
     every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
     limits = (("sample_period", _core.slowest, every), ("latency", _core.oldest, age))
     for k, sensor in enumerate(robot.spec.used):
@@ -58,11 +54,8 @@ def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
 
 
 def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
-    """Return a law's matrix E, (n, n + r), with multirate and delayed sensors on the motors.
-
-    Within milliseconds such a sensor's value follows the motors: its column of E is added to
-    theirs. `H_x`, (n + r, n), is that of :meth:`Robot.linearize`.
-    """
+    """Return a law's matrix E, (n, n + r), with multirate and delayed sensors on the motors."""
+    # Within milliseconds such a sensor's value follows the motors.
     slow, n, E = clock(robot, period), robot.n, E.copy()
     if slow is None:
         return E
@@ -75,20 +68,17 @@ def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
 
 @lru_cache(maxsize=16)
 def sensitivity(robot: Robot) -> Array:
-    """Return how a sensor's disagreement with the motors changes with the pose, σ: (r, n).
+    """Return σ of the change of sensors' disagreement with the motors by the pose, (r, n).
 
-    From the geometry's uncertainty, per degree of freedom; the largest over the workspace. A
-    calibrated robot's telemeter drifts by some 0.1 mm per metre.
+    The largest over the workspace; a calibrated robot's telemeter drifts by some 0.1 mm per metre.
     """
-    n, names = robot.n, list(robot.parameters)
-    uncertain = knowledge.uncertain(robot)
-    columns = [names.index(name) for name in uncertain]
+    n, uncertain = robot.n, knowledge.uncertain(robot)
     root = knowledge.root(robot, uncertain)
 
     def open_(x: Array) -> Array:
         """Return the geometry's part of the parity, (N, r, p)."""
-        H_x, H_xi = robot.linearize(x, errors="nan", level="ideal")
-        H_xi = H_xi[..., columns] @ root
+        H_x, H_xi = knowledge.linearized(robot, x, uncertain, "nan", "ideal")
+        H_xi = H_xi @ root
         return H_xi[:, n:] - H_x[:, n:] @ np.linalg.solve(H_x[:, :n], H_xi[:, :n])
 
     box = robot.spec.workspace

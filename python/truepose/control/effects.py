@@ -156,11 +156,11 @@ class Effects:
         names = [name for name in robot.parameters if name.endswith((".c1", ".s1"))]
         sigma = self.eccentricity / math.sqrt(2)
         known = {name: Tolerance(sigma=sigma) for name in names} if sigma > 0 else {}
-        sensors = []
-        for sensor in spec.sensor:
-            noise = math.hypot(sensor.noise, self.tool_backlash / 2 * sensor.geared)
-            sensors.append(sensor.model_copy(update={"noise": noise}))
-        update = {"tolerances": known | spec.tolerances, "sensor": tuple(sensors)}
+        sensors = tuple(
+            s.model_copy(update={"noise": math.hypot(s.noise, self.tool_backlash / 2 * s.geared)})
+            for s in spec.sensor
+        )
+        update = {"tolerances": known | spec.tolerances, "sensor": sensors}
         values = {name: p.value for name, p in robot.parameters.items()}
         return Robot(spec.model_copy(update=update), values)
 

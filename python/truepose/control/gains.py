@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.control.linear import Gains, plants
+from truepose.control.linear import ControllerSettings, plants
 from truepose.control.loci import Margin, Responses
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
@@ -56,59 +57,42 @@ def kept(margin: Margin) -> bool:
     return all(has >= least for has, least in zip(margin, LEAST, strict=True))
 
 
-def responses(
-    robot: Robot,
-    law: Law,
-    effects: Effects,
-    period: float,
-    diagonal: bool = False,
-    sigma_scale: int = 1,
-) -> Responses:
-    """Return the loops of a robot at its :func:`poses`."""
-    return Responses(plants(robot, poses(robot), law, effects, period, diagonal, sigma_scale))
-
-
 @lru_cache(maxsize=64)
 def choose(
     robot: Robot,
     law: Law,
     effects: Effects,
-    period: float,
-    damping: float = 1.0,
-    integral: float = 0.0,
-    diagonal: bool = False,
-) -> tuple[Gains, int]:
-    """Return the fastest gains that keep `LEAST` at :func:`poses`, and the torque limits.
+    rest: ControllerSettings,
+) -> ControllerSettings:
+    """Return the fastest poles that keep `LEAST` at :func:`poses`, and the torque limits.
 
-    Also the least scale of the readings' σ, as for :class:`truepose.Controller`, that has such
-    gains: 1 for laws without weights. `diagonal` gains multiply the diagonal of the joint inertia
-    at home. Results are cached. Raises InputError if there are none: the period is too long, the
-    quantization too coarse, or friction too strong.
+    And the least `sigma_scale` that has such poles, 1 for laws without weights; `rest` are the
+    given settings. Results are cached. Raises InputError if there are none: the period is too long,
+    the quantization too coarse, or friction too strong.
     """
     refused = InputError()
     for scale in _SCALES if _core.laws[law].weighs else _SCALES[:1]:
+        settings = replace(rest, sigma_scale=scale)
         try:
-            everywhere = responses(robot, law, effects, period, diagonal, scale)
-            return _chosen(robot, law, effects, everywhere, damping, integral), scale
+            loops = plants(robot, poses(robot), law, effects, settings)
+            return _chosen(robot, law, effects, Responses(loops), settings)
         except InputError as error:
             refused = error
     raise refused
 
 
 def _chosen(
-    robot: Robot,
-    law: Law,
-    effects: Effects,
-    everywhere: Responses,
-    damping: float,
-    integral: float,
-) -> Gains:
+    robot: Robot, law: Law, effects: Effects, everywhere: Responses, given: ControllerSettings
+) -> ControllerSettings:
     home = Responses(everywhere.plants[:1])
     read = robot if effects.quantization else robot.without_quantization()
     rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
 
-    def lacks(gains: Gains, found: Responses) -> str:
+    def poled(frequency: float, ratio: float) -> ControllerSettings:
+        return replace(given, frequency=frequency, velocity_bandwidth=ratio * frequency)
+
+    def lacks(gains: ControllerSettings, found: Responses) -> str:
         margin = found.least(gains)
         if not kept(margin):
             return _said(margin)
@@ -129,10 +113,10 @@ def _chosen(
     slowest = float(np.clip(friction_poles(robot, effects), *_FREQUENCIES[[0, -1]]))
     for frequency in (*_FREQUENCIES[slowest < _FREQUENCIES][::-1].tolist(), slowest):
         for ratio in _RATIOS:
-            gains = Gains(frequency, ratio * frequency, damping, integral)
+            gains = poled(frequency, ratio)
             if not (lacks(gains, home) or lacks(gains, everywhere)):
                 return gains
-    widest = Gains(slowest, _RATIOS[0] * slowest, damping, integral)
+    widest = poled(slowest, _RATIOS[0])
     stable = everywhere.stable(widest).all()
     reason = lacks(widest, everywhere) if stable else "it is unstable"
     held, why = "mm" if summed(robot).unit == "m" else "mrad", ""

@@ -9,9 +9,10 @@ correction by its samples is excluded too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,25 +30,34 @@ _FALLEN = 1e12  #: growth in a period beyond which no control is possible
 _STEP = 1e-5  # m and rad, of the platform: finite difference for the weight's stiffness
 
 
-@dataclass(frozen=True)
-class Gains:
-    """Controller settings of the linear loop; see :class:`truepose.Controller`."""
+@dataclass(frozen=True, kw_only=True)
+class ControllerSettings:
+    """Settings of a :class:`truepose.Controller`."""
 
-    frequency: float
-    velocity_bandwidth: float
+    law: Law | Callable[..., Any] = "tej"
+    frequency: float = 150.0
     damping: float = 1.0
     integral: float = 0.0
+    gains: Literal["inertia", "diagonal"] = "inertia"
+    feed_forward: Literal["none", "gravity", "full"] = "full"
+    period: float = 1e-3
+    velocity_bandwidth: float = 1500.0
+    damped_below: float = 0.0
+    sigma_scale: int = 1
 
-    def transfer(self, z: Array, period: float) -> Array:
+    def transfer(self, z: Array) -> Array:
         """Return the transfer from a motor error to its commanded acceleration, at points z.
 
         The tracking loop finds a reading's rate by (1-p)²/T · z (z-1)/(z-p)².
         """
-        p = np.exp(-self.velocity_bandwidth * period)
-        rate = (1 - p) ** 2 / period * z * (z - 1) / (z - p) ** 2
+        p, T = np.exp(-self.velocity_bandwidth * self.period), self.period
+        rate = (1 - p) ** 2 / T * z * (z - 1) / (z - p) ** 2
         kp = self.frequency**2
-        summed = self.integral * kp * period * z / (z - 1) if self.integral else 0.0
+        summed = self.integral * kp * T * z / (z - 1) if self.integral else 0.0
         return kp + 2 * self.damping * self.frequency * rate + summed
+
+
+_USUAL = ControllerSettings()
 
 
 @dataclass(frozen=True)
@@ -75,7 +85,7 @@ class Plant:
         states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B) / z**self.late
         return self.C @ states + self.D / z ** (1 + self.late), states[..., : len(self.E), :]
 
-    def closed(self, gains: Gains, gain: float = 1.0) -> Array:
+    def closed(self, gains: ControllerSettings, gain: float = 1.0) -> Array:
         """Return the closed loop's matrix from one cycle to the next; `gain` scales its feedback.
 
         States: the plant's, delayed torques (the last acts), the tracking loops' ê_q and its rate,
@@ -109,17 +119,13 @@ def plants(
     poses: Iterable[Array],
     law: Law,
     effects: Effects,
-    period: float,
-    diagonal: bool = False,
-    sigma_scale: int = 1,
+    settings: ControllerSettings = _USUAL,
 ) -> list[Plant]:
-    """Linearize a controlled robot at poses.
-
-    Gains multiply the joint inertia there, or, if `diagonal`, its diagonal at home. `sigma_scale`
-    is as for :class:`truepose.Controller`.
-    """
-    home = np.diag(np.diag(joint_inertia(robot, robot.home))) if diagonal else None
-    return [_plant(robot, x, law, effects, period, home, sigma_scale) for x in poses]
+    """Linearize a controlled robot at poses; diagonal gains are placed at home."""
+    home = None
+    if settings.gains == "diagonal":
+        home = np.diag(np.diag(joint_inertia(robot, robot.home)))
+    return [_plant(robot, x, law, effects, settings, home) for x in poses]
 
 
 def joint_inertia(robot: Robot, x: ArrayLike) -> Array:
@@ -133,18 +139,17 @@ def _plant(
     x: Array,
     law: Law,
     effects: Effects,
-    period: float,
+    settings: ControllerSettings,
     inertia: Array | None,
-    sigma_scale: int,
 ) -> Plant:
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
-    n, chains = robot.n, robot.spec.chain
+    n, chains, period = robot.n, robot.spec.chain, settings.period
     H_x, H_xi = robot.linearize(x, level="ideal")
     M = robot.mass_matrix(x)
     held, K = _turning(robot, x, M)
     slope = np.diag(H_x[:n] @ np.linalg.inv(K))
-    leak = robot.cross_sensitivity(x, law, sigma_scale=sigma_scale)
+    leak = robot.cross_sensitivity(x, law, sigma_scale=settings.sigma_scale)
     E = delays.carried(robot, -np.linalg.solve(robot.jacobian(x), leak), H_x, period)
     inertia = slope[:, None] * (joint_inertia(robot, x) if inertia is None else inertia)
 

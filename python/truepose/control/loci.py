@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.control.linear import Gains, Plant
+from truepose.control.linear import ControllerSettings, Plant
 
 _POINTS = 300
 _ANY = 1e6  # multipliers beyond this are rounding errors
@@ -28,12 +28,6 @@ class Margin(NamedTuple):
     delay: float  #: cycles, additional
 
 
-def frequencies(period: float) -> Array:
-    """Return the evaluated frequencies, rad/s: from 1 rad/s to half the sampling rate."""
-    highest = np.pi / period
-    return np.geomspace(min(1.0, 1e-3 * highest), 0.9999 * highest, _POINTS)
-
-
 class Responses:
     """Frequency responses of P plants, at poses of one robot, law and period.
 
@@ -42,55 +36,53 @@ class Responses:
 
     def __init__(self, plants: list[Plant]):
         self.plants, self.period = plants, plants[0].period
-        self.frequency = frequencies(self.period)
+        highest = np.pi / self.period
+        self.frequency = np.geomspace(min(1.0, 1e-3 * highest), 0.9999 * highest, _POINTS)
         self.z = np.exp(1j * self.frequency * self.period)
         answers = [[part @ p.inertia for part in p.response(self.z)] for p in plants]
         #: From commanded accelerations to readings, (P, F, n + r, n), and to the platform's twist.
         self.readings, self.nacelle = (np.stack(part) for part in zip(*answers, strict=True))
-        self.E = np.stack([p.E for p in plants])[:, None]
+        self.E, self.inertia = (
+            np.stack([getattr(p, name) for p in plants])[:, None] for name in ("E", "inertia")
+        )
         # The same spectrum as of the loop opened at the motor torques.
         self.loci = _tracked(np.linalg.eigvals(self.E @ self.readings))
 
-    def stable(self, gains: Gains) -> Array:
+    def stable(self, gains: ControllerSettings) -> Array:
         """Return whether the closed loop is stable, at each pose."""
         radii = [abs(np.linalg.eigvals(plant.closed(gains))).max() for plant in self.plants]
         return np.array(radii) < 1
 
-    def common(self, gains: Gains) -> list[Margin]:
+    def common(self, gains: ControllerSettings) -> list[Margin]:
         """Return the margins of all motors' torques at once, at each pose."""
         return [self._margin(loci) for loci in self.together(gains)]
 
-    def torques(self, gains: Gains) -> list[list[Margin]]:
-        """Return the margins of each motor's torque alone, at each pose."""
-        return self._each(self._torques(gains))
+    def alone(self, gains: ControllerSettings) -> list[list[Margin]]:
+        """Return the margins of each motor's torque, then each reading alone, at each pose."""
+        own = self._alone(gains)
+        return [[self._margin(l[:, [i]]) for i in range(l.shape[-1])] for l in own]
 
-    def alone(self, gains: Gains) -> list[list[Margin]]:
-        """Return the margins of each reading alone, at each pose: of a sensor, its own loop."""
-        return self._each(self._readings(gains))
-
-    def least(self, gains: Gains) -> Margin:
+    def least(self, gains: ControllerSettings) -> Margin:
         """Return the least margins of all motors at once, over all poses."""
         return self._margin(_side_by_side(self.together(gains)))
 
-    def least_alone(self, gains: Gains) -> Margin:
+    def least_alone(self, gains: ControllerSettings) -> Margin:
         """Return the least margins of each motor and each reading alone, over all poses."""
-        loops = [self._torques(gains), self._readings(gains)]
-        return self._margin(np.hstack([_side_by_side(loop) for loop in loops]))
+        return self._margin(_side_by_side(self._alone(gains)))
 
-    def together(self, gains: Gains) -> Array:
+    def together(self, gains: ControllerSettings) -> Array:
         """Return the characteristic loci of the loop of all motors, (P, F, n)."""
-        return self.loci * gains.transfer(self.z, self.period)[:, None]
+        return self.loci * gains.transfer(self.z)[:, None]
 
-    def dither(self, gains: Gains, sigma: Array) -> Array:
+    def dither(self, gains: ControllerSettings, sigma: Array) -> Array:
         """Return the torques' rms under white noise of the readings with these σ: (P, n)."""
-        c = gains.transfer(self.z, self.period)[:, None, None]
-        inertia = np.stack([p.inertia for p in self.plants])[:, None]
+        c = gains.transfer(self.z)[:, None, None]
         loop = np.eye(self.E.shape[-2]) + c * (self.E @ self.readings)
-        answer = inertia @ np.linalg.solve(loop, c * (self.E * sigma))
+        answer = self.inertia @ np.linalg.solve(loop, c * (self.E * sigma))
         power = (np.abs(answer) ** 2).sum(axis=-1)
         return np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
 
-    def limit_cycle(self, gains: Gains, counts: Array) -> Array:
+    def limit_cycle(self, gains: ControllerSettings, counts: Array) -> Array:
         """Return the platform's limit cycle by one count of the readings, peak to peak: (P, n).
 
         A reading rests in the middle of a count or oscillates about its edge, where a quantizer is
@@ -100,7 +92,7 @@ class Responses:
         Describing Functions, 1968, chapter 2). A sampled relay may be one cycle late. Phases are
         arbitrary: readings add by their squares.
         """
-        c = gains.transfer(self.z, self.period)[:, None, None]
+        c = gains.transfer(self.z)[:, None, None]
         error = c * self.E
         loop = np.einsum("pfij,pfji->pfi", self.readings, error) / self.z[:, None]
         swing = 4 / np.pi * counts * np.abs(self.nacelle @ error)
@@ -110,21 +102,16 @@ class Responses:
         each = np.where(turned[:, :, None], swing[:, 1:], 0).max(axis=1)
         return np.sqrt((each**2).sum(axis=-1))
 
-    def _torques(self, gains: Gains) -> Array:
-        inertia = np.stack([p.inertia for p in self.plants])[:, None]
-        return self._own(gains, inertia @ self.E @ self.readings @ np.linalg.inv(inertia))
+    def _alone(self, gains: ControllerSettings) -> Array:
+        torques = self.inertia @ self.E @ self.readings @ np.linalg.inv(self.inertia)
+        loops = self._own(gains, torques), self._own(gains, self.readings @ self.E)
+        return np.concatenate(loops, axis=-1)
 
-    def _readings(self, gains: Gains) -> Array:
-        return self._own(gains, self.readings @ self.E)
-
-    def _own(self, gains: Gains, loop: Array) -> Array:
+    def _own(self, gains: ControllerSettings, loop: Array) -> Array:
         """Return scalar loops of channels with the others closed, (P, F, channels)."""
-        c = gains.transfer(self.z, self.period)[:, None, None]
+        c = gains.transfer(self.z)[:, None, None]
         open_ = np.linalg.inv(np.eye(loop.shape[-1]) + c * loop)
         return 1 / np.diagonal(open_, axis1=-2, axis2=-1) - 1
-
-    def _each(self, own: Array) -> list[list[Margin]]:
-        return [[self._margin(l[:, [i]]) for i in range(l.shape[-1])] for l in own]
 
     def _margin(self, loci: Array) -> Margin:
         more, less = _gains(loci)

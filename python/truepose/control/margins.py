@@ -13,7 +13,7 @@ from truepose.arguments import Array, require
 from truepose.control import gains
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
-from truepose.control.linear import Gains, plants
+from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses, worst
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened
@@ -188,22 +188,12 @@ def stability_margins(
     x, lead = flattened(robot, given, robot.n, "poses", "raise")
     if len(lead) != 1 or not len(x):
         raise InputError(f"poses: shape {np.shape(given)}, must be (P, {robot.n})")
-    law, diagonal = controller.built_in, controller.gains == "diagonal"
-    found = Responses(
-        plants(robot, x, law, effects, controller.period, diagonal, controller.sigma_scale)
-    )
-    asked = Gains(
-        controller.frequency,
-        controller.velocity_bandwidth,
-        controller.damping,
-        controller.integral,
-    )
+    found = Responses(plants(robot, x, controller.built_in, effects, controller))
     read = robot if effects.quantization else robot.without_quantization()
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
-    loops = {ALL: found.common(asked)}
-    motors = [f"motor {i + 1}" for i in range(robot.n)]
-    for names, each in ((motors, found.torques(asked)), (robot.readings, found.alone(asked))):
-        loops |= {name: list(own) for name, own in zip(names, zip(*each, strict=True), strict=True)}
+    names = [*(f"motor {i + 1}" for i in range(robot.n)), *robot.readings]
+    alone = map(list, zip(*found.alone(controller), strict=True))
+    loops = {ALL: found.common(controller), **dict(zip(names, alone, strict=True))}
     return StabilityMargins(
         robot,
         controller,
@@ -211,8 +201,8 @@ def stability_margins(
         x,
         loops,
         found.frequency,
-        found.together(asked),
-        found.stable(asked),
-        found.dither(asked, read.reading_sigma) / limits,
-        found.limit_cycle(asked, read.resolution),
+        found.together(controller),
+        found.stable(controller),
+        found.dither(controller, read.reading_sigma) / limits,
+        found.limit_cycle(controller, read.resolution),
     )

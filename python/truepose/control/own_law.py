@@ -8,11 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
-from truepose.control.controller import Controller, ControllerInput
+from truepose.arguments import Array, numbers_of
+from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name
 from truepose.control.linear import joint_inertia
-from truepose.control.motor_error import motor_error
+from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
+
+
+def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
+    """Evaluate an own law; InputError where it returns another shape, or no finite number."""
+    error = numbers_of(law(robot, x_d, q_e), law_name(law))
+    if error.shape != (robot.n,):
+        raise InputError(
+            f"{law_name(law)}: returns shape {error.shape}, must be the motor error ({robot.n},)"
+        )
+    if not np.isfinite(error).all():
+        raise InputError(f"{law_name(law)}: returns {error} at x_d = {x_d}; must be finite")
+    return error
 
 
 @dataclass(eq=False)

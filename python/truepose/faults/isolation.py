@@ -135,10 +135,6 @@ def isolate(
         Probability that a healthy robot counts as faulty, and that one hypothesis is taken for
         another; by default that of one false alarm in 1000 hours at 1 kHz.
 
-    Returns
-    -------
-    Isolation
-
     Raises
     ------
     InputError
@@ -222,7 +218,7 @@ def _evidence(
     used = np.asarray(regular & np.isfinite(rows).all(axis=1))
     if not used.any():
         return used, np.zeros(0), np.zeros((0, 0))
-    found = parity(model, poses[used], level, None, model_error)
+    found = parity(model, poses[used], level, model_error)
     error = _within_turns(model, rows[used] - model.extended_positions(poses[used]))
     value = np.einsum("kri,ki->kr", found.signature, error)
     B = found.geometry.reshape(-1, found.geometry.shape[-1])

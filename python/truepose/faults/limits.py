@@ -17,9 +17,9 @@ from truepose.exceptions import InputError
 from truepose.faults.parity import Parity, detectable, parity, unexplained
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
-from truepose.robot.laws import LAWS, Law
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_axes
+from truepose.robot.units import angles, reading_axes
 from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
@@ -207,10 +207,6 @@ def detectability(
     moving : int
         Number of the poses, spread evenly, that are read under the fault.
 
-    Returns
-    -------
-    Detectability
-
     Raises
     ------
     PoseError
@@ -237,11 +233,12 @@ def detectability(
         raise InputError(f"moving = {moving}: must be at least 1")
     level = robot.highest_level if level is None else level
     model = robot.expected()
-    root = None if calibrated_on is None else _learnt(robot, calibrated_on, level, model_error)
+    if calibrated_on is not None:
+        model = bound.after_visiting(model, calibrated_on, level, model_error)
     rows, lead = flattened(model, poses, model.n, "poses", "raise")
     if not len(rows):
         raise InputError("poses: none")
-    found = parity(model, rows, level, root, model_error)
+    found = parity(model, rows, level, model_error)
     m, r = robot.n + robot.r, robot.r
 
     at_rest = found.at_rest()
@@ -269,18 +266,9 @@ def detectability(
         len(some),
         _smallest(one, np.diagonal(information)),
         _smallest(one, unexplained(information).min(axis=-1)),
-        _leakage(model, rows, lead, level, root, model_error),
+        _leakage(model, rows, lead, level, model_error),
         f"{bound.state_of(calibrated_on, None)}, {level} level",
     )
-
-
-def _learnt(robot: Robot, poses: ArrayLike, level: Level, model_error: bool) -> Array:
-    knowledge.require_uncertain(robot)
-    visited, _ = flattened(robot, poses, robot.n, "calibrated_on", "raise")
-    root, status = bound.after_visiting(robot, visited, level, model_error)
-    if status:  # raises with the pose
-        bound.accuracy(robot, robot.home, visited, None, level, model_error)
-    return root
 
 
 def _smallest(length: float, square: Array) -> Array:
@@ -292,27 +280,18 @@ def _smallest(length: float, square: Array) -> Array:
 
 
 def _leakage(
-    model: Robot,
-    rows: Array,
-    lead: tuple[int, ...],
-    level: Level,
-    root: Array | None,
-    model_error: bool,
+    model: Robot, rows: Array, lead: tuple[int, ...], level: Level, model_error: bool
 ) -> dict[Law, Array]:
     """Return each law's pose error, m and rad, per unit of each reading's error."""
-    linear = np.array([unit == "m" for _, unit in model.coordinates])
-    known = knowledge.knowledge(model, root, level=level, error=model_error).core
+    known = knowledge.knowledge(model, level=level, error=model_error).core
     result: dict[Law, Array] = {}
-    for law in LAWS:
-        kind = _core.laws[law]
+    for law, kind in _core.laws.items():
         if kind.sensed and not model.r:
             continue
-        believed = model.with_level(level) if kind.weighs else model
-        leak, status, chain = _core.leakage(
-            believed.core, kind.law, known if kind.weighs else None, rows
-        )
+        weights = (model.with_level(level).core, known) if kind.weighs else (model.core, None)
+        leak, status, chain = _core.leakage(weights[0], kind.law, weights[1], rows)
         require_answers(model, "pose", rows, lead, status, chain, "raise", "poses")
-        parts = [np.linalg.norm(leak[:, part], axis=1) for part in (linear, ~linear)]
+        parts = [np.linalg.norm(leak[:, part], axis=1) for part in (~angles(model), angles(model))]
         result[law] = np.stack(parts, axis=-1).reshape(*lead, -1, 2)
     return result
 

@@ -14,7 +14,6 @@ from truepose.arguments import Array
 from truepose.control import delays
 from truepose.control.controller import Controller, positive
 from truepose.control.effects import Effects
-from truepose.control.linear import Gains
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
@@ -111,10 +110,7 @@ class FaultMonitor:
     def guarding(
         self, robot: Robot, controller: Controller, still_sensors: bool = True
     ) -> _core.FaultTolerantSetup:
-        """Return the setup of the core's fault-tolerant controller: robot, covariances, thresholds.
-
-        Without `still_sensors`, for laws that hold a sensor, it is not stuck beside moving motors.
-        """
+        """Return the core's setup; `still_sensors`: one at rest beside moving motors is stuck."""
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:
             raise InputError(
@@ -290,9 +286,8 @@ def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
 
 def _shaken(robot: Robot, controller: Controller) -> Array:
     """Return the σ of white reading noise that drives each motor's torque to `_SHAKES`, rms."""
-    gains = Gains(controller.frequency, controller.velocity_bandwidth, controller.damping)
     turn = np.exp(1j * np.linspace(0, np.pi, 1000))
-    answer = np.sqrt(np.mean(np.abs(gains.transfer(turn, controller.period)) ** 2))
+    answer = np.sqrt(np.mean(np.abs(replace(controller, integral=0.0).transfer(turn)) ** 2))
     return _SHAKES * _limits(robot) / (answer * _inertia(robot, controller))
 
 

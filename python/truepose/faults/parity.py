@@ -52,21 +52,18 @@ def parity(
     robot: Kinematics,
     poses: ArrayLike,
     level: Level | None = None,
-    posterior: Array | None = None,
     model_error: bool = True,
 ) -> Parity:
     """Eliminate the pose from the readings, for χ² tests of the rest.
 
     About the robot's expected geometry, at poses (..., n) and a model level, by default
-    :attr:`Robot.highest_level`. `posterior`, (p, p), is a root of Σ_ξ in place of the robot's own.
-    `model_error` adds the ideal level's model error as a constant error of each reading.
+    :attr:`Robot.highest_level`. `model_error` adds the ideal level's as a constant error of each
+    reading.
     """
     level = robot.highest_level if level is None else level
-    H_x, H_xi = robot.linearize(poses, level=level)
     uncertain = knowledge.uncertain(robot)
-    names = list(robot.parameters)
-    root = knowledge.root(robot, uncertain) if posterior is None else posterior
-    moved = H_xi[..., [names.index(name) for name in uncertain]] @ root
+    H_x, H_xi = knowledge.linearized(robot, poses, uncertain, level=level)
+    moved = H_xi @ knowledge.root(robot, uncertain)
     stated = knowledge.stated_error(robot)
     if model_error and level == "ideal" and stated.any():
         fixed = np.broadcast_to(np.diag(stated), (*moved.shape[:-1], len(stated)))

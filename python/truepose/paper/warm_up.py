@@ -9,7 +9,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
-from truepose.calibration.learnt import calibration_of
+from truepose.calibration.learnt import calibrated
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
 from truepose.paper import article
@@ -130,5 +130,5 @@ def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
     if modes.size:
         root = knowledge.triangular(np.hstack([root, modes.T]))
     values = {name: cold.parameters[name].value for name in names}
-    learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
+    learnt = calibrated(drawn, values, root, "perfect, cold")
     return learnt.with_level(drawn.highest_level)

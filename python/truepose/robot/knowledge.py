@@ -1,11 +1,15 @@
 """Covariances of a robot's parameters and readings: Σ_ξ and Σ_s."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Errors, Level
 from truepose.exceptions import InputError
 from truepose.robot import compliance
 from truepose.robot.kinematics import Kinematics
@@ -27,6 +31,19 @@ def uncertain(robot: Kinematics) -> list[str]:
 def learnable(robot: Kinematics) -> list[str]:
     """Return the names that a calibration identifies: of :func:`uncertain`, then compliances."""
     return [*uncertain(robot), *compliance.unknown(robot)]
+
+
+def linearized(
+    robot: Kinematics,
+    x: ArrayLike,
+    names: Sequence[str],
+    errors: Errors = "raise",
+    level: Level | None = None,
+) -> tuple[Array, Array]:
+    """Return H_x and these parameters' columns of H_ξ, as of :meth:`Robot.linearize`."""
+    every = list(robot.parameters)
+    H_x, H_xi = robot.linearize(x, errors, level)
+    return H_x, H_xi[..., [every.index(name) for name in names]]
 
 
 def root(robot: Kinematics, names: list[str]) -> Array:
@@ -93,12 +110,12 @@ def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
 
 def model_error(robot: Kinematics) -> Array:
     """Return the rms difference of readings between the levels over the workspace, (n + r,)."""
-    errors, box, names = left_out(robot), robot.spec.workspace, list(robot.parameters)
+    errors, box = left_out(robot), robot.spec.workspace
     if not errors or box is None:
         return np.zeros(robot.n + robot.r)
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
-    at = [names.index(name) for name in errors]
-    full, ideal = (robot.linearize(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
+    levels: tuple[Level, ...] = ("full", "ideal")
+    full, ideal = (linearized(robot, poses, [*errors], "nan", level)[1] for level in levels)
     off = (full - ideal) * np.array(list(errors.values()))
     return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
 

@@ -14,10 +14,16 @@ from truepose import _core
 from truepose.arguments import check_seed
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control import delays
-from truepose.control.controller import Controller, pose_of, positive, require_same_readings
+from truepose.control.controller import (
+    Controller,
+    OwnLaw,
+    law_name,
+    pose_of,
+    positive,
+    require_same_readings,
+)
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
-from truepose.control.motor_error import OwnLaw, law_name
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor

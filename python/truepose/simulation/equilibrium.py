@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors, require
-from truepose.control.controller import Controller, require_same_readings
-from truepose.control.motor_error import OwnLaw, law_name
+from truepose.control.controller import Controller, OwnLaw, law_name, require_same_readings
 from truepose.control.own_law import equilibrium
 from truepose.exceptions import PoseError
 from truepose.robot import knowledge

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, numbers_of, require
 from truepose.calibration.online import OnlineCalibrator
-from truepose.control.controller import Controller, ControllerInput, pose_of
+from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name, pose_of
 from truepose.control.effects import Effects
-from truepose.control.motor_error import OwnLaw, law_name
 from truepose.control.own_law import Torques
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truepose.control.motor_error import law_name
+from truepose.control.controller import law_name
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.robot import Robot
 

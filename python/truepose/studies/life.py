@@ -15,7 +15,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.learnt import calibration_of
+from truepose.calibration.learnt import calibrated
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.adaptive import AdaptiveCalibrator, changes
 from truepose.control.effects import Effects
@@ -282,8 +282,7 @@ def _commissioned(nominal: Robot, true: Robot, share: float, rng: np.random.Gene
     sigma = share * np.array([nominal.parameters[name].sigma for name in names])
     off = sigma * rng.standard_normal(len(names))
     values = {n: true.parameters[n].value + o for n, o in zip(names, off, strict=True)}
-    learnt = calibration_of(values, np.diag(sigma), "commissioning")
-    return nominal.with_calibration(learnt).at_highest_level
+    return calibrated(nominal, values, np.diag(sigma), "commissioning").at_highest_level
 
 
 def _allowing(known: Robot, growth: list[Steps]) -> Robot:
@@ -292,8 +291,8 @@ def _allowing(known: Robot, growth: list[Steps]) -> Robot:
     modes = np.array([[mode.get(name, 0.0) for mode in growth] for name in names])
     root = knowledge.triangular(np.hstack([knowledge.root(known, names), modes]))
     values = {name: known.parameters[name].mean for name in names}
-    learnt = calibration_of(values, root, "commissioning, warm-up allowed")
-    return known.with_calibration(learnt).at_highest_level
+    learnt = calibrated(known, values, root, "commissioning, warm-up allowed")
+    return learnt.at_highest_level
 
 
 def _readings(
@@ -328,7 +327,7 @@ def _bound(known: Robot, steps: Steps, visited: Array, judged: Array) -> float:
     values = {name: known.parameters[name].mean for name in names}
 
     def bound(root: Array) -> float:
-        told = known.with_calibration(calibration_of(values, root, "told"))
+        told = calibrated(known, values, root, "told")
         return accuracy(told, judged, calibrated_on=visited).rms
 
     exact = bound(1e-3 * own)

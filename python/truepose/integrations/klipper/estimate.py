@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
+from truepose.calibration.calibrate import calibrate
 from truepose.calibration.differences import Difference, DistanceMeasurements, PlaneContacts
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to
-from truepose.calibration.learnt import Learnt, calibration_of
+from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError, PoseError
 from truepose.integrations.klipper.criterion import ARMS, directions, fit
 from truepose.integrations.klipper.model import Model
@@ -193,7 +193,7 @@ def knowing(model: Model, p: Array, covariance: Array, source: str) -> Robot:
     if not np.isfinite(whole).all():
         raise UnfitError("an arm does not reach the middle at its endstop")
     values = dict(zip(model.parameters, model.xi(p).tolist(), strict=True))
-    return model.bare.with_calibration(calibration_of(values, np.linalg.cholesky(whole), source))
+    return calibrated(model.bare, values, np.linalg.cholesky(whole), source)
 
 
 def differences(
@@ -219,7 +219,7 @@ def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -
     H, D = len(readings.heights), len(readings.distances)
     pairs = H + np.arange(2 * D).reshape(D, 2)
     try:
-        found = fit_to(
+        found = calibrate(
             known.robot,
             -readings.steps * model.step,
             level="ideal",

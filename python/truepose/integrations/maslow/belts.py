@@ -14,8 +14,8 @@ import numpy as np
 
 from truepose import robotfile
 from truepose.arguments import Array
+from truepose.calibration.calibrate import calibrate as fit_to
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import PoseError

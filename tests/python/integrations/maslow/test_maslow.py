@@ -8,7 +8,7 @@ import pytest
 from spoiling import spoiled
 
 import truepose as tp
-from truepose.calibration.fitting import fit_to
+from truepose.calibration.calibrate import calibrate
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.integrations.maslow import belts, command
 from truepose.integrations.maslow.belts import BELTS, Model
@@ -205,7 +205,7 @@ def test_stretched_legs_are_told_from_their_offsets_by_what_they_carry():
     pattern = stretch(robot, x, held)
     q_e = robot.expected().read(x) + 2e-7 * pattern
     legs = NuisanceParameter(name="compliance", pattern=pattern, amount=(0.0, 1e-6))
-    fit = fit_to(robot, q_e, influences=[legs])
+    fit = calibrate(robot, q_e, influences=[legs])
     of = fit.influences["compliance"]
     assert abs(of.value - 2e-7) < 3 * of.sigma and of.sigma < 0.5e-6
     assert fit.beside.shape == (1, len(fit.names) + 1)
@@ -220,8 +220,8 @@ def test_an_influence_that_is_known_is_taken_off():
     x = poses()
     strain = belts.influences(robot, x, "alike")[0]
     known = NuisanceParameter(name="known", pattern=strain.pattern, amount=(1e-3, 1e-12))
-    one = fit_to(robot, read, influences=[known])
-    other = fit_to(robot, read - 1e-3 * strain.pattern)
+    one = calibrate(robot, read, influences=[known])
+    other = calibrate(robot, read - 1e-3 * strain.pattern)
     for name, of in other.parameters.items():
         assert abs(one.parameters[name].value - of.value) < 1e-3 * of.sigma
     assert one.residuals == pytest.approx(other.residuals, abs=1e-8)
