@@ -65,6 +65,12 @@ def test_import_truepose_does_not_import(package):
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.parametrize("package", ["matplotlib", "mujoco", "dask", "scipy", "viser"])
+def test_the_help_of_the_command_line_does_not_import(package):
+    code = f"import sys, truepose.commands.cli; sys.exit({package!r} in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_a_robot_introduces_itself(h4):
     assert repr(h4) == "<truepose.Robot h4: schoenflies, n=4, theta>"
     assert [name for name, _ in h4.coordinates] == ["x", "y", "z", "theta"]

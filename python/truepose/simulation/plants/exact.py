@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.optimize.elementwise import find_root
 
 from truepose import _core
 from truepose.arguments import Array, Level, check_seed
@@ -126,6 +125,8 @@ class ExactPlant:
 
     def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
         """Return poses, the tool's lead on the platform (rad), and statuses: see `backlash`."""
+        from scipy.optimize.elementwise import find_root  # takes its time to import
+
         half = 0.5 * self.effects.tool_backlash
         sides = np.array([-half, half])
         (low, status), (high, other) = (rest(slice(None), np.full(count, a)) for a in sides)
