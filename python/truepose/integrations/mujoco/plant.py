@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +38,7 @@ class MujocoPlant:
     """A true robot in MuJoCo, every rod on its own. TrueposeError: MuJoCo is not installed."""
 
     truth: Robot  #: cold
-    effects: Effects = field(default_factory=Effects.none)  #: effects that the model omits
+    effects: Effects = None  # type: ignore[assignment]  #: that the model omits; None: no effects
     _: KW_ONLY
     seed: int = 0  #: of the phases of eccentricity and ripple, and of the readings' noise
     duration: float = 0.2  #: time of a move, s
@@ -50,6 +50,7 @@ class MujocoPlant:
 
     def __post_init__(self) -> None:
         require()
+        self.effects = self.effects or Effects.none()
         for name in ("duration", "timestep", "longest"):
             positive(name, getattr(self, name))
         for name in ("hold", "pose_time"):
