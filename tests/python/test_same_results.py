@@ -203,7 +203,7 @@ def test_workbench_state(kept):
         state.motor_range(h4),
         now.errors,
         state.groups(h4),
-        [played.before.residual, played.after.residual, played.pose(3)],
+        [played.before.residual, played.after.residual, played.x[3]],
     ]
     colours = dict.fromkeys(rests, "#123456")
     pages = [

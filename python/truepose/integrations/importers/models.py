@@ -79,7 +79,10 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     model = m.model
     joints = {model.joint(k).name: k for k in range(model.njnt)}
     links = {model.body(k).name: k for k in range(model.nbody)}
-    links.setdefault(_root(root), 0)  # MuJoCo welds it to the world
+    children = {child.get("link") for child in root.iterfind("joint/child")}
+    names = (link.get("name", "") for link in root.iterfind("link"))
+    base = next((name for name in names if name not in children), "")
+    links.setdefault(base, 0)  # no joint's child: MuJoCo welds it to the world
     retyped = {
         _among(joints, name, "joint", loops): _RETYPED[kind]
         for name, kind in zip(said["joint_name"], said["joint_type"], strict=True)
@@ -202,13 +205,6 @@ def _first(path: Path, *ways: Callable[[], Any]) -> Any:
         except (ValueError, RuntimeError, TypeError) as error:
             said = said or error
     raise InputError(f"{path}: MuJoCo: {one_line(' '.join(str(said).split()), 300)}")
-
-
-def _root(root: ET.Element) -> str:
-    """Return the link of a URDF that is no joint's child."""
-    children = {child.get("link") for child in root.iterfind("joint/child")}
-    names = (link.get("name", "") for link in root.iterfind("link"))
-    return next((name for name in names if name not in children), "")
 
 
 def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:

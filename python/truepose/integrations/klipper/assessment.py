@@ -29,8 +29,6 @@ from truepose.integrations.klipper.printer import HEIGHTS, MM, TOWERS, Printer, 
 from truepose.integrations.klipper.prints import Bed, over_the_bed
 from truepose.show.table import Table
 
-#: Spread of distances over their mean below which they count as one length.
-_ONE_LENGTH = 0.02
 #: Relative drop of the squared error by a refit above which the file's parameters are not the fit.
 _REFIT = 0.98
 #: Tolerance of exactly met readings, by the decimals in the file, m.
@@ -77,12 +75,6 @@ class Assessment:
     def holds_estimate(self) -> bool:
         """Whether the file's parameters are the estimate, written into the file before."""
         return bool(np.max(np.abs(self.estimate.p - self.printer.values)) < _THE_SAME)
-
-    @property
-    def one_length(self) -> bool:
-        """Whether all distances are nearly equal."""
-        read = self.printer.readings.distances
-        return len(read) > 1 and bool(np.ptp(read) < _ONE_LENGTH * read.mean())
 
 
 @contextlib.contextmanager

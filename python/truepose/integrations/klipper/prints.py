@@ -60,10 +60,9 @@ def over_the_bed(model: Model, used: Array, found: Estimate, radius: float) -> B
     E = model.position_jacobian(found.p, there)
     offset = there - told
     free = without_rigid(told)
-    flat = E[:, :2].reshape(-1, E.shape[-1])
-    sigma_z = np.einsum("np,pq,nq->n", E[:, 2], found.covariance_p, E[:, 2])
-    planar = free @ flat
-    sigma_xy = np.einsum("np,pq,nq->n", planar, found.covariance_p, planar).reshape(-1, 2)
+    planar = free @ E[:, :2].reshape(-1, E.shape[-1])
+    E[:, :2] = planar.reshape(-1, 2, E.shape[-1])
+    bound = np.einsum("nip,pq,niq->ni", E, found.covariance_p, E, optimize=True)
     offset[:, :2] = (free @ offset[:, :2].ravel()).reshape(-1, 2)
     _, _, a, b, c, d = np.linalg.pinv(_affine(told))
     L = np.stack([(a + d) / 2, (a + d) / 2, a - d, b + c])
@@ -71,7 +70,7 @@ def over_the_bed(model: Model, used: Array, found: Estimate, radius: float) -> B
     slope = np.column_stack([L @ planar, np.array([0, -1, 0, 0]), np.zeros(4)])  # p, κ, b
     sigma = np.sqrt(np.diag(slope @ found.covariance @ slope.T))
     shape = Shape(*((float(v), float(s)) for v, s in zip(value, sigma, strict=True)))
-    return Bed(told[:, :2], offset, np.sqrt(np.column_stack([sigma_xy, sigma_z])), shape)
+    return Bed(told[:, :2], offset, np.sqrt(bound), shape)
 
 
 def disc(rings: int = _RINGS) -> Array:

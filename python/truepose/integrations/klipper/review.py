@@ -20,12 +20,13 @@ from truepose.show.table import Cell, Table, number
 from truepose.show.units import printed
 
 _WORSE = 1.15  #: ratio above which an error counts as larger
+_ONE_LENGTH = 0.02  #: spread of distances over their mean below which they count as one length
 
 
 def fits(found: Assessment) -> Table:
     """Return the residuals of the readings with three sets of parameters."""
     rows = [
-        [name, *(cell for of in parts for cell in (_mm(rms(of), 4), _mm(_worst(of))))]
+        [name, *(cell for of in parts for cell in (mm(rms(of), 4), mm(_worst(of))))]
         for name, *parts in found.fits
     ]
     header = ["what is left over", "z rms (mm)", "worst z (mm)"]
@@ -65,7 +66,7 @@ def parameters(found: Assessment) -> Table:
 def held_out(found: Assessment) -> Table:
     """Return the errors at left-out readings, one row per calibration method."""
     rows = [
-        [way.name, _mm(rms(_finite(way.heights))), _mm(rms(_finite(way.distances)))]
+        [way.name, mm(rms(_finite(way.heights))), mm(rms(_finite(way.distances)))]
         for way in found.held_out
     ]
     header = ["each reading left out in turn", "heights, rms (mm)", "distances, rms (mm)"]
@@ -78,7 +79,7 @@ def prints(found: Assessment) -> Table:
     rows, shapes = [], ("scale", "as printed", "x against y", "skew")
     for name, bed in (("the file's parameters", found.before), (ESTIMATE, found.after)):
         shape = [_on_100(what, *value) for what, value in zip(shapes, bed.shape, strict=True)]
-        rows.append([name, *map(_mm, _over(bed)), *shape])
+        rows.append([name, *map(mm, _over(bed)), *shape])
     header = ["expected error over the bed", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
     header += [f"{what} (mm on 100)" for what in shapes]
     return Table("prints", "What a print would show", header, rows)
@@ -146,8 +147,8 @@ def _distances_in_words(found: Assessment) -> list[str]:
     ways = {way.name: rms(_finite(way.distances)) for way in found.held_out}
     mean = ways.pop(MEAN, math.nan)
     best = min(ways, key=lambda name: ways[name])
-    if found.one_length and mean <= ways[best]:
-        read, nine = found.printer.readings.distances / MM, _of_klipper(found)
+    read, nine = found.printer.readings.distances / MM, _of_klipper(found)
+    if np.ptp(read) < _ONE_LENGTH * read.mean() and mean <= ways[best]:
         count = nine.name.removeprefix("Klipper's ")
         lines.insert(
             0,
@@ -253,7 +254,8 @@ def _said(value: float) -> str:
     return number(value / MM, 2)
 
 
-def _mm(value: float, decimals: int = 3) -> Cell:
+def mm(value: float, decimals: int = 3) -> Cell:
+    """Return a length in mm; empty if unknown."""
     return Cell(f"{value / MM:.{decimals}f}" if math.isfinite(value) else "", value / MM)
 
 

@@ -29,7 +29,7 @@ from truepose.integrations.klipper.estimate import (
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.printer import MM, NO_READINGS, Printer, printer_of
 from truepose.integrations.klipper.prints import disc
-from truepose.integrations.klipper.review import assumptions
+from truepose.integrations.klipper.review import assumptions, mm
 from truepose.show.table import Cell, Table, fixed
 
 #: Labels of the plan's candidates, and Klipper's names.
@@ -81,14 +81,10 @@ def _table(plans: list[PosePlan], model: Model, printer: Printer, title: str) ->
         cells = [fixed(round(value / MM) + 0.0, 0) for value in ends[:, :2].ravel().tolist()]
         cells += [Cell("", None)] * (4 - len(cells))
         promised = (np.hypot(sigma[0], sigma[1]), sigma[2])
-        rows.append([Cell(str(k), k), name, *cells, *(_mm(v) for v in promised)])
+        rows.append([Cell(str(k), k), name, *cells, *map(mm, promised)])
     header = ["step", "reading", "x (mm)", "y (mm)", "to x (mm)", "to y (mm)"]
     header += ["σ in x, y (mm)", "σ in z (mm)"]
     return Table("next", f"{title}, and the σ of the nozzle over the bed then", header, rows)
-
-
-def _mm(value: float) -> Cell:
-    return fixed(value / MM, 3)
 
 
 def _planned(

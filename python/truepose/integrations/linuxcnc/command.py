@@ -9,7 +9,7 @@ import typer
 
 from truepose import files
 from truepose.commands.export import USUAL, ChosenLevel, say_stiff
-from truepose.commands.options import Force, RobotName, SensorsOption, parse_set, wrote
+from truepose.commands.options import Force, RobotName, SensorsOption, load_with, wrote
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
@@ -43,13 +43,9 @@ def command(
 
     Example: **truepose export linuxcnc h4 -o h4**
     """
-    made, built = load(robot), load(machine) if machine else None
-    if sensors is not None:
-        made = made.with_sensors(*parse_set(made, sensors))
-    if level is not None:
-        made = made.with_level(level)
-    if built is not None and built.sensors != made.sensors:
-        built = built.with_sensors(*made.sensors)
+    made = load_with(robot, sensors)
+    made = made.with_level(level) if level else made
+    built = load(machine).with_sensors(*made.sensors) if machine else None
     controller = Controller(law=usual(made) if law is None else law, period=period)
     contents = to_configuration(made, controller, FaultMonitor(), built)
     read = [path_of(name) for name in (robot, machine) if name]

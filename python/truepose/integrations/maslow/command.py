@@ -65,7 +65,6 @@ def command(
     above = _heights(heights)
     lengths, lines = read(log, above)
     model = Model(True, tightened)
-    # Print these before the held-out fits, which take longer.
     before = [
         f"{len(lengths)} poses; anchors' heights {heights} mm; unknown: {model}",
         f"prior σ, assumed: anchors {1e3 * belts.ANCHOR:.0f} mm, offsets "

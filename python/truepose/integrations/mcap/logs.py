@@ -32,9 +32,7 @@ def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
         require(path, 0, 0, sum(chunk.uncompressed_size for chunk in chunks))
         for count, (_, channel, message) in enumerate(reader.iter_messages(), 1):
             require(path, count, 0)
-            if channel.message_encoding != "json":
-                continue
-            cells = json.loads(message.data)
+            cells = json.loads(message.data) if channel.message_encoding == "json" else None
             if not isinstance(cells, dict):
                 continue
             for name in cells:

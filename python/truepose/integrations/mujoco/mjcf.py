@@ -103,12 +103,9 @@ class Model(Mechanism):
     def _chain(self, i: int, world: ET.Element) -> None:
         """Add the arm, carriage or leg of a chain, and its rods."""
         chain, effects, p = self.chains[i], self.effects, self.home.position[i]
-        motor = {
-            "name": f"motor{i + 1}",
-            "ref": p,
-            "damping": chain.viscous,
-            "frictionloss": chain.coulomb + effects.motor_friction,
-        }
+        friction = chain.coulomb + effects.motor_friction
+        motor = {"name": f"motor{i + 1}", "ref": p, "damping": chain.viscous}
+        motor["frictionloss"] = friction
         if chain.actuator == _core.Actuator.telescopic:
             for rod, side in self.rods(i):
                 self._leg(i, rod, side, motor, world)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +38,7 @@ class MujocoPlant:
     """A true robot in MuJoCo, every rod on its own. TrueposeError: MuJoCo is not installed."""
 
     truth: Robot  #: cold
-    effects: Effects = field(default_factory=Effects.none)  #: effects that the model omits
+    effects: Effects = None  # type: ignore[assignment]  #: that the model omits; None: no effects
     _: KW_ONLY
     seed: int = 0  #: of the phases of eccentricity and ripple, and of the readings' noise
     duration: float = 0.2  #: time of a move, s
@@ -50,6 +50,7 @@ class MujocoPlant:
 
     def __post_init__(self) -> None:
         require()
+        self.effects = self.effects or Effects.none()
         for name in ("duration", "timestep", "longest"):
             positive(name, getattr(self, name))
         for name in ("hold", "pose_time"):
@@ -93,12 +94,9 @@ class MujocoPlant:
         if x_d.ndim != 2 or x_d.shape[1] != robot.n:
             raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
         n, count = robot.n, len(x_d)
-        result = Visit(
-            np.full((count, n + robot.r), np.nan),
-            np.full((count, 4, 4), np.nan),
-            np.full((count, n), np.nan),
-            np.full(count, "", dtype=object),
-        )
+        shapes = (n + robot.r,), (4, 4), (n,)
+        q_e, frame, x = (np.full((count, *shape), np.nan) for shape in shapes)
+        result = Visit(q_e, frame, x, np.full(count, "", dtype=object))
         length = len(x_d) if self.faults else _RANGE  # a stuck reading persists from pose to pose
         starts = range(0, len(x_d), max(1, length))
 
@@ -135,9 +133,8 @@ class _Drive:
         self.faults = _core.FaultyReadings(lying, controller.period)
         # A geared encoder is on the tool's axis, so backlash is between it and the nacelle.
         gains = plant.truth.parameters
-        self.geared = np.array(
-            [gains[f"{s.name}.gain"].value if s.geared else 0.0 for s in robot.spec.used]
-        )
+        geared = [gains[f"{s.name}.gain"].value if s.geared else 0.0 for s in robot.spec.used]
+        self.geared = np.array(geared)
         self.time = time
         self.body = plant.body(time)
         self.restart()
@@ -205,9 +202,8 @@ class _Drive:
     def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
         """Run one control period of a move that began at `began`; return an error or ""."""
         body, plant, core = self.body, self.plant, self.believed.core
-        x, rate, acceleration = _core.setpoint(
-            core, padded(start), padded(end), plant.duration, now
-        )
+        ends = padded(start), padded(end)
+        x, rate, acceleration = _core.setpoint(core, *ends, plant.duration, now)
         sensed = self._faulty(began + now)
         q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
         if self.bus is not None:

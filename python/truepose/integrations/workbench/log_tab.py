@@ -74,8 +74,7 @@ class LogTab(Tab):
         self._simulate_log()
         self._fit()
         assert self.played is not None
-        x = np.array([self.played.pose(k) for k in range(len(self.played.log.lines))])
-        return x[np.isfinite(x).all(axis=1)]
+        return self.played.x[np.isfinite(self.played.x).all(axis=1)]
 
     def _take(self, played: Playback) -> None:
         """Open another log."""
@@ -107,7 +106,7 @@ class LogTab(Tab):
         if self.played is None:
             return
         line = int(self._line.value) - 1
-        x = self.played.pose(line)
+        x = self.played.x[line]
         if not np.isfinite(x).all():
             raise InputError(f"{self.played.log.at([line])}: no pose")
         self.page.send(self.page.state.sent(x))

@@ -61,11 +61,10 @@ class MotionTab(Tab):
 
     def _begin(self) -> None:
         """Start from rest, or stop at the nacelle's last target."""
-        self._time, self._faults = 0.0, []
+        self._time, self._now, self._faults, self._run = 0.0, 0.0, [], None
         self._on.value = False
         self.page.moving = bool(self._move.value)
         self.page.scene.show_gizmos(not self.page.moving)
-        self._run, self._now = None, 0.0
         self._lights.content = words.page(words.note("At rest."))
         self._again()
 

@@ -33,9 +33,10 @@ class Playback:
         """Expectation from the motors, at the calibrated geometry."""
         return None if self.assessment is None else self.assessment.after
 
-    def pose(self, line: int) -> Array:
-        """Return the estimated pose of a row, (n,); NaN if unknown."""
-        return (self.after or self.before).x[line]
+    @property
+    def x(self) -> Array:
+        """Estimated poses, (N, n); NaN if unknown."""
+        return (self.after or self.before).x
 
 
 def opened(robot: Robot, log: Log) -> Playback:

@@ -174,7 +174,7 @@ def test_a_log_is_played_back_and_a_calibration_on_it_brings_the_robot_home(stat
     played = playback.calibrated(playback.simulated_log(state, poses=40))
     before, after = (playback.rms(e.residual) for e in (played.before, played.after))
     assert (after < before / 10).all()
-    assert np.isfinite(played.pose(0)).all()
+    assert np.isfinite(played.x[0]).all()
     believed = state.believing(played.assessment.fit.robot)
     assert believed.robot.sensors == state.robot.sensors
     wrong, right = (np.linalg.norm(answers.rests(s)["joint"].off) for s in (state, believed))
