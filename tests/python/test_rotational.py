@@ -137,7 +137,7 @@ SPOILED = [
     ('"rotational"', '"rotations"', "mobility = 'rotations': input should be .* 'rotational'"),
     ("axis = 2\n", "axis = 3\n", "sensor roll_encoder: axis = 3, but the file has 2 axes"),
     ('"axis2.origin.z"', '"axis3.origin.z"', "tolerances: unknown parameter 'axis3.origin.z'"),
-    ('name = "foot_roll"', 'name = "axis2"', "sensor.4.name = 'axis2': is the name of a chain"),
+    ('name = "foot_roll"', 'name = "axis2"', "sensor axis2: logs and parameters use this name"),
     (
         "[platform]",
         "[[bar]]\ndirection = [1, 0, 0]\npivot = 0.1\n[platform]",

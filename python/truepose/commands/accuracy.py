@@ -10,7 +10,7 @@ from typer import Option
 from truepose.calibration.bound import accuracy
 from truepose.commands import options
 from truepose.design.prediction import Prediction, best, overview, predict
-from truepose.logs.pose_file import read_poses
+from truepose.logs.reading import read_poses
 from truepose.robot.maps import workspace_slice
 from truepose.robot.robot import load
 from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed

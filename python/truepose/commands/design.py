@@ -19,7 +19,7 @@ from truepose.design.selection import SensorSelection, candidate, described, set
 from truepose.design.selection import page as design_page
 from truepose.design.sensors import in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
-from truepose.logs.pose_file import read_poses
+from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed, unit_of
 from truepose.show.table import Table, number

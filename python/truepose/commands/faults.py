@@ -23,7 +23,7 @@ from truepose.faults.limits import (
     false_alarm_rate,
     limit_cell,
 )
-from truepose.logs.pose_file import read_poses
+from truepose.logs.reading import read_poses
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_axes, label, reading_axes

@@ -16,7 +16,7 @@ from truepose.commands.calibrate import checked
 from truepose.design.candidates import COUNT, CandidatePoses, drawn
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
-from truepose.logs.pose_file import read_poses
+from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.show.table import as_csv, number

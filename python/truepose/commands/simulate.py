@@ -15,7 +15,7 @@ from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.monitor import FaultMonitor
-from truepose.logs.pose_file import read_poses, read_samples
+from truepose.logs.reading import read_poses, read_samples
 from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law

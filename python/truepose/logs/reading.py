@@ -80,11 +80,7 @@ def is_table(value: object) -> bool:
 
 
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
-    """Extract the readings of a robot and its sensors in use from a table in SI units.
-
-    Columns are those of :func:`truepose.calibrate`'s tables. An InputError names the column that is
-    missing, or the cell that is no number.
-    """
+    """Extract a robot's readings from a table as of :func:`truepose.calibrate`, in SI units."""
     if isinstance(table, Log):
         return table
     names = columns_of(table) or []
@@ -129,6 +125,19 @@ def texts(path: str | Path, names: Sequence[str]) -> Cells:
             unknown = choose("column", name, cells.columns)
             raise InputError(f"{path}: {unknown.replace('unknown', 'no', 1)}")
     return cells
+
+
+def read_poses(robot: Robot, path: Path) -> Array:
+    """Read poses, m and rad, from a CSV file with a column for each coordinate, and others."""
+    return read_samples(robot, path)[1]
+
+
+def read_samples(robot: Robot, path: Path) -> tuple[Array | None, Array]:
+    """Read times, s, where the file has a column `time`, and poses as :func:`read_poses`."""
+    names = [name for name, _ in robot.coordinates]
+    cells = texts(path, names)
+    time = cells.numbers("time", empty=False) if "time" in cells.columns else None
+    return time, np.column_stack([cells.numbers(name, empty=False) for name in names])
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:

@@ -19,10 +19,7 @@ _MUCH = 10.0  # m or rad: beyond any robot's workspace
 def flattened(
     robot: Description, values: ArrayLike, width: int, name: str, errors: Errors
 ) -> tuple[Array, tuple[int, ...]]:
-    """Check the shape and flatten the leading axes: (N, width) in C order.
-
-    Columns of a table are selected by name: the pose's coordinates, or the readings.
-    """
+    """Check the shape, select a table's columns, and flatten the leading axes: (N, width)."""
     if errors not in ("raise", "nan"):
         raise InputError(choose("errors", errors, ("raise", "nan")))
     if (columns := columns_of(values)) is not None:

@@ -67,7 +67,7 @@ class Description:
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in self.__dict__:
-            raise AttributeError(f"{name}: a robot is immutable; its with_… and replace copy it")
+            raise AttributeError(f"{name}: a robot is immutable: replace() and with_…() copy it")
         super().__setattr__(name, value)
 
     def __repr__(self) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
@@ -16,11 +17,7 @@ _MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
 
 
 def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> None:
-    """Draw a robot's motors or rails, arms, rods (in pairs where they are), platform, sensors.
-
-    Planar robots are drawn in their plane. `figure` is a matplotlib Figure or SubFigure; x, (n,),
-    is the pose, home by default.
-    """
+    """Draw a robot at a pose x, (n,), home by default; a planar robot in its plane."""
     x = robot.home if x is None else numbers_of(x, "x")
     points = robot.skeleton(x)
     planar = robot.spec.mobility.startswith("planar")
@@ -83,8 +80,11 @@ def _show(axes: Any, parts: list[Part], planar: bool) -> None:
         style: dict[str, Any] = {"color": COLOURS[part], "label": None if part in seen else part}
         seen.add(part)
         spot = np.allclose(where[0], where[-1])
-        if part == "nacelle" and len(where) > 3:
-            _fill(axes, line, planar)
+        if part == "nacelle" and len(where) > 3 and planar:
+            axes.fill(*line.T, color=COLOURS[part], alpha=0.18, lw=0)
+        elif part == "nacelle" and len(where) > 3:
+            area = {"facecolor": COLOURS[part], "alpha": 0.25, "edgecolor": "none"}
+            axes.add_collection3d(Poly3DCollection([line], **area))
         if part == "sensor" or (part == "motor" and (planar or spot)):
             mark, size = _MARKS[part]
             style |= {"marker": mark, "ms": 1.6 * size if planar else size, "ls": ":"}
@@ -95,16 +95,6 @@ def _show(axes: Any, parts: list[Part], planar: bool) -> None:
             style |= {"marker": "o", "ms": 6}
         style |= {"ls": "--"} if planar and part == "base" else {"solid_capstyle": "round"}
         axes.plot(*line.T, lw=width, **style)
-
-
-def _fill(axes: Any, corners: Array, planar: bool) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    if planar:
-        axes.fill(*corners.T, color=COLOURS["nacelle"], alpha=0.18, lw=0)
-    else:
-        style = {"facecolor": COLOURS["nacelle"], "alpha": 0.25, "edgecolor": "none"}
-        axes.add_collection3d(Poly3DCollection([corners], **style))
 
 
 def _frame(axes: Any, corners: Array) -> None:

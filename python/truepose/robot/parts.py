@@ -32,10 +32,7 @@ Part = tuple[str, Array, float]  #: name, points (k, 3) in metres, line width
 
 
 def parts_of(robot: Kinematics, points: Array, x: Array) -> list[Part]:
-    """Motors or rails, arms, rods (in pairs where they are), bars, axes, nacelle, tool, sensors.
-
-    `points`, (n, 4, 3), are those of :meth:`Robot.skeleton` at the pose x, (n,).
-    """
+    """Return all parts; `points`, (n, 4, 3), are of :meth:`Robot.skeleton` at the pose x, (n,)."""
     axes = passive_axes(robot.core, x)
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
     chains = zip(points, robot.spec.chain, strict=True)
@@ -81,10 +78,7 @@ def _line(name: str, start: Array, end: Array, width: float) -> Part:
 
 
 def _nacelle(robot: Kinematics, points: Array, size: float, axes: Array) -> Iterator[Part]:
-    """Bars where the nacelle is articulated, else a polygon through the rods' ends; and a tool.
-
-    The polygon of a rotational platform has a corner on its last axis.
-    """
+    """Bars where it is articulated, else a polygon of rods' ends and a last axis; and a tool."""
     spec, ends = robot.spec, points[:, 2]
     centre = ends.mean(axis=0)
     if spec.bar:

@@ -31,12 +31,9 @@ def workspace_samples(robot: Description, count: int, rng: np.random.Generator) 
 
 
 def workspace_grid(robot: Description, points: int | None = None) -> Array:
-    """Return the poses of a grid over the workspace box, faces included, (N, n).
-
-    By default five values per coordinate (for the H4 Table 2 of the paper), three for six.
-    """
+    """Return the poses of a grid over the workspace box, faces included, (N, n)."""
     box = workspace(robot)
-    points = points or (5 if robot.n < 6 else 3)
+    points = points or (5 if robot.n < 6 else 3)  # the H4's: Table 2 of the paper
     return np.array([*itertools.product(*np.linspace(box.minimum, box.maximum, points).T)])
 
 

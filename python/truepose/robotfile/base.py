@@ -90,6 +90,8 @@ def _printable(text: str) -> str:
     return text
 
 
+#: Name of a coordinate or a sensor.
+Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 #: Name that may be printed anywhere.
 Name = Annotated[str, AfterValidator(_printable)]
 

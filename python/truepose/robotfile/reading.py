@@ -1,5 +1,6 @@
 """Reader of robot files; every error is one line."""
 
+import contextlib
 import fnmatch
 import itertools
 import os
@@ -18,13 +19,7 @@ from truepose.robotfile import consistency
 from truepose.robotfile.base import COORDINATES, Section
 from truepose.robotfile.consistency import Problem, tables
 from truepose.robotfile.pattern import expand, misfits
-from truepose.robotfile.schema import (
-    ACTUATORS,
-    Chain,
-    Pattern,
-    RobotFile,
-    Tolerance,
-)
+from truepose.robotfile.schema import ACTUATORS, Chain, Pattern, RobotFile, Tolerance
 from truepose.robotfile.sensors import SENSORS
 from truepose.robotfile.to_core import parameter_names
 
@@ -147,7 +142,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     """Return the checked robot file, or None and everything that is wrong."""
     try:
         whole, motif, problems = _resolved(data)
-    except _ShorthandError as error:
+    except RobotFileError as error:
         return None, [Problem(*error.args)]
     problems += itertools.islice(consistency.problems(whole), _TOLD)
     problems += itertools.islice(_unknown_names(whole), _TOLD)
@@ -244,7 +239,7 @@ def mechanism_of(data: dict) -> RobotFile | None:
     """Return the moving part of a robot file if that part is right, whatever else is wrong."""
     try:
         whole, _, _ = _resolved(data)
-    except _ShorthandError:
+    except RobotFileError:
         return None
     moving = {key: whole[key] for key in _MECHANISM if key in whole}
     moving |= {"name": str(whole.get("name")), "parameters": {}}
@@ -257,28 +252,27 @@ def mechanism_of(data: dict) -> RobotFile | None:
     return examine(moving)[0]
 
 
-class _ShorthandError(Exception):
-    """Shorthand in a robot file that cannot be expanded; its arguments are those of a Problem."""
-
-
 def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
-    """Expand based_on, chain_defaults and pattern; return also the motif's length and problems."""
+    """Expand based_on, chain_defaults and pattern; return also the motif's length and problems.
+
+    The arguments of a RobotFileError are those of a Problem.
+    """
     data = dict(data)
     if "based_on" in data:
         data = _based_on(data)
     shared = data.pop("chain_defaults", {})
     if not isinstance(shared, dict):
-        raise _ShorthandError(("chain_defaults",), "chain_defaults: must be a table")
+        raise RobotFileError(("chain_defaults",), "chain_defaults: must be a table")
     chains, pattern = data.get("chain"), data.get("pattern")
     if not isinstance(chains, list):
         return data, 0, []
-    chains = [shared | c if isinstance(c, dict) else c for c in chains]
-    try:  # the schema reports an unusable pattern
+    data["chain"] = chains = [shared | c if isinstance(c, dict) else c for c in chains]
+    problems: list[Problem] = []
+    with contextlib.suppress(ValidationError):  # the schema reports an unusable pattern
         pattern = Pattern.model_validate(pattern)
-    except ValidationError:
-        return data | {"chain": chains}, len(chains), []
-    problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
-    return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, len(chains), problems
+        problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
+        data["chain"] = expand(chains, pattern.repeat, pattern.about)
+    return data, len(chains), problems
 
 
 def _based_on(data: dict) -> dict:
@@ -286,7 +280,7 @@ def _based_on(data: dict) -> dict:
     files = shipped()
     name = data.pop("based_on")
     if not isinstance(name, str) or name not in files:
-        raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
+        raise RobotFileError(("based_on",), "based_on: " + choose("robot", name, files))
     result = tomllib.loads(files[name].read_text(encoding="utf-8"))
     for key, value in data.items():
         both = isinstance(result.get(key), dict) and isinstance(value, dict)

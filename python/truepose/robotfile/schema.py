@@ -26,6 +26,7 @@ from truepose.robotfile.base import (
     Section,
     Sigma,
     Vector,
+    Word,
     is_compliance,
     key,
     not_degrees,
@@ -152,9 +153,7 @@ class Bar(Section):
 class PassiveAxis(Section):
     """A passive axis of a rotational platform: the next axis, or the platform, turns about it."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = key(
-        "of its angle, a coordinate of x: letters, digits and _"
-    )
+    name: Word = key("of its angle, a coordinate of x: letters, digits and _")
     origin: Point = key("a point of it, from that of the axis before or the base's", (0, 0, 0))
     direction: Direction = key("in the frame of the axis before, x = 0 the base's")
     limits: Annotated[Ends, unit("rad")] | None = key("stops of the joint, lower and upper", None)
@@ -223,8 +222,7 @@ class Tolerance(Section):
 
     sigma: Annotated[NonNegative, unit("the parameter's")] | None = key("σ about the nominal", None)
     interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
-        "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'",
-        None,
+        "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'", None
     )
     price_steps: tuple[PriceStep, ...] = key("finer levels for truepose design, any order", ())
 

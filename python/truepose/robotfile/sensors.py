@@ -5,10 +5,9 @@ Every sensor reads gain · value − offset, in steps of its resolution.
 """
 
 import math
-import re
 from typing import Annotated, ClassVar, Literal, Self, get_args
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from truepose.robotfile.base import (
     Counts,
@@ -23,19 +22,10 @@ from truepose.robotfile.base import (
     Seconds,
     Section,
     Sigma,
+    Word,
     key,
     unit,
 )
-
-
-def _own_name(name: str) -> str:
-    """Refuse a sensor with the name of a chain, a bar or an axis."""
-    if re.fullmatch(r"(chain|bar|axis)\d+", name):
-        raise ValueError("is the name of a chain, a bar or an axis: choose another name")
-    return name
-
-
-SensorName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)]
 
 
 class SensorSection(Section):
@@ -44,7 +34,7 @@ class SensorSection(Section):
     #: Vectors of the mounting: name in the core, key in the file.
     mounting: ClassVar[dict[str, str]] = {}
 
-    name: SensorName = key("in logs, parameters and 'sensors': letters, digits and _")
+    name: Word = key("in logs, parameters and 'sensors': letters, digits and _")
     offset: Annotated[Number, unit("m or rad")] = key("reading = gain * value - offset", 0.0)
     gain: Number = key("reading = gain * value - offset", 1.0)
     noise: Sigma = key("σ of a reading, before it is counted", 0.0)

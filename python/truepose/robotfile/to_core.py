@@ -127,14 +127,12 @@ def encoder_step(chain: Chain) -> float:
 
 
 def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
-    """Return the nominal direction from one rod of a chain to the other: along an arm's axis.
-
-    On a carriage by default across rail and rods at home, where the pair constrains best.
-    """
+    """Return the nominal direction from one rod of a chain to the other."""
     if chain.actuator != "prismatic":
         return np.array(chain.axis)
     if chain.pair_axis is not None:
         return np.array(chain.pair_axis)
+    # By default across rail and rods at home, where the pair constrains best.
     theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:

@@ -18,12 +18,10 @@ _FEWEST = 3
 
 
 def render(template: str, **values: object) -> str:
-    """Render one of the package's templates with a list of sections and zoomable figures.
-
-    Panzoom (Timmy Willison and others, MIT) is embedded in the page, which needs no network.
-    """
+    """Render one of the package's templates with a list of sections and zoomable figures."""
     page = _with_contents(_template(template).render(**values))
     folder = resources.files("truepose") / _TEMPLATES
+    # Panzoom (Timmy Willison and others, MIT) is embedded: the page needs no network.
     scripts = [
         f"<script>\n{(folder / name).read_text(encoding='utf-8').strip()}\n</script>\n"
         for name in ("panzoom.min.js", "zoom.js")

@@ -9,11 +9,8 @@ from matplotlib.figure import Figure
 
 
 def plotted(figure: Figure) -> list[dict[str, object]]:
-    """Return one record per point of a plane figure's lines, bars and outlines of areas.
-
-    Columns have the names of the axes. A series without a label has the name of its color.
-    """
-    names: dict[str, str] = {}
+    """Return one record per point of a plane figure's lines, bars and outlines of areas."""
+    names: dict[str, str] = {}  # of series by color, which names those without a label
     records: list[dict[str, object]] = []
     for panel, axes in enumerate((axes for axes in figure.axes if axes.name != "3d"), 1):
         beside = axes.get_shared_x_axes().get_siblings(axes)

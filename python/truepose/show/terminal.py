@@ -78,10 +78,7 @@ def wrote(how: Format, *paths: Path | None) -> None:
 
 @contextlib.contextmanager
 def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
-    """Show a progress bar where standard error is a terminal; yield the function that updates it.
-
-    Its arguments are those of :meth:`rich.progress.Progress.update`.
-    """
+    """Show a progress bar where standard error is a terminal; yield rich's `update` of it."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as Remaining
 
@@ -154,11 +151,7 @@ def _finite(record: dict[str, object]) -> dict[str, object]:
 
 
 def laid_out(table: Table, width: int) -> list[str]:
-    """Return the lines of a table, at most `width` columns wide where words allow it.
-
-    Columns that do not fit follow below, each block with the first column. Words wrap; numbers
-    never do.
-    """
+    """Return the lines of a table; columns beyond `width` follow below. Only words wrap."""
     columns: list[list[str]] = []
     words: list[bool] = []
     for name, *cells in zip(table.header, *table.rows, strict=True):
