@@ -113,11 +113,9 @@ def command(
     write = options.writer(read, force, robot=out, report=report, plot=plot)
     made = options.load_with(robot, sensors)
     sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
-    if homed is not None:
-        units = reading_units(made)[: made.n]
-        sizes = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
-        made = rehomed(made, sizes)
-    at = options.parse_pose(made, reference_pose, "--reference-pose")
+    units = reading_units(made)[: made.n]
+    moved = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
+    made = made if moved is None else rehomed(made, moved)
     asked = options.Asked(
         touch_sigma, tilt, tool, tool_sigma, distances, distance_sigma, shrinkage, line_width
     )
@@ -129,7 +127,7 @@ def command(
         "measured_sigma": sigma,
         "measured_angle_sigma": angle_sigma,
         "registration": registration,
-        "reference_pose": at,
+        "reference_pose": options.parse_pose(made, reference_pose, "--reference-pose"),
     }
     with progress("log", STEPS) as bar:
 
@@ -165,7 +163,7 @@ def _assess(
     done: Callable[[str], None],
 ) -> tuple[Path, Assessment]:
     """Read and check the log, calibrate and validate; return the log's path and the result."""
-    where, known = log or known_pose, _known(robot, known_pose) if known_pose else None
+    where, known = log or known_pose, _known(robot, known_pose)
     if where is None:
         raise InputError("LOG: none; give a log of readings, --known-pose, or both")
     if log is None and known is not None:
@@ -177,8 +175,7 @@ def _assess(
     between = asked.between(robot, table, where)
     table, notes = checked(robot, table, where, between.of(robot, table))
     done("log looked over")
-    if log is None:  # one pose never identifies all parameters
-        notes = []
+    notes = notes if log else []  # one pose never identifies all parameters
     if table.unused:
         notes.insert(0, f"columns not used: {', '.join(table.unused)}")
     settings |= {"progress": done, "between": between, "known_pose": known}
@@ -206,8 +203,10 @@ def checked(
     return log, [finding.text for finding in findings]
 
 
-def _known(robot: Robot, path: Path) -> Log:
+def _known(robot: Robot, path: Path | None) -> Log | None:
     """Read known poses; they are exact where the file has no σ."""
+    if path is None:
+        return None
     log = logs.read(robot, path)
     try:
         poses = known_poses(robot, log)

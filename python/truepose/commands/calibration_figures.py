@@ -25,6 +25,9 @@ def page(result: Assessment, source: str, loss: str) -> str:
         f"{name} = {printed(v, unit, '.4g')}"
         for v, (name, unit) in zip(result.reference_pose, robot.coordinates, strict=True)
     )
+    figures = {"accuracy": accuracy(result), "parameters": result.fit.plot()}
+    if result.names:
+        figures["residuals"] = residuals(result)
     return render(
         "calibration.html.j2",
         robot=robot,
@@ -39,11 +42,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
         identified=IDENTIFIED,
         barely=BARELY,
         tables={table.name: table for table in review.tables_of(result)},
-        images=({"residuals": as_uri(picture(residuals(result), ".svg"))} if result.names else {})
-        | {
-            "accuracy": as_uri(picture(accuracy(result), ".svg")),
-            "parameters": as_uri(picture(result.fit.plot(), ".svg")),
-        },
+        images={name: as_uri(picture(figure, ".svg")) for name, figure in figures.items()},
         versions=versions(),
     )
 
@@ -53,7 +52,7 @@ def residuals(result: Assessment) -> Figure:
     shown = [k for k in range(len(result.names)) if np.isfinite(result.after.residual[:, k]).any()]
     figure = Figure(figsize=(8.4, 0.5 + 2.1 * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
-    counts = review.counted(result)
+    counts, lines = review.counted(result), result.log.lines
     for (left, right), k in zip(grid, shown, strict=True):
         factor, unit = in_print(result.fit.robot, result.names[k])
         series = {
@@ -63,14 +62,11 @@ def residuals(result: Assessment) -> Figure:
         }
         for name, (axes, values) in series.items():
             style = {"color": _COLOURS[name], "rasterized": True}
-            label = name if k == shown[0] else None
-            limit = factor * np.nanmax(np.abs(values[counts]), initial=1e-12)
-            axes.plot(
-                result.log.lines[counts], factor * values[counts], ".", ms=3, label=label, **style
-            )
+            label, scaled = name if k == shown[0] else None, factor * values
+            limit = 1.3 * np.nanmax(np.abs(scaled[counts]), initial=factor * 1e-12)
+            axes.plot(lines[counts], scaled[counts], ".", ms=3, label=label, **style)
             out = ~counts & np.isfinite(values)
-            edge = np.clip(factor * values[out], -1.3 * limit, 1.3 * limit)
-            axes.plot(result.log.lines[out], edge, "x", ms=5, **style)
+            axes.plot(lines[out], np.clip(scaled[out], -limit, limit), "x", ms=5, **style)
         left.set(ylabel=f"{result.names[k]} ({unit})")
         for axes in (left, right):
             axes.axhline(0, color="0.6", lw=0.8)

@@ -93,6 +93,6 @@ def put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None
     """Write text to a file, or to standard output."""
     if out is None:
         print(text, end="")
-        return
-    files.write({files.Output(out, kind, "-o"): text}, options.paths([robot]), force)
-    options.wrote(Format.table, out)
+    else:
+        files.write({files.Output(out, kind, "-o"): text}, options.paths([robot]), force)
+        options.wrote(Format.table, out)

@@ -67,13 +67,11 @@ def simulate_log_command(
     if found is not None:
         drawn = load(robot)
         result = missed(drawn, load(kept), load(found), seed)
-        low, high = result.nees_range
         nees = (
             f"Squared error of all {len(result.names)} by the stated covariance: "
-            f"{result.nees:.1f}; if that is correct, {low:.0f} to {high:.0f} in 95 % of "
-            "calibrations."
+            "{:.1f}; if that is correct, {:.0f} to {:.0f} in 95 % of calibrations."
         )
-        show(_compared(drawn, result), how, [nees])
+        show(_compared(drawn, result), how, [nees.format(result.nees, *result.nees_range)])
         return
     drawn, read = options.load_with(robot, sensors), options.paths([robot])
     outputs = [logs.writing.check(out, read, force), Output(kept, "true robot", "--truth")]
@@ -90,8 +88,7 @@ def simulate_log_command(
     log = logs.writing.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
     options.wrote(how, out, kept)
-    calibrated = out.with_suffix(".calibrated.toml")
-    names = drawn.sensors
+    calibrated, names = out.with_suffix(".calibrated.toml"), drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
     where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
     for when, *words in (
@@ -103,14 +100,15 @@ def simulate_log_command(
 
 def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
     result = logs.writing.readings(ran.truth, ran.q_e)
-    if ran.measured is not None:
-        unit, what = "m", "{} of a marker on the platform, in the tracker's frame"
-        if ran.truth.spec.mobility == "rotational":
-            unit, what = "rad", "{}, measured externally"
-        for (name, _), values in zip(ran.truth.coordinates, ran.measured.T, strict=False):
-            about = (f"measured_{name}", unit, what.format(name))
-            result.append(logs.writing.Column("measured", *about, values))
-    return result
+    if ran.measured is None:
+        return result
+    unit, what = "m", "{} of a marker on the platform, in the tracker's frame"
+    if ran.truth.spec.mobility == "rotational":
+        unit, what = "rad", "{}, measured externally"
+    return result + [
+        logs.writing.Column("measured", f"measured_{name}", unit, what.format(name), values)
+        for (name, _), values in zip(ran.truth.coordinates, ran.measured.T, strict=False)
+    ]
 
 
 def _compared(robot: Robot, result: Missed) -> list[Table]:
@@ -119,14 +117,12 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
     for who, apart in result.pose.items():
         shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
-        told = (position, shown[:, 0].max(), zeroed, turn)
-        rows.append([who, *map(number, map(float, told))])
+        rows.append([who, *map(number, (position, shown[:, 0].max(), zeroed, turn))])
     header = ["robot", "position rms (mm)", "largest (mm)", "relative to home (mm)"]
-    header.append("rotation rms (°)")
-    pose = Table("pose", "Pose error of the true robot (reached − commanded)", header, rows)
-    rows = []
-    errors = zip(result.names, result.before, result.after, result.sigma, strict=True)
-    for name, *values in errors:
+    title = "Pose error of the true robot (reached − commanded)"
+    pose = Table("pose", title, [*header, "rotation rms (°)"], rows)
+    rows, columns = [], (result.before, result.after, result.sigma)
+    for name, *values in zip(result.names, *columns, strict=True):
         factor, unit = in_print(robot, name)
         label = Cell(f"{name} ({unit})".removesuffix(" ()"), {"parameter": name})
         cells = [Cell(f"{factor * v:.4f}", float(v)) for v in values]
@@ -203,7 +199,6 @@ def _values(text: str) -> tuple[str, list[float | int | str]]:
     name, equals, values = text.partition("=")
     if not (name and equals and values):
         raise InputError(f"--grid {text}: must be name=value,value,…")
-
     return name, [_value(word.strip()) for word in values.split(",")]
 
 

@@ -93,11 +93,12 @@ def _fitting_kinds(incomplete: str) -> list[str]:
     return [f"{reading}:{known}" for known in FAULT_KINDS if colon and known.startswith(kind)]
 
 
+_FAULT = "READING:KIND[=SIZE][@TIME[..END]]"
 Faults = Annotated[
     list[str] | None,
     Option(
         "--fault",
-        metavar="READING:KIND[=SIZE][@TIME[..END]]",
+        metavar=_FAULT,
         help="A fault that begins at TIME, s: theta:stuck@0.1. Kinds with a size: bias, "
         "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
         "reading); without: stuck, dropout, sign. Repeatable; isolation assumes a single fault.",
@@ -228,8 +229,12 @@ def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | N
     return result.get("m"), result.get("rad")
 
 
-def parse_each(text: str, option: str, units: Sequence[str], whose: str) -> list[float]:
+def parse_each(
+    text: str | None, option: str, units: Sequence[str], whose: str
+) -> list[float] | None:
     """Parse a length and an angle; return the one or the other for each unit."""
+    if text is None:
+        return None
     by = _sizes(text, option, ("m", "rad"))
     if missing := set(units) - by.keys():
         every, wanted = (" and ".join(sorted(each)) for each in (set(units), missing))
@@ -271,7 +276,7 @@ def faults_of(texts: Sequence[str] | None) -> list[Fault]:
 def _fault(text: str) -> Fault:
     found = re.fullmatch(r"([^:]+):([^=@]+)(?:=([^@]*))?(?:@(.*?)(?:\.\.(.*))?)?", text)
     if found is None:
-        raise InputError(f"--fault {text}: must be READING:KIND[=SIZE][@TIME[..END]]")
+        raise InputError(f"--fault {text}: must be {_FAULT}")
     reading, kind, size, at, until = found.groups()
     other = None
     if kind in FAULT_KINDS and _core.fault_kinds[kind].pair:
@@ -279,9 +284,7 @@ def _fault(text: str) -> Fault:
     numbers = {"size": size, "at": at or "0", "until": until}
     values: dict[str, Any] = {k: number_of(t) for k, t in numbers.items() if t is not None}
     if np.isnan(list(values.values())).any():
-        raise InputError(
-            f"--fault {text}: size and times must be numbers: READING:KIND[=SIZE][@TIME[..END]]"
-        )
+        raise InputError(f"--fault {text}: size and times must be numbers: {_FAULT}")
     return Fault(reading, kind, other=other, **values)  # type: ignore[arg-type]  # Fault checks it
 
 

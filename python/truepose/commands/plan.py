@@ -113,20 +113,19 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
 
 def notes(found: PosePlan) -> list[str]:
     """Return notes: accuracy of the plan, of random poses and of all candidates."""
-    robot, count, name = found.robot, len(found.steps), found.robot.name
-    gone = f", {found.left_out} unreachable ones left out" if found.left_out else ""
-    lines = [f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses."]
-    total = summed(robot)
+    total, count, name = summed(found.robot), len(found.steps), found.robot.name
     wanted = printed(found.target or 0.0, total.unit, ".4g")
     if not count:
         sigma = measured(found.sigma[0, -1], total.unit)
         return [f"{name}: no more poses needed: {sigma}, the target {wanted} is reached."]
+    gone = f", {found.left_out} unreachable ones left out" if found.left_out else ""
     low, median, high = np.quantile(found.random, [0, 0.5, 1])
     spread = f"{number(total.factor * low)} to {number(total.factor * high)}"
-    lines.append(
+    lines = [
+        f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses.",
         f"Random {count} of them: {measured(median, total.unit)} ({spread}); "
-        f"all {found.candidates}: {measured(found.everything, total.unit)}."
-    )
+        f"all {found.candidates}: {measured(found.everything, total.unit)}.",
+    ]
     if found.gain > HARDLY:
         lines.append("The choice of poses hardly matters here; their number does.")
     if found.target is not None:

@@ -35,14 +35,9 @@ def list_command(how: options.How = Format.table) -> None:
 
     Example: **truepose list**
     """
-    show([shipped_table()], how)
-
-
-def shipped_table() -> Table:
-    """Return a table with one row per robot; its data include the source of the numbers."""
     header = ["robot", "description", "freedoms", "motors", "sensors in use", "further sensors"]
     rows = [_row(name, load(name)) for name in list_robots()]
-    return Table("robots", "Shipped robots", [*header, "full level"], rows)
+    show([Table("robots", "Shipped robots", [*header, "full level"], rows)], how)
 
 
 def _row(name: str, robot: Robot) -> list[str]:
@@ -85,12 +80,6 @@ def new_command(
     Example: **truepose new delta -o my_delta.toml**
     """
     out = out or Path(f"{robot}.toml")
-    write(robot, out)
-    say(f"Wrote {out}. Change its numbers, then: truepose check {out}")
-
-
-def write(robot: str, out: Path) -> None:
-    """Write a commented starter file from a shipped robot; never replace a file."""
     known = robotfile.shipped()
     if robot not in known:
         raise InputError(choose("robot", robot, known))
@@ -109,6 +98,7 @@ def write(robot: str, out: Path) -> None:
     if os.path.lexists(out) and not out.is_dir():
         raise InputError(f"{out}: exists and is not overwritten; choose another file with -o")
     files.write({robotfile.output(out): text})
+    say(f"Wrote {out}. Change its numbers, then: truepose check {out}")
 
 
 #: Grid values per coordinate in the check of a workspace, by the number of coordinates n.
@@ -140,19 +130,14 @@ def check_command(file: Path = Argument(help="A robot file (TOML).")) -> None:
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:
-    """Return the robot of a file, if it describes one, and all errors as lines.
-
-    A mechanism must close at home, constrain its platform and have lengths in m; these are checked
-    as soon as its keys are valid, the reach of the workspace once the whole file is.
-    """
+    """Return the robot of a file, if it describes one, and all errors as lines."""
     text = reading.text_of(path, str(path))
     try:
         data = reading.table_of(text)
     except ValueError as error:
+        last = len(text.splitlines()) if "end of document" in str(error) else 1
         line = re.search(r"at line (\d+)", str(error))
-        last = max(len(text.splitlines()), 1) if "end of document" in str(error) else 1
-        at = int(line[1]) if line else last
-        return None, [f"{path}:{at}: {error}"]
+        return None, [f"{path}:{line[1] if line else max(last, 1)}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
     found = {(_line(where, data, p.path), shortened(p.text, reading.LINE)) for p in problems}
@@ -180,14 +165,10 @@ def remarks(robot: Robot) -> list[str]:
     if box is None:
         return [*lines, "no [workspace] minimum, maximum: 'info' and 'accuracy' need one"]
     reached, lost, count = _reached(robot)
+    share = f"{100 * reached / count:.3g} %" if lost else "all"
+    missing = f"; not: {told(lost)}" if lost else ""
     grid = f"{GRID[robot.n]}^{robot.n} = {count} poses, a grid over the box"
-    if not lost:
-        lines.append(f"workspace: all of {grid}, reached and regular")
-    else:
-        lines.append(
-            f"workspace: {100 * reached / count:.3g} % of {grid}, reached and regular; "
-            f"not: {told(lost)}"
-        )
+    lines.append(f"workspace: {share} of {grid}, reached and regular{missing}")
     if not ((box.minimum <= robot.home) & (robot.home <= box.maximum)).all():
         lines.append("workspace: home is not in it")
     return lines
@@ -239,11 +220,8 @@ def _in_millimetres(spec: RobotFile) -> list[Problem]:
     if abs(largest) <= _LARGEST:
         return []
     key = ".".join(str(part + 1) if isinstance(part, int) else part for part in path)
-    return [
-        Problem(
-            path, f"{key}: {largest:g} m: did you mean mm? {largest:g} mm are {largest / 1e3:g} m"
-        )
-    ]
+    text = f"{key}: {largest:g} m: did you mean mm? {largest:g} mm are {largest / 1e3:g} m"
+    return [Problem(path, text)]
 
 
 def _line(where: dict, data: dict, path: tuple) -> int:

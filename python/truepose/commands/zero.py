@@ -52,7 +52,7 @@ def command(
     pose = options.parse_pose(loaded, at, "--at", False)
     units = [unit for _, unit in loaded.coordinates]
     whose = f"{loaded.name}'s coordinates are in"
-    sizes = None if sigma is None else options.parse_each(sigma, "--sigma", units, whose)
+    sizes = options.parse_each(sigma, "--sigma", units, whose)
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
@@ -81,7 +81,7 @@ def known(found: Zeroing) -> Table:
 def open_questions(found: Zeroing) -> list[str]:
     """Return notes: possible causes of each motor's offset."""
     said = ["One posture cannot tell which parameter is wrong; shares of the prior variance:"]
-    for k, motor in enumerate(found.motors):
+    for k, motor in enumerate(found.motors, 1):
         causes = (f"{name} {100 * share:.0f} %" for name, share in motor.causes.items())
-        said.append(f"q{k + 1}: {', '.join(causes)}")
+        said.append(f"q{k}: {', '.join(causes)}")
     return said

@@ -68,17 +68,15 @@ def to_c(
     finest = robot.at_highest_level
     two = robot.r > 0 and finest.level != robot.level
     parts = [_description(name, robot)]
-    if two:
-        parts.append(_description(f"{name}_finest", finest))
-    if robot.r:
-        parts.append(_knowledge(name, robot))
+    parts += [_description(f"{name}_finest", finest)] if two else []
+    parts += [_knowledge(name, robot)] if robot.r else []
     if controller is not None:
-        about = "law, gains, feed_forward, sigma_scale"
         control = _core.c_control(controller.settings(robot, robot.home))
+        about = "law, gains, feed_forward, sigma_scale"
         parts.append(_settings(name, "control", about, *control))
         if robot.r and watch is not None:
-            about = "refresh, coast, decide, spikes, within"
             monitor = _core.c_watch(watch.guarding(robot, controller))
+            about = "refresh, coast, decide, spikes, within"
             parts.append(_settings(name, "fault_monitor", about, *monitor))
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
@@ -134,17 +132,14 @@ def _parts(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def _description(name: str, robot: Robot) -> str:
-    tables = _core.c_description(robot.core)
-    parts = []
+    tables, parts = _core.c_description(robot.core), []
     for kind in ("chain", "sensor", "body"):
         names = [*robot.sensors, "none"] if kind == "sensor" else range(1, len(tables[kind]) + 1)
-        rows = zip(names, tables[kind], strict=False)
-        parts.append(
-            _parts(
-                (f"{kind} {part}", f"    {_whole(counts)},\n{_rows(listed, '    ')}")
-                for part, (counts, listed) in rows
-            )
-        )
+        rows = [
+            (f"{kind} {part}", f"    {_whole(counts)},\n{_rows(listed, '    ')}")
+            for part, (counts, listed) in zip(names, tables[kind], strict=False)
+        ]
+        parts.append(_parts(rows))
     axes = zip(robot.spec.passive_axis, tables["axis"], strict=True)
     shown = [(f"axis {axis.name}", _rows(listed, "    ")) for axis, (_, listed) in axes]
     parts.append(_parts(shown or [("axis none", "    {0.0}, {0.0}, 0.0, 0.0,")]))

@@ -28,6 +28,9 @@ COUNT = 2000
 BEYOND = 0.25
 
 
+_External = tuple[Array, Array, Array, Array]  # measured, their σ, base, marker
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CandidatePoses:
     """Candidate measurements: readings at poses, and external measurements there.
@@ -136,9 +139,8 @@ def rows_of(
     """
     x, lead = flattened(robot, candidates.poses, robot.n, "candidates", "raise")
     if len(lead) != 1 or not len(x):
-        raise InputError(
-            f"candidates: shape {np.shape(candidates.poses)}, must be (N, {robot.n}), N at least 1"
-        )
+        given = np.shape(candidates.poses)
+        raise InputError(f"candidates: shape {given}, must be (N, {robot.n}), N at least 1")
     steps, visited, differences = _expanded(candidates, x)
     good = reachable(robot, x, level)
     kept = [k for k, (_, at) in enumerate(steps) if good[at].all()]
@@ -172,11 +174,7 @@ def rows_of(
     model, none = robot.expected(), _core.Links([], 0)
 
     def linearized(
-        x: Array,
-        seen: tuple[Array, Array, Array, Array],
-        first: int,
-        links: _core.Links,
-        acting: Array,
+        x: Array, seen: _External, first: int, links: _core.Links, acting: Array
     ) -> tuple[Array, Array]:
         """Return rows in units of the root, and the visit of each."""
         beside = _beside(acting, compliance.acting(model, x, full))
@@ -304,10 +302,8 @@ def _beside(given: Array, compliances: Array | None) -> Array | None:
 
 
 def _in_order(known: knowledge.Known, width: int) -> list[int]:
-    """Return the order of the core's columns that puts compliances after the parameters.
-
-    In the core they are influences: after all auxiliary unknowns, before the nuisances.
-    """
+    """Return the order of the core's columns that puts compliances after the parameters."""
+    # In the core they are influences: after all auxiliary unknowns, before the nuisances.
     p, end = known.parameters, width - known.nuisances
     first = end - known.compliances
     return [*range(p), *range(first, end), *range(p, first), *range(end, width)]

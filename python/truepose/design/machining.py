@@ -40,10 +40,9 @@ def levels_of(robot: Robot, price_steps: Mapping[str, Curve] | None) -> list[lis
     found: list[list[Level]] = []
     for group, curve in price_steps.items():
         names = _uncertain(robot, group)
-        for name in names:
-            if name in taken:
-                raise InputError(f"price_steps: {name}: in {taken[name]} and in {group}")
-            taken[name] = group
+        if twice := [name for name in names if name in taken]:
+            raise InputError(f"price_steps: {twice[0]}: in {taken[twice[0]]} and in {group}")
+        taken |= dict.fromkeys(names, group)
         found.append(_levels(robot, group, names, curve))
     return found
 
@@ -78,22 +77,15 @@ def _levels(robot: Robot, group: str, names: list[str], curve: Curve) -> list[Le
         if not (np.isfinite(price) and price >= 0):
             raise InputError(f"price_steps: {group}: {sigma:g} for {price!r}: must be 0 or greater")
     left = {name: robot.parameters[name].sigma for name in names}
-    if min(curve) >= max(left.values()):
-        raise InputError(
-            f"price_steps: {group}: {min(curve):g}: must be less than its σ, "
-            f"{max(left.values()):.4g}"
-        )
-    order = [
-        (sigma, price)
-        for sigma, price in sorted(curve.items(), reverse=True)
-        if all(other > price for finer, other in curve.items() if finer < sigma)
-    ]
+    least, most = min(curve), max(left.values())
+    if least >= most:
+        raise InputError(f"price_steps: {group}: {least:g}: must be less than its σ, {most:.4g}")
     found: list[Level] = []
-    for sigma, price in order:
+    paid = 0.0
+    for sigma, price in sorted(curve.items(), reverse=True):
         added = {n: 1 / sigma**2 - 1 / old**2 for n, old in left.items() if sigma < old}
-        if not added:
-            continue
-        left |= dict.fromkeys(added, sigma)
-        paid = sum(level.price for level in found)
-        found.append(Level(group, float(sigma), float(price - paid), added))
+        if added and all(other > price for finer, other in curve.items() if finer < sigma):
+            left |= dict.fromkeys(added, sigma)
+            found.append(Level(group, float(sigma), float(price - paid), added))
+            paid = price
     return found

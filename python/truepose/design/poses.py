@@ -162,11 +162,8 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     if left([]) <= target:
         return []
     if (floor := left(range(count))) > target:
-        unit = summed(robot).unit
-        raise InputError(
-            f"target {printed(target, unit, '.4g')}: all {count} candidates together reach "
-            f"{printed(floor, unit, '.4g')}"
-        )
+        asked, least = (printed(value, summed(robot).unit, ".4g") for value in (target, floor))
+        raise InputError(f"target {asked}: all {count} candidates together reach {least}")
     most = min(n or MOST, count)
     size = min(8, most)
     while left(found := best(size)) > target:
@@ -272,11 +269,9 @@ class Seen(Sought):
         _, _, self._H_x, self._H_frames, *_ = _core.seen(
             self._model.core, *self.rows.frames, self.poses, none
         )
-        self._reading_sigma = (
-            knowledge.stated_sigma(self.robot, self.level)
-            if self.model_error
-            else knowledge.reading_sigma(self.robot)
-        )
+        self._reading_sigma = knowledge.reading_sigma(self.robot)
+        if self.model_error:
+            self._reading_sigma = knowledge.stated_sigma(self.robot, self.level)
 
     def _by_unknowns(self, G: Array) -> tuple[Array, Array]:
         """Return the sensitivity of the seen pose to all unknowns and readings, optimal gains."""

@@ -102,25 +102,25 @@ def overview(found: Prediction, level: Level | None = None) -> Table:
     """Compare laws as built and self-calibration on few random poses: the position's rms error."""
     robots = [found.robot.with_sensors(*names) for names in found.sets]
     chosen = np.random.default_rng(0).permutation(found.poses)
-    total, columns = summed(found.robot), {}
-    for law in LAWS:
-        columns[law] = [
+    total, rows = summed(found.robot), []
+    sizes = [n for n in POSES if n <= len(chosen)]
+    for names, r in zip(found.sets, robots, strict=True):
+        errors = [
             steady_state_error(r, found.poses, law, level) if r.r or law == "joint" else np.nan
-            for r in robots
+            for law in LAWS
         ]
-    for n in (n for n in POSES if n <= len(chosen)):
-        columns[f"{n} poses"] = [
-            accuracy(r, found.poses, chosen[:n], level=level).rms if r.r else np.nan for r in robots
+        errors += [
+            accuracy(r, found.poses, chosen[:n], level=level).rms if r.r else np.nan for n in sizes
         ]
-    last = np.array(list(columns.values())[-1])
-    rows = []
-    for k in sorted(range(len(robots)), key=lambda k: (len(found.sets[k]) > 0, last[k])):
-        named = Cell(label(found.robot, found.sets[k]), ",".join(found.sets[k]) or "none")
-        sizes = (total.factor * values[k] for values in columns.values())
-        rows.append([named, *(number(v if np.isfinite(v) else None) for v in sizes)])
+        cells = [number(total.factor * v if np.isfinite(v) else None) for v in errors]
+        named = Cell(label(found.robot, names), ",".join(names) or "none")
+        rows.append((len(names) > 0, errors[-1], [named, *cells]))
+    columns = [*LAWS, *(f"{n} poses" for n in sizes)]
+    rows.sort(key=lambda row: row[:2])
     unit = PRINT[total.unit][1]
     title = f"Error of the {total.name}, 1σ rms: as built, by law; self-calibrated on N poses"
-    return Table("overview", title, ["sensors", *(f"{name} ({unit})" for name in columns)], rows)
+    header = ["sensors", *(f"{name} ({unit})" for name in columns)]
+    return Table("overview", title, header, [row[2] for row in rows])
 
 
 def best(table: Table) -> list[str]:

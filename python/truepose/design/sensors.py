@@ -97,9 +97,8 @@ def select_sensors(
     ladders = levels_of(robot, price_steps)
     named = _priced(robot, prices, bool(ladders))
     names = list(named)
-    for name in must:
-        if name not in named:
-            raise InputError(f"must: {choose('sensor', name, names)}")
+    if unknown := [name for name in must if name not in named]:
+        raise InputError(f"must: {choose('sensor', unknown[0], names)}")
     if budget is not None and target is not None:
         raise InputError("budget and target: give one of them")
     for what, value in (("budget", budget), ("target", target)):
@@ -195,13 +194,11 @@ def searched(
 
 def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
     """Raise InputError where a budget is too small for `must` or any candidate."""
-    needed = search.spent(search.must)
+    needed, least = search.spent(search.must), min(search.prices)
     if needed > budget:
         raise InputError(f"budget {budget:g}: {', '.join(must)} cost {needed:g}")
-    least = min(search.prices)
     if not must and least > budget:
-        k = search.prices.index(least)
-        what = names[k] if k < len(names) else "machining"
+        what = dict(enumerate(names)).get(search.prices.index(least), "machining")
         raise InputError(f"budget {budget:g}: too small: the cheapest, {what}, costs {least:g}")
 
 

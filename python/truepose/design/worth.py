@@ -52,8 +52,7 @@ class Worth:
         uncertain = [name for name, p in robot.parameters.items() if p.sigma > 0]
         self._at = [every.index(name) for name in uncertain]
         n, more = robot.n, robot.n * len(touched)  # unknowns: parameters, the touched pose
-        known = knowledge.root(robot, uncertain)
-        root = np.hstack([known, np.zeros((len(known), more))])
+        root = np.pad(knowledge.root(robot, uncertain), ((0, 0), (0, more)))
         if more:  # the motor readings there do not depend on the set
             H, B = self._jacobians(touched)
             there = B[0] @ root
@@ -66,8 +65,10 @@ class Worth:
         size = len(self._linear)
         rows, noise = rows[:, size:], noise[:, size:, size:]
         if more:
-            rows = np.concatenate([rows, there[None]])
-            noise = np.concatenate([noise, np.zeros((1, *noise.shape[1:]))])
+            rows, noise = (
+                np.concatenate([rows, there[None]]),
+                np.pad(noise, ((0, 1), (0, 0), (0, 0))),
+            )
         self._R, self._noise = rows, noise  # (V, S, p), (V, S, S): earlier readings
         #: (L, p, p) information that each tolerance adds.
         self._finer = np.zeros((len(self.finer), len(root.T), len(root.T)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import UserDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -74,23 +75,24 @@ class Cases:
     @property
     def each(self) -> int:
         """Number of cases for one true robot of each kind."""
-        return len(self.robots) * int(np.prod([len(v) for v in self.grid.values()], dtype=int))
+        return len(self.robots) * math.prod(map(len, self.grid.values()))
 
     def __getitem__(self, index: int) -> Case:
+        shape = (len(self.robots), *(len(values) for values in self.grid.values()))
         number, rest = divmod(index, self.each)
-        kind, point = divmod(rest, self.each // len(self.robots))
-        shape = [len(values) for values in self.grid.values()]
-        places = zip(self.grid.items(), np.unravel_index(point, shape), strict=True)
-        values = {name: choices[int(k)] for (name, choices), k in places}
+        kind, *places = map(int, np.unravel_index(rest, shape))
+        chosen = zip(self.grid.items(), places, strict=True)
+        values = {name: choices[k] for (name, choices), k in chosen}
         # The first child is the true robot's own: `case.seed.spawn` begins with the second.
         seed = np.random.SeedSequence(self.seed, spawn_key=(kind, number), n_children_spawned=1)
         return Case(self.robots[kind], number, values, seed)
 
     def ask(self, function: Asked, start: int, stop: int) -> list[dict[str, Answer]]:
         """Evaluate some cases; an error of truepose is a row, any other an InputError."""
-        return [self._row(function, self[index], index) for index in range(start, stop)]
+        return [self._row(function, index) for index in range(start, stop)]
 
-    def _row(self, function: Asked, case: Case, index: int) -> dict[str, Answer]:
+    def _row(self, function: Asked, index: int) -> dict[str, Answer]:
+        case = self[index]
         row: dict[str, Answer] = {"robot": case.robot.name, "number": case.number}
         row |= {k: law_name(v) if callable(v) else v for k, v in case.values.items()}
         read = Values(case.values)

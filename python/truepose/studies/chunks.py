@@ -78,10 +78,7 @@ def manifest_of(cases: asked.Cases, function: asked.Asked, size: int) -> dict[st
         source = repr(function)
     return {
         "function": f"{getattr(function, '__name__', function)} {_digest(source)}",
-        "robots": [
-            f"{robot.name} {_digest(f'{robot.spec!r} {robot.parameters!r}')}"
-            for robot in cases.robots
-        ],
+        "robots": [f"{r.name} {_digest(f'{r.spec!r} {r.parameters!r}')}" for r in cases.robots],
         "grid": {name: [str(v) for v in values] for name, values in cases.grid.items()},
         "seed": cases.seed,
         "chunk": size,

@@ -27,10 +27,7 @@ ASKED, LEARNT = 25, 40
 
 
 def rest(case: Case) -> dict[str, Answer]:
-    """Return the steady-state error of a true robot: rms over 25 poses of its workspace.
-
-    Under each built-in law, or under the law of the grid's key `law`, a name or a function.
-    """
+    """Return the rms steady-state error over 25 poses: by law, or of the grid's key `law`."""
     robot, true = case.robot, case.true
     poses = workspace_samples(robot, ASKED, case.rng)
     laws: tuple[Law, ...] = ("joint", "tej", "weighted", "estimated")
@@ -43,10 +40,7 @@ def rest(case: Case) -> dict[str, Answer]:
 
 
 def calibration(case: Case) -> dict[str, Answer]:
-    """Return the error after a calibration at 40 poses, rms over 25 others, and its bound.
-
-    The grid's key `poses` sets another number of calibration poses; the 25 others stay the same.
-    """
+    """Return error and bound over 25 poses after a calibration at 40, or the grid's `poses`."""
     robot, true, rng = case.robot, case.true, case.rng
     others, noise = workspace_samples(robot, ASKED, rng), rng.integers(2**31, size=2)
     learnt = workspace_samples(robot, case.values.get("poses", LEARNT), rng)
@@ -63,8 +57,7 @@ READY: dict[str, Asked] = {"calibration": calibration, "life": LifeCycle(), "res
 def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
     """Raise InputError for a grid key, or a value, that a built-in function cannot use."""
     keys: dict[Asked, str] = {calibration: "poses", rest: "law"}
-    known = keys.get(function)
-    if known is None:
+    if (known := keys.get(function)) is None:
         return
     where = f"study {function.__name__}: grid"
     for key, value in ((key, value) for key, values in grid.items() for value in values):
@@ -77,13 +70,12 @@ def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
 
 
 def _rms(robot: Robot, off: Array, of: str) -> dict[str, Answer]:
-    turns = angles(robot)
-    answer: dict[str, Answer] = {}
-    for which, factor, unit in ((~turns, 1e3, "mm"), (turns, 180 / np.pi, "deg")):
-        if which.any():
-            square = (off[:, which] ** 2).sum(axis=1).mean()
-            answer[f"{of}_{unit}"] = float(factor * np.sqrt(square))
-    return answer
+    turns, mean = angles(robot), (off**2).mean(axis=0)
+    return {
+        f"{of}_{unit}": float(factor * np.sqrt(mean[which].sum()))
+        for which, factor, unit in ((~turns, 1e3, "mm"), (turns, 180 / np.pi, "deg"))
+        if which.any()
+    }
 
 
 @dataclass(frozen=True)

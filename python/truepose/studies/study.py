@@ -45,9 +45,8 @@ class Study(Shown):
 
     @property
     def _numbers(self) -> list[str]:
-        columns = self.columns.items()
-        own = (*OWN, *self.grid)
-        return [name for name, v in columns if name not in own and v.dtype.kind in "fiub"]
+        own = {*OWN, *self.grid}
+        return [k for k, v in self.columns.items() if k not in own and v.dtype.kind in "fiub"]
 
     def _finite(self, name: str) -> Array:
         return ~self.failed & np.isfinite(self.columns[name].astype(float))
@@ -74,11 +73,10 @@ class Study(Shown):
         for point, these in self._points():
             count = int(these.sum())
             for name in self._numbers if (these & ~self.failed).any() else ["–"]:
-                values = self._answers(name, these)
-                spread = [number(None)] * 3
+                values, parts = self._answers(name, these), [None] * 3
                 if len(values):
-                    parts = (np.sqrt(np.mean(values**2)), *np.percentile(values, (50, 95)))
-                    spread = [number(float(part)) for part in parts]
+                    parts = [np.sqrt(np.mean(values**2)), *np.percentile(values, (50, 95))]
+                spread = map(number, parts)
                 rows.append([*point, name, str(count), str(count - len(values)), *spread])
         head = ["robot", *self.grid, "asked", "robots", "no answer", "rms", "median", "95 %"]
         title = f"Results over {len(self)} {'cases' if self.grid else 'robots'} "
@@ -92,8 +90,8 @@ class Study(Shown):
             series = panels.setdefault(f"result ({unit})", {}).setdefault("5, 50, 95 %", {})
             for point, these in self._points():
                 values = self._answers(name, these)
-                spread = np.percentile(values, (5, 50, 95)) if len(values) else [np.nan] * 3
-                series[" ".join((*point, name))] = np.asarray(spread)
+                values = values if len(values) else np.array([np.nan])
+                series[" ".join((*point, name))] = np.percentile(values, (5, 50, 95))
         for axes in ranges(figure, panels or {"result (–)": {"none": {}}}, "case"):
             axes.set_xlim(left=0)
 
@@ -161,41 +159,37 @@ def monte_carlo(
     (4, False)
     """
     asked = function_of(function) if isinstance(function, str) else function
-    kinds = (robots,) if isinstance(robots, Robot | str) else tuple(robots)
-    cases = Cases(
-        tuple(load(r) if isinstance(r, str) else r for r in kinds), dict(grid or {}), seed
-    )
+    kinds = (robots,) if isinstance(robots, Robot | str) else robots
+    loaded = tuple(load(r) if isinstance(r, str) else r for r in kinds)
+    cases = Cases(loaded, dict(grid or {}), seed)
     require_keys(asked, cases.grid)
     for name, value in (("count", count), ("chunk", chunk)):
         if value < 1:
             raise InputError(f"study: {name} = {value}: must be at least 1")
     total = count * cases.each
-    starts = range(0, total, chunk)
     kept = None if out is None else Chunks(Path(out), cases, asked, chunk)
     done: dict[int, list[dict[str, Answer]]] = {}
     progress = progress or (lambda done, total: None)
     tasks = {}
-    for start in starts:
+    for start in range(0, total, chunk):
         stop = min(start + chunk, total)
         if kept and (rows := kept.read(start, stop)) is not None:
             done[start] = rows
         else:
             tasks[start] = (cases, asked, start, stop)
-    progress(len(done), len(starts))
+    chunks = len(done) + len(tasks)
+    progress(len(done), chunks)
     team = Workers(cores() if workers is None else workers, on, cluster)
     with contextlib.closing(team.each(Cases.ask, tasks)) as answers:
         for start, rows in answers:
             if kept:
                 kept.write(start, rows)
             done[start] = rows
-            progress(len(done), len(starts))
-    return _gathered([row for start in starts for row in done[start]], tuple(cases.grid))
-
-
-def _gathered(rows: list[dict[str, Answer]], grid: tuple[str, ...]) -> Study:
-    names = list(dict.fromkeys(name for row in rows for name in row if name != "error"))
-    columns = {}
-    for name in (*names, "error"):
-        values = [row.get(name, "" if name == "error" else np.nan) for row in rows]
-        columns[name] = np.array(values)
-    return Study(columns, grid)
+            progress(len(done), chunks)
+    every = [row for start in sorted(done) for row in done[start]]
+    missing: dict[str, Any] = dict.fromkeys(
+        (name for row in every for name in row if name != "error"), np.nan
+    )
+    missing |= {"error": ""}
+    columns = {k: np.array([row.get(k, none) for row in every]) for k, none in missing.items()}
+    return Study(columns, tuple(cases.grid))

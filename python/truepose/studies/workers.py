@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -55,8 +55,8 @@ class Workers:
     cluster: Any = None  #: address of a dask scheduler, or a dask cluster or client
 
     def __post_init__(self) -> None:
-        if self.on not in ("processes", "threads"):
-            raise InputError(choose("on", self.on, ("processes", "threads")))
+        if self.on not in (known := get_args(On)):
+            raise InputError(choose("on", self.on, known))
         if self.count < 0:
             raise InputError(f"workers = {self.count}: must be at least 0")
 
@@ -90,11 +90,9 @@ class Workers:
             with connect(self.cluster, retries=DEATHS) as there:
                 yield there
             return
-        executor: Executor
-        if self.on == "processes":
-            executor = ProcessPoolExecutor(self.count, initializer=_begin)
-        else:
-            executor = ThreadPoolExecutor(self.count)
+        processes = self.on == "processes"
+        kind: Any = ProcessPoolExecutor if processes else ThreadPoolExecutor
+        executor: Executor = kind(self.count, initializer=_begin if processes else None)
         try:
             yield executor
         except BaseException:  # Ctrl-C or a failed case: wait for no other
