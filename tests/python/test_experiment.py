@@ -57,7 +57,7 @@ def test_drawing_more_robots_does_not_change_the_first_ones(h4):
 def test_errors_are_drawn_from_the_papers_ranges_and_nothing_else_changes(h4):
     ranges = article.simulation_errors()
     nominal = h4.parameters
-    drawn = [robot.parameters for robot in experiment.draw_robots(h4, 300, seed=1)]
+    drawn = [robot.parameters for robot in experiment.draw_robots(h4, 100, seed=1)]
     moved = {
         name: np.array([parameters[name].value - nominal[name].value for parameters in drawn])
         for name in nominal

@@ -42,7 +42,7 @@ def table2() -> Array:
     return np.array(list(itertools.product(*axes)))
 
 
-def offset(poses: Array, seed: int) -> Array:
+def offset(poses: Array, seed: int | np.random.Generator) -> Array:
     """Return poses offset by up to `JITTER`, so that rounding errors do not recur.
 
     Joint control brings motors to the same positions on every true robot. On an exactly repeated

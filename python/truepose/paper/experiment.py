@@ -116,7 +116,8 @@ def run(
     """Compute the steady-state pose of every true robot at every pose under each control.
 
     `robot` is nominal, of schoenflies mobility with θ measured and tolerances. `poses` (P, 4) are
-    desired, default Table 2's 625. `progress` is called after each robot.
+    desired, default Table 2's 625. `progress` is called after each robot; ratios need joint control
+    among the `controls`.
     """
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
 

@@ -17,7 +17,6 @@ from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import PoseError
 from truepose.paper import article, experiment
-from truepose.paper.article import JITTER
 from truepose.paper.experiment import (
     Progress,
     interval,
@@ -107,9 +106,7 @@ def _soft(law: Law) -> Controller:
 def _one(robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int) -> list[Array]:
     """Return errors of one robot, (P, 3) each, m: true usual and calibrated, then as measured."""
     table = article.table2()
-    rng = np.random.default_rng(number)
-    learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
-    judge = table[1::JUDGE]
+    learn, judge = article.offset(table[::LEARN], number), table[1::JUDGE]
     plant = DynamicPlant(truth, effects, WARM, number)
     joint, estimated = _soft("joint"), _soft("estimated")
     taught = plant.visit(robot, learn, joint)

@@ -15,7 +15,7 @@ from truepose.exceptions import InputError, choose
 from truepose.logs.writing import Column, numbered, pose, readings
 from truepose.paper import article, experiment
 from truepose.paper.experiment import CONTROLS, Control, Progress
-from truepose.paper.vision import Seen, Vision
+from truepose.paper.vision import Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import require_sensors
 from truepose.robot.robot import Robot
@@ -125,26 +125,13 @@ def run(
         believed = experiment.believed(control, robot, learnt)
         visited = visit(believed, poses, control)
         seen = vision.measure(visited.frame, seed)
-        result[control] = observe(control, believed, poses, visited, seen)
+        estimated = estimate(control, believed, poses, visited.q_e)
+        measured = coordinates(believed, seen.frame)
+        status = np.where(visited.status == "ok", seen.status, visited.status).astype(object)
+        status[(status == "ok") & ~np.isfinite(estimated).all(axis=1)] = "no pose fits the readings"
+        judged = seen.covariance, status.astype(str), visited
+        result[control] = Run(control, believed, poses, visited.q_e, estimated, measured, *judged)
     return result
-
-
-def observe(control: Control, believed: Robot, poses: Array, visit: Visit, seen: Seen) -> Run:
-    """Compare the measured poses with those estimated from the plant's readings."""
-    estimated = estimate(control, believed, poses, visit.q_e)
-    status = np.where(visit.status == "ok", seen.status, visit.status).astype(object)
-    status[(status == "ok") & ~np.isfinite(estimated).all(axis=1)] = "no pose fits the readings"
-    return Run(
-        control,
-        believed,
-        poses,
-        visit.q_e,
-        estimated,
-        coordinates(believed, seen.frame),
-        seen.covariance,
-        status.astype(str),
-        visit,
-    )
 
 
 def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Array:

@@ -13,7 +13,6 @@ from truepose.calibration.learnt import calibrated
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
 from truepose.paper import article
-from truepose.paper.article import JITTER
 from truepose.paper.experiment import Progress, of_every_kind, position_rms
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
@@ -107,8 +106,7 @@ def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: 
     rows = []
     for time in times:
         true = effects.geometry(cold, time)
-        poses = table[rng.choice(len(table), POSES, replace=False)]
-        poses = poses + rng.uniform(-JITTER, JITTER, poses.shape)
+        poses = article.offset(table[rng.choice(len(table), POSES, replace=False)], rng)
         believed["online"] = learnt = online.robot
         row = []
         for method, law in METHODS.items():
