@@ -101,8 +101,10 @@ def stated_error(robot: Kinematics) -> Array:
         return model_error(robot)
     if not learnt.model_error:
         return np.zeros(robot.n + robot.r)
-    allowed = dict(zip(robot.readings, model_error(robot), strict=True))
-    return np.array([learnt.model_error.get(name, allowed[name]) for name in robot.readings])
+    stated = learnt.model_error
+    if not stated.keys() >= set(robot.readings):
+        stated = dict(zip(robot.readings, model_error(robot), strict=True)) | stated
+    return np.array([stated[name] for name in robot.readings])
 
 
 def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
