@@ -71,10 +71,8 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Return the mistakes that explain a log best, or none; None where nothing is wrong.
-
-    Each is undone and a geometry fitted; mirror images fit equally well: fewest columns first.
-    """
+    """Return the mistakes that explain a log best, or none; None where nothing is wrong."""
+    # Each is undone and a geometry fitted; mirror images fit equally well: fewest columns first.
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
     own = math.inf

@@ -82,10 +82,7 @@ class StabilityMargins(Shown):
 
 
 def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
-    """Draw the loop of all motors of every law at every pose, and the required margins.
-
-    A Nichols chart: phases go on from frequency to frequency, beyond -360° too.
-    """
+    """Draw Nichols charts of the loops of all motors at every pose, and the required margins."""
     columns = min(len(found), 2)
     rows = -(-len(found) // columns)
     figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
