@@ -169,8 +169,7 @@ def test_the_bound_says_beforehand_what_differences_will_teach():
     differences = printed(np.random.default_rng(1), x, np.zeros(5))
     exact = robot.expected().extended_positions(x)
     fit = tp.calibrate(robot, exact, differences=differences, loss="squares")
-    learnt = after_visiting(robot, x, "full", differences=differences)
-    root = knowledge.root(learnt, knowledge.learnable(learnt))
+    root = after_visiting(robot, x, "full", differences=differences)
     scale = np.sqrt(np.outer(*2 * [np.diag(fit.covariance)]))
     assert (root @ root.T) / scale == pytest.approx(fit.covariance / scale, abs=2e-3)
     alone, after = (

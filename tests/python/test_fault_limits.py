@@ -8,7 +8,7 @@ import pytest
 
 import truepose as tp
 from truepose.commands import faults
-from truepose.faults.limits import false_alarm_rate
+from truepose.faults.limits import FALSE_ALARM
 from truepose.faults.parity import Parity, detectable, gate, parity, unexplained
 from truepose.robot import knowledge
 
@@ -287,7 +287,7 @@ def test_a_robot_known_exactly_is_left_with_the_noise_of_its_readings(h4):
 def test_one_reading_at_one_in_a_million_is_detected_from_6_sigma():
     """4.89 σ to the gate, 1.28 σ beyond it; the default is one in 1000 hours at 1 kHz."""
     assert detectable(1e-6, 1, 0.9) == pytest.approx(6.173, abs=1e-3)
-    assert false_alarm_rate() == pytest.approx(1 / 3.6e9)
+    assert pytest.approx(1 / 3.6e9) == FALSE_ALARM
 
 
 def test_an_error_of_the_pose_is_no_parity(h4):

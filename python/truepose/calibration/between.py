@@ -140,8 +140,7 @@ def _touched(log: Log) -> list[tuple[str, str, Array]]:
 def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
     """Read a file of distances: columns from, to, distance (m), and optionally sigma and times.
 
-    Ends are names in the log's column `point`, at their first row; without that column, line
-    numbers of the log's file. An InputError names the file, the line, the column and the cell.
+    Ends are names in the log's column `point`, at their first row; without it, line numbers.
     """
     cells = logs.reading.texts(path, ("from", "to", "distance"))
     lines, texts = cells.lines, cells.columns

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.differences import Difference, assemble
-from truepose.calibration.learnt import calibrated
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
@@ -148,7 +147,8 @@ def accuracy(
     """
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
-    level = robot.highest_level if level is None else level
+    model, level = robot.expected(), robot.highest_level if level is None else level
+    known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
     rows, lead = flattened(robot, poses, robot.n, "poses", errors)
     nowhere = np.zeros((0, robot.n))
 
@@ -158,33 +158,31 @@ def accuracy(
         at, shape = flattened(robot, pose, robot.n, name, "raise")
         if shape:
             raise InputError(f"{name}: shape {np.shape(pose)}, must be ({robot.n},)")
-        _bound(robot, at, (), level, model_error, "raise", name)
+        _bound(model, known, at, (), level, "raise", name)
         return at
 
     touched, reference = one(reference_pose, "reference_pose"), one(relative_to, "relative_to")
     sigma = reference_sigmas(robot, reference_sigma)
-    learnt = robot
     if calibrated_on is not None or reference_pose is not None:
         given = nowhere if calibrated_on is None else calibrated_on
-        learnt = after_visiting(robot, given, level, model_error, touched, sigma, differences)
-    P = _bound(learnt, rows, lead, level, model_error, errors, "poses", reference)
+        root = after_visiting(robot, given, level, model_error, touched, sigma, differences)
+        known = knowledge.knowledge(robot, root, level=level, error=model_error, stretches=True)
+    P = _bound(model, known, rows, lead, level, errors, "poses", reference)
     state = state_of(calibrated_on, reference_pose)
     return Accuracy(P, robot=robot, poses=rows.reshape(*lead, robot.n), state=state)
 
 
 def _bound(
-    robot: Robot,
+    model: Robot,
+    known: knowledge.Known,
     at: Array,
     lead: tuple[int, ...],
     level: Level,
-    model_error: bool,
     errors: Errors,
     name: str,
     reference: Array | None = None,
 ) -> Array:
-    model, full = robot.expected(), robot.is_full(level)
-    known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
-    reference = at[:0] if reference is None else reference
+    reference, full = at[:0] if reference is None else reference, model.is_full(level)
     influence = compliance.acting(model, np.vstack([at, reference]), full)
     P, status, chain = _core.accuracy(model.core, known.core, at, reference, full, influence)
     require_answers(model, "pose", at, lead, status, chain, errors, name)
@@ -199,8 +197,8 @@ def after_visiting(
     touched: Array | None = None,
     reference_sigma: Sequence[float] = (),
     differences: Sequence[Difference] = (),
-) -> Robot:
-    """Return the robot as a calibration at `poses`, (N, n), and at `touched`, known, leaves it."""
+) -> Array:
+    """Return the root of Σ_ξ after a calibration at `poses`, (N, n), and at `touched`, known."""
     knowledge.require_uncertain(robot)
     model, full = robot.expected(), robot.is_full(level)
     visited, lead = flattened(model, poses, model.n, "calibrated_on", "raise")
@@ -226,11 +224,10 @@ def after_visiting(
         compliance.acting(model, np.vstack([visited, known_poses]), full),
     )
     if status:  # raises for the pose concerned
-        _bound(robot, visited, lead, level, model_error, "raise", "calibrated_on")
+        prior = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
+        _bound(model, prior, visited, lead, level, "raise", "calibrated_on")
         raise PoseError(f"{robot.name}: model_error: {_core.describe(status)} at the full level")
-    mean = {name: robot.parameters[name].mean for name in knowledge.learnable(robot)}
-    error = knowledge.stated_error(robot) if model_error and not full else None
-    return calibrated(robot, mean, known.own(root), "predicted", error)
+    return known.own(root)
 
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:

@@ -210,7 +210,9 @@ def assemble(
                 f"differences: {type(given).__name__}: must be a PlaneContacts, "
                 "DistanceMeasurements or RepeatedPoses"
             )
-        name = _free(given.name, [other.name for other in renamed])
+        numbered = (f"{given.name}{number}" for number in itertools.count(2))
+        taken = [other.name for other in renamed]
+        name = next(of for of in itertools.chain([given.name], numbered) if of not in taken)
         tool = _numbers(name, "tool", given.tool, (3,)).tolist()
         if (key := (*tool, given.tool_sigma)) not in tools:
             of = "tool" if not tools else f"tool{len(tools) + 1}"
@@ -232,12 +234,6 @@ def measurements(differences: Sequence[Difference]) -> int:
         len(np.atleast_1d(d.lines if isinstance(d, PlaneContacts) else d.pairs))
         for d in differences
     )
-
-
-def _free(name: str, taken: Sequence[str]) -> str:
-    """Return the name, numbered where it is taken."""
-    numbered = (f"{name}{number}" for number in itertools.count(2))
-    return next(of for of in itertools.chain([name], numbered) if of not in taken)
 
 
 def _links(

@@ -65,8 +65,12 @@ def expect(
     expected = stiff.extended_positions(x, errors="nan", level=level)
     residual = np.asarray(_core.innovation(robot.core, readings, expected))[:, n:]
     expected = expected[:, n:]
-    H_x, by_geometry = _slopes(robot, x, level, under)
-    S = knowledge.root(robot, knowledge.learnable(robot))
+    names = knowledge.learnable(robot)
+    H_x, by_geometry = knowledge.linearized(robot, x, names, "nan", level)
+    if yielding := compliance.unknown(robot):
+        at = compliance.under_load(robot, x, robot.is_full(level), **under)
+        by_geometry[..., -len(yielding) :] = compliance.columns(robot, yielding, at.by_compliance)
+    S = knowledge.root(robot, names)
     noise = knowledge.reading_sigma(robot)
     if level == "ideal":
         noise = np.hypot(noise, knowledge.stated_error(robot))
@@ -90,16 +94,6 @@ def expect(
         shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
         variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
     return Expectation(x, expected, residual, np.sqrt(variance))
-
-
-def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tuple[Array, Array]:
-    """Return derivatives of all readings by the pose and by the uncertain parameters."""
-    names = knowledge.learnable(robot)
-    H_x, by_unknown = knowledge.linearized(robot, x, names, "nan", level)
-    if yielding := compliance.unknown(robot):
-        at = compliance.under_load(robot, x, robot.is_full(level), **loads)
-        by_unknown[..., -len(yielding) :] = compliance.columns(robot, yielding, at.by_compliance)
-    return H_x, by_unknown
 
 
 def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:

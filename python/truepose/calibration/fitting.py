@@ -14,13 +14,7 @@ from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import (
-    NEGLIGIBLE,
-    ROUNDS,
-    NuisanceParameter,
-    Stretching,
-    patterns,
-)
+from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.registration import (
     KnownPose,
@@ -46,6 +40,8 @@ Loss = Literal["squares", "huber", "student"]
 
 #: Share of correct known poses that is reported as contradicting the other data.
 FALSE_ALARMS = 1e-3
+#: Maximum iterations for compliances; change of a reading, in units of its σ, that ends them.
+ROUNDS, NEGLIGIBLE = 8, 1e-3
 #: Memory above which a calibration warns, bytes.
 MUCH = 2e9
 #: Default tuning of each loss: Huber's threshold and Student's degrees of freedom.

@@ -149,10 +149,6 @@ def _moved(robot: Robot, sigma: ArrayLike) -> Array:
     return np.broadcast_to(moved, robot.n)
 
 
-#: Maximum iterations; change of a reading, in units of its σ, that ends them.
-ROUNDS, NEGLIGIBLE = 8, 1e-3
-
-
 class Stretching:
     """Patterns of a robot's compliances over a log; k are unknown."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -71,10 +71,8 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Return the mistakes that explain a log best, or none; None where nothing is wrong.
-
-    Each is undone and a geometry fitted; mirror images fit equally well: fewest columns first.
-    """
+    """Return the mistakes that explain a log best, or none; None where nothing is wrong."""
+    # Each is undone and a geometry fitted; mirror images fit equally well: fewest columns first.
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
     own = math.inf
@@ -87,7 +85,9 @@ def named(robot: Robot, log: Log) -> list[str] | None:
     if not redundant:  # no fit tells them apart
         return [m.text for m in tried] if len(tried) <= 3 else []
     if len(tried) > FITTED:
-        tried.sort(key=lambda m: _distance(robot, log, m.undo(log.readings)))
+        seen = [expect(robot, m.undo(log.readings)) for m in tried]
+        far = [np.nanmean(np.log1p((of.residual / of.sigma) ** 2)) for of in seen]
+        tried = [tried[k] for k in np.argsort(far, kind="stable")]
     costs = [_cost(_fit(robot, log, m.undo(log.readings))) for m in tried[:FITTED]]
     best = min(costs, default=math.inf)
     if best == math.inf or not best < 0.5 * own:
@@ -108,12 +108,6 @@ def agree(robot: Robot, readings: Array) -> bool:
         return True
     distance = apart(expect(robot, readings))
     return bool((distance[np.isfinite(distance)] < APART).all())
-
-
-def _distance(robot: Robot, log: Log, readings: Array) -> float:
-    """Return a robust distance of all readings from their prediction by the motors."""
-    seen = expect(robot, readings)
-    return float(np.nanmean(np.log1p((seen.residual / seen.sigma) ** 2)))
 
 
 def _fit(robot: Robot, log: Log, readings: Array) -> Calibration | None:
@@ -139,7 +133,7 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
     def scaled(which: Collection[int], factor: float, what: str) -> Mistake:
         factors = np.ones(len(names))
         factors[list(which)] = factor
-        text = f"{_listed(names, which)}: {what}"
+        text = f"{', '.join(names[k] for k in which)}: {what}"
         return Mistake(text, len(which), lambda rows: rows / factors)
 
     alone = [(k,) for k in every]
@@ -164,10 +158,6 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
             yield Mistake(text, moved, lambda rows, whole=whole: rows[:, whole])  # type: ignore[misc]
 
 
-def _listed(names: Sequence[str], which: Iterable[int]) -> str:
-    return ", ".join(names[k] for k in which)
-
-
 def _orders(count: int) -> Iterator[tuple[int, ...]]:
     """Yield wrong orders: all of up to four columns, else rotations, reversal, 2- and 3-cycles."""
     own = tuple(range(count))
@@ -188,5 +178,5 @@ def _reordered(names: list[str], order: tuple[int, ...]) -> str:
     moved = [k for k, held in enumerate(order) if k != held]
     if len(moved) == 2:
         return f"{names[moved[0]]} and {names[moved[1]]}: swapped"
-    held = [order[k] for k in moved]
-    return f"{_listed(names, moved)}: in another order, they hold {_listed(names, held)}"
+    said, held = (", ".join(names[k] for k in of) for of in (moved, [order[k] for k in moved]))
+    return f"{said}: in another order, they hold {held}"

@@ -209,10 +209,8 @@ class OnlineCalibrator:
         error = knowledge.stated_error(self._robot) if counts else None
         more = compliance.unknown(self._robot)  # keep their priors: loads are unknown
         values = self._values() | {name: self._robot.parameters[name].mean for name in more}
-        root = self._filter.root
+        p, root = len(self._filter.root), np.pad(self._filter.root, (0, len(more)))
         if more:
-            p, root = len(root), np.zeros((len(values), len(values)))
-            root[:p, :p] = self._filter.root
             root[p:, p:] = knowledge.root(self._robot, more)
         return calibrated(self._robot, values, root, "online", error)
 

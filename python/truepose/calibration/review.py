@@ -93,7 +93,13 @@ def assess(
     progress("held-out lines")
     touch = robot.home if reference_pose is None else np.asarray(reference_pose, dtype=float)
     where, poses = _poses(fit)
-    ahead = _ahead(fit, model, poses, touch)
+    ahead: dict[tuple[str, str], Array] = {}
+    for how, at in (("absolute", None), ("referenced", touch)):
+        for when, known in (("before", model), ("after", fit.robot)):
+            reached = _reached(fit, known, poses)
+            ahead[when, how] = accuracy(known, reached, reference_pose=at, level=fit.level)
+    if seen is not None and seen.sigma.any():
+        ahead["after", SEEN] = fit.accuracy_seen(_reached(fit, fit.robot, poses))
     progress("accuracy")
     outside = robot.coordinates if log.measured is not None else ()
     names = (*robot.sensors, *(f"measured_{name}" for name, _ in outside))
@@ -101,19 +107,6 @@ def assess(
     return Assessment(
         fit, log, names, before, after, held_out, touch, where, poses, ahead, tuple(notes)
     )
-
-
-def _ahead(
-    fit: Calibration, model: Robot, poses: Array, touch: Array
-) -> dict[tuple[str, str], Array]:
-    result: dict[tuple[str, str], Array] = {}
-    for how, at in (("absolute", None), ("referenced", touch)):
-        for when, known in (("before", model), ("after", fit.robot)):
-            reached = _reached(fit, known, poses)
-            result[when, how] = accuracy(known, reached, reference_pose=at, level=fit.level)
-    if fit.registration is not None and fit.registration.sigma.any():
-        result["after", SEEN] = fit.accuracy_seen(_reached(fit, fit.robot, poses))
-    return result
 
 
 def _reached(fit: Calibration, robot: Robot, x: Array) -> Array:

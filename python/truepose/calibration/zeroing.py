@@ -63,9 +63,8 @@ class Zeroing(Shown):
         """Return what each motor reads at the posture, should read, and how well that is known."""
         rows = []
         for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
-            sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
             name = named("motor", axis.name, axis.unit)
-            rows.append([name, *(number(axis.factor * size, data=size) for size in sizes)])
+            rows.append([name, *(number(axis.factor * size, data=size) for size in motor[:5])])
         header = ["motor", "reads", "nominal", "off", "σ before", "σ"]
         return Table("motors", "Motors where the robot stands", header, rows)
 
@@ -81,10 +80,9 @@ class Zeroing(Shown):
 
     def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
         """Return covariances (..., n, n) of the pose from all readings, before and after."""
-        fit = self.fit
-        return accuracy(fit.prior, poses, level=fit.level), accuracy(
-            fit.robot, poses, level=fit.level
-        )
+        of = self.fit
+        before, after = (accuracy(r, poses, level=of.level) for r in (of.prior, of.robot))
+        return before, after
 
 
 def zero(

@@ -16,11 +16,11 @@ from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import (
+    FALSE_ALARM,
     HOURS,
     TIMES,
     Detectability,
     detectability,
-    false_alarm_rate,
     limit_cell,
 )
 from truepose.logs.reading import read_poses
@@ -187,7 +187,7 @@ def _pairs(found: Detectability, inside: Array | slice = np.s_[:]) -> list[Cell]
 def notes(found: Detectability) -> Iterator[str]:
     """Yield notes: meaning of the tables, and readings that no test can distinguish."""
     odds = f"{found.false_alarm:.2g}"
-    if found.false_alarm == false_alarm_rate():
+    if found.false_alarm == FALSE_ALARM:
         odds = f"one in {HOURS:g} hours at 1 kHz, {odds}"
     yield (
         f"Detection probability {found.power:g}, false alarms {odds} per test: a bias or a jump in "

@@ -37,8 +37,7 @@ class Effects:
 
     tool_backlash: float = _of("backlash", math.radians(0.1))
     #: rad, whole width at the tool gear, as platform angle (×4 at the tool: 0.4°)
-    motor_friction: float = _of("friction", 0.1)
-    #: N·m, Coulomb friction of each motor (N on a slide)
+    motor_friction: float = _of("friction", 0.1)  #: N·m (N on a slide), Coulomb, of each motor
     joint_friction: float = _of("friction", 0.005)  #: N·m, Coulomb friction of each passive joint
     arm_stiffness: float = _of("compliance", 2e4)
     #: N·m/rad, of each arm about its motor's axis, at the root
@@ -50,11 +49,9 @@ class Effects:
     rod_expansion: float = _of("thermal", 1e-6)  #: 1/K, of the rods (carbon fibre along its layers)
     eccentricity: float = _of("eccentricity", math.radians(0.02))
     #: rad, first harmonic of every rotary encoder's shaft; random phase
-    quantization: float = _of("quantization", 1.0)
-    #: 1: readings have the counts of the robot's file; 0: none
+    quantization: float = _of("quantization", 1.0)  #: 1: readings have the file's counts; 0: none
     delay: float = _of("delay", 1.0)  #: cycles, from a reading to its torque: 0 or 1
-    torque_ripple: float = _of("ripple", 0.01)
-    #: amplitude over torque, six periods per motor turn; random phase
+    torque_ripple: float = _of("ripple", 0.01)  #: of the torque; 6 periods a turn, random phase
 
     def __post_init__(self) -> None:
         for f in fields(self):

@@ -37,10 +37,7 @@ _SCALES = (1, 10, 100, 1000)
 
 
 def poses(robot: Robot) -> Array:
-    """Return home and the regular corners of the workspace box.
-
-    For six degrees of freedom the corners of position and of orientation separately.
-    """
+    """Return home and the workspace's regular corners; of six axes, of position and orientation."""
     box = robot.spec.workspace
     if box is None:
         return robot.home[None]
@@ -129,10 +126,7 @@ def _chosen(
 
 
 def friction_poles(robot: Robot, effects: Effects) -> float:
-    """Return the poles at which friction may displace the platform by `_HELD`, rad/s.
-
-    A motor rests where the PD torque is below its friction F: at an error of up to F/(ω² I).
-    """
+    """Return poles, rad/s, at which friction F, errors of F/(ω² I), shifts the platform `_HELD`."""
     x, n = poses(robot), robot.n
     J, M = robot.jacobian(x), robot.mass_matrix(x)
     # J (JᵀMJ)⁻¹ is (JᵀM)⁻¹.

@@ -226,34 +226,24 @@ def _apart(robot: Robot, effects: Effects, M: Array, K: Array) -> tuple[list[int
     """Return motors with compliant arms, their rotors' inertia, and the mass matrix without it."""
     revolute = [i for i, chain in enumerate(robot.spec.chain) if chain.actuator == "revolute"]
     springy = revolute if effects.arm_stiffness else []
-    own = np.array([_rotor(robot, i) for i in springy])
+    own = np.zeros(len(springy))
+    for k, i in enumerate(springy):  # drive_inertia without its slender arm's
+        chain, arm = robot.spec.chain[i], robot.parameters[f"chain{i + 1}.arm"].value
+        own[k] = max(chain.drive_inertia - chain.arm_mass * arm**2 / 3, 0.1 * chain.drive_inertia)
     return springy, own, M - K[springy].T @ (own[:, None] * K[springy])
 
 
 _ARM_DAMPING = 0.05  # ratio, of a rotor against its arm, as in the plant
 
 
-def _rotor(robot: Robot, i: int) -> float:
-    """Return a motor's rotor inertia: drive_inertia without its slender arm's."""
-    chain, arm = robot.spec.chain[i], robot.parameters[f"chain{i + 1}.arm"].value
-    return max(chain.drive_inertia - chain.arm_mass * arm**2 / 3, 0.1 * chain.drive_inertia)
-
-
 def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
     """Return the stiffness of a robot's weight under constant torques, along the free twist."""
-    n, still = robot.n, np.zeros(robot.n)
-    ahead, behind = (
-        robot.acceleration(_moved(robot, x, step * np.eye(n)), still, held)
-        for step in (_STEP, -_STEP)
-    )
+    steps = _STEP * np.vstack([np.eye(robot.n), -np.eye(robot.n)])
+    poses = x + steps
+    if robot.spec.mobility == "spatial":
+        frame = np.tile(frames(robot, x), (len(steps), 1, 1))
+        frame[:, :3, 3] += steps[:, :3]
+        frame[:, :3, :3] = rotation(steps[:, 3:]) @ frame[:, :3, :3]
+        poses = coordinates(robot, frame)
+    ahead, behind = np.split(robot.acceleration(poses, np.zeros(robot.n), held), 2)
     return -M @ (ahead - behind).T / (2 * _STEP)
-
-
-def _moved(robot: Robot, x: Array, steps: Array) -> Array:
-    """Return poses, (N, n), at small steps along the free twist from one."""
-    if robot.spec.mobility != "spatial":
-        return x + steps
-    frame = np.tile(frames(robot, x), (len(steps), 1, 1))
-    frame[:, :3, 3] += steps[:, :3]
-    frame[:, :3, :3] = rotation(steps[:, 3:]) @ frame[:, :3, :3]
-    return coordinates(robot, frame)

@@ -29,10 +29,7 @@ class Margin(NamedTuple):
 
 
 class Responses:
-    """Frequency responses of P plants, at poses of one robot, law and period.
-
-    Their controller is one transfer function c(z) times E.
-    """
+    """Frequency responses of P plants of one robot, law and period; the controller is c(z) E."""
 
     def __init__(self, plants: list[Plant]):
         self.plants, self.period = plants, plants[0].period

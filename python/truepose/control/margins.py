@@ -64,8 +64,14 @@ class StabilityMargins(Shown):
             margin, pose = self.worst(loop), self.poses[self.worst_pose(loop)]
             decibels = [20 * float(np.log10(times)) for times in (margin.more, margin.less)]
             values = [*decibels, float(np.degrees(margin.phase)), margin.delay]
-            shown = [_margin(value, bool(self.stable.all())) for value in values]
-            rows.append([loop, *shown, named(self.robot, pose)])
+            shown = [number(v) if np.isfinite(v) else Cell("any", v) for v in values]
+            if not self.stable.all():
+                shown = [Cell("unstable", np.nan)] * len(values)
+            axes = coordinate_axes(self.robot)
+            place = {a.label: float(a.factor * v) for a, v in zip(axes, pose, strict=True)}
+            text = " ".join(f"{v:.4g}" for v in place.values())
+            home = bool((pose == self.robot.home).all())
+            rows.append([loop, *shown, Cell("home" if home else text, place)])
         names = "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"
         header = ["loop", *names]
         law = self.controller.built_in
@@ -76,10 +82,7 @@ class StabilityMargins(Shown):
 
 
 def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
-    """Draw the loop of all motors of every law at every pose, and the required margins.
-
-    A Nichols chart: phases go on from frequency to frequency, beyond -360° too.
-    """
+    """Draw Nichols charts of the loops of all motors at every pose, and the required margins."""
     columns = min(len(found), 2)
     rows = -(-len(found) // columns)
     figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
@@ -115,20 +118,6 @@ def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
     figure.legend(by_label.values(), by_label, loc="outside lower center", ncols=3, fontsize=9)
     name = f"{found[0].robot.name}: open loops of all motors at once"
     figure.suptitle(name, fontsize=10, parse_math=False)
-
-
-def _margin(value: float, stable: bool) -> Cell:
-    if not stable:
-        return Cell("unstable", np.nan)
-    return number(value) if np.isfinite(value) else Cell("any", value)
-
-
-def named(robot: Robot, pose: Array) -> Cell:
-    """Name a pose for people, mm and degrees, and for programs."""
-    axes = coordinate_axes(robot)
-    values = {a.label: float(a.factor * v) for a, v in zip(axes, pose, strict=True)}
-    home = bool((pose == robot.home).all())
-    return Cell("home" if home else " ".join(f"{v:.4g}" for v in values.values()), values)
 
 
 def stability_margins(

@@ -71,11 +71,9 @@ class Torques:
 def equilibrium(
     controller: Controller, robot: Robot, truth: Robot, x_d: Array, start: ArrayLike, gravity: bool
 ) -> tuple[Array, bool]:
-    """Find where the motor error of an own law is zero, or its PD holds the residual weight.
+    """Find the pose, (n,), where an own law's PD holds the residual weight, and if it was found.
 
-    `robot` is the controller's, `x_d` the desired pose, (n,), `start` the pose at which diagonal
-    gains were placed, `gravity` as for :func:`truepose.steady_state`. Returns the pose, (n,), and
-    whether the search converged.
+    Parameters are those of :func:`truepose.steady_state`, for one pose.
     """
     from scipy.optimize import root
 

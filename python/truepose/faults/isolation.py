@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Level, require
 from truepose.exceptions import InputError
-from truepose.faults.limits import false_alarm_rate, require_inside
+from truepose.faults.limits import FALSE_ALARM, require_inside
 from truepose.faults.parity import gate, parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
@@ -155,7 +155,7 @@ def isolate(
     (('q3',), 0.5)
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    alpha = false_alarm_rate() if false_alarm is None else false_alarm
+    alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     if not robot.r:
         raise InputError(f"{robot.name}: no redundant sensor in use: isolation needs one")
@@ -177,7 +177,9 @@ def isolate(
         for _ in range(_AGAIN):  # linearize without the fault: a large one is nonlinear
             h = bank[k]
             c = robot.readings.index(h.reading)
-            there, left, others = evidence(_without(rows, h.kind, c, h.size))
+            healthy = rows.copy()
+            healthy[:, c] = rows[:, c] - h.size if h.kind == "bias" else rows[:, c] / (1 + h.size)
+            there, left, others = evidence(healthy)
             if not there.all():
                 break
             column = others[:, c + KINDS.index(h.kind) * len(robot.readings)]
@@ -201,13 +203,6 @@ def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
     return replace(h, size=h.size + step, sigma=1 / math.sqrt(information), chi2=float(left @ left))
 
 
-def _without(rows: Array, kind: str, c: int, size: float) -> Array:
-    """Return the readings without a fault of one of them."""
-    whole = rows.copy()
-    whole[:, c] = whole[:, c] - size if kind == "bias" else whole[:, c] / (1 + size)
-    return whole
-
-
 def _evidence(
     model: Robot, level: Level, model_error: bool, rows: Array
 ) -> tuple[Array, Array, Array]:
@@ -219,19 +214,14 @@ def _evidence(
     if not used.any():
         return used, np.zeros(0), np.zeros((0, 0))
     found = parity(model, poses[used], level, model_error)
-    error = _within_turns(model, rows[used] - model.extended_positions(poses[used]))
+    error = rows[used] - model.extended_positions(poses[used])
+    for k, unit in enumerate(reading_units(model)[model.n :], model.n):
+        if unit == "rad":  # whole turns of a sensor are no fault
+            turn = 2 * math.pi * abs(model.parameters[f"{model.readings[k]}.gain"].value)
+            error[:, k] -= turn * np.round(error[:, k] / turn)
     value = np.einsum("kri,ki->kr", found.signature, error)
     B = found.geometry.reshape(-1, found.geometry.shape[-1])
     sides = (found.signature, found.signature * rows[used][:, None, :])  # of a bias, of a gain
     parts = [side.reshape(len(B), -1) for side in sides]
     rest = whitened(np.column_stack([*parts, value.ravel()]), B)
     return used, rest[:, -1], rest[:, :-1]
-
-
-def _within_turns(robot: Robot, error: Array) -> Array:
-    """Remove the whole turns of sensors that are angles, in their readings' units."""
-    for k, unit in enumerate(reading_units(robot)[robot.n :], robot.n):
-        if unit == "rad":
-            turn = 2 * math.pi * abs(robot.parameters[f"{robot.readings[k]}.gain"].value)
-            error[:, k] -= turn * np.round(error[:, k] / turn)
-    return error

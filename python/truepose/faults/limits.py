@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Level, require
 from truepose.calibration import bound
+from truepose.calibration.learnt import calibrated
 from truepose.exceptions import InputError
 from truepose.faults.parity import Parity, detectable, parity, unexplained
 from truepose.robot import knowledge
@@ -24,17 +25,13 @@ from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 
-#: Hours per false alarm of a healthy robot, and a controller's usual period, s.
-HOURS, PERIOD = 1000.0, 1e-3
+#: Hours per false alarm of a healthy robot; its probability in a test per cycle, at 1 kHz.
+HOURS = 1000.0
+FALSE_ALARM = 1e-3 / (3600 * HOURS)
 #: Factor on the limits of the faults whose confusion with others the table shows.
 TIMES = 1.5
 #: Sensitivity of the pose to a reading, per m or rad, below which a law does not use it.
 UNUSED = 1e-9
-
-
-def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
-    """Return the false-alarm probability of a test per cycle, for one false alarm in `hours`."""
-    return period / (3600 * hours)
 
 
 @dataclass(frozen=True, repr=False)
@@ -226,7 +223,7 @@ def detectability(
     (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    alpha = false_alarm_rate() if false_alarm is None else false_alarm
+    alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     require_inside("power", power, alpha, 1)
     if moving < 1:
@@ -234,7 +231,9 @@ def detectability(
     level = robot.highest_level if level is None else level
     model = robot.expected()
     if calibrated_on is not None:
-        model = bound.after_visiting(model, calibrated_on, level, model_error)
+        root = bound.after_visiting(robot, calibrated_on, level, model_error)
+        mean = {name: model.parameters[name].mean for name in knowledge.learnable(model)}
+        model = calibrated(model, mean, root, "predicted", knowledge.stated_error(model))
     rows, lead = flattened(model, poses, model.n, "poses", "raise")
     if not len(rows):
         raise InputError("poses: none")

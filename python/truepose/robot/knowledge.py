@@ -98,8 +98,9 @@ def stated_error(robot: Kinematics) -> Array:
     if learnt and not learnt.model_error:
         return np.zeros(robot.n + robot.r)
     stated = learnt.model_error if learnt else {}
-    allowed = zip(robot.readings, model_error(robot), strict=True)
-    return np.array([stated.get(name, sigma) for name, sigma in allowed])
+    if not stated.keys() >= set(robot.readings):
+        stated = dict(zip(robot.readings, model_error(robot), strict=True)) | stated
+    return np.array([stated[name] for name in robot.readings])
 
 
 def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
