@@ -31,7 +31,7 @@ from pkm.files import (
     save,
     write_csv,
 )
-from pkm.score import Score, score, table
+from pkm.score import Score, check, score, table
 
 Method = Callable[[dict[str, np.ndarray]], tuple[np.ndarray, np.ndarray]]
 
@@ -75,6 +75,7 @@ def machines(path: Path, robot: dict[str, Any]) -> list[dict[str, Any]]:
 
 def submit(benchmark: Path, out: Path) -> list[Path]:
     """Write the baselines' submissions to all logs of a benchmark; return their folders."""
+    check(benchmark)
     cpu: dict[str, dict[str, float]] = {}
     for log, entry in load(benchmark / "manifest.json")["logs"].items():
         robot = robot_of(benchmark / "robots", entry["robot"])
@@ -109,11 +110,11 @@ def run(benchmark: Path, out: Path) -> dict[str, dict[str, Score]]:
 
 def over_seeds(seeds: Sequence[int], out: Path) -> dict[str, list[Score]]:
     """Return the baselines' overall scores on benchmarks of several seeds."""
-    from pkm.generate import generate  # needs MuJoCo
+    from pkm import generate  # needs MuJoCo
 
     found: dict[str, list[Score]] = {}
     for seed in seeds:
-        generate(out / f"seed-{seed}", seed)
+        generate.generate(out / f"seed-{seed}", seed)
         for name, scores in run(out / f"seed-{seed}", out / f"submissions-{seed}").items():
             found.setdefault(name, []).append(scores["all"])
     return found
@@ -138,6 +139,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name, scores in over_seeds(given.seeds, out).items():
             for key in ("position", "angle", "coverage", "ratio"):
                 values = np.array([getattr(one, key) for one in scores])
+                if np.isnan(values).all():
+                    continue
                 apart = np.abs(values / values.mean() - 1).max()
                 print(f"{name:20}{key:10}{values.mean():9.4g} ± {100 * apart:.1f} %", values)
     return 0

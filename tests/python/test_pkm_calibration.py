@@ -1,6 +1,7 @@
 """The benchmark pkm-calibration: files, scorer, baselines, and its generator against truepose."""
 
 import copy
+import functools
 import shutil
 
 import numpy as np
@@ -9,6 +10,9 @@ from pkm import baselines, files, ideal, score, with_truepose
 from pkm.poses import difference
 
 import truepose as tp
+
+pytest.importorskip("mujoco")
+from pkm import generate, mechanism
 
 KINDS = sorted(path.stem for path in (files.HERE / "robots").glob("*.json"))
 
@@ -31,11 +35,8 @@ def copied(tmp_path):
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """Return a generated benchmark of two logs with two machines each."""
-    pytest.importorskip("mujoco")
-    from pkm.generate import generate
-
     out = tmp_path_factory.mktemp("small")
-    generate(out, seed=3, machines=2, only=["five-bar-1", "delta-2"])
+    generate.generate(out, seed=3, machines=2, only=["five-bar-1", "delta-2"])
     return out
 
 
@@ -151,12 +152,8 @@ def test_jacobian_of_the_ideal_model_is_that_of_finite_differences(robot):
 
 
 def test_three_independent_models_agree_on_the_nominal_robot(robot):
-    pytest.importorskip("mujoco")
-    from pkm.generate import disturb
-    from pkm.mechanism import Machine
-
     rng = np.random.default_rng(1)
-    machine = Machine(disturb(robot, rng, 0.0))
+    machine = mechanism.Machine(generate.disturb(robot, rng, 0.0))
     x = rng.uniform(robot["workspace"]["low"], robot["workspace"]["high"])
     q = machine.motors_for(x)
     loaded, model = with_truepose.load(robot), ideal.Ideal(robot)
@@ -168,14 +165,13 @@ def test_three_independent_models_agree_on_the_nominal_robot(robot):
 
 
 def test_mujoco_and_truepose_agree_on_machines_with_errors(robot):
-    pytest.importorskip("mujoco")
-    from pkm.generate import disturb
-    from pkm.mechanism import Machine
-
     exact = copy.deepcopy(robot)
     exact["tolerances"] |= {"rod_end": [0.0] * 3, "axis": 0.0}  # no such parameters, other signs
-    real = disturb(exact, np.random.default_rng(2))
-    machine, nominal = Machine(real), Machine(disturb(robot, np.random.default_rng(0), 0.0))
+    real = generate.disturb(exact, np.random.default_rng(2))
+    machine, nominal = (
+        mechanism.Machine(real),
+        mechanism.Machine(generate.disturb(robot, np.random.default_rng(0), 0.0)),
+    )
     values = {}
     for i, (chain, drawn) in enumerate(zip(real["chains"], robot["chains"], strict=True), 1):
         for key in ("base", "anchor"):
@@ -197,14 +193,11 @@ def test_mujoco_and_truepose_agree_on_machines_with_errors(robot):
 
 
 def test_a_published_log_is_generated_again():
-    pytest.importorskip("mujoco")
-    from pkm.generate import LOGS, one_machine
-
     log = "five-bar-2"
     seed = files.load(files.HERE / "manifest.json")["seed"]
-    kind, _, cause = LOGS[log]
+    kind, _, cause = generate.LOGS[log]
     robot = files.robot_of(files.HERE / "robots", kind)
-    x, q_e, _, gross = one_machine(robot, cause, (seed, list(LOGS).index(log), 0))
+    x, q_e, _, gross = generate.one_machine(robot, cause, (seed, list(generate.LOGS).index(log), 0))
     columns = files.read_csv(files.HERE / "logs" / f"{log}.csv")
     own = columns["machine"] == 0
     written = files.matrix(columns, files.columns_of(robot), log)[own]
@@ -225,6 +218,22 @@ def test_baselines_are_scored_and_calibration_helps(small, submitted, capsys):
     assert score.main([*folders, "--benchmark", str(small)]) == 0
     said = capsys.readouterr().out
     assert "five-bar-1 (none)" in said and "all logs" in said
+
+
+def test_scores_are_compared_over_seeds(small, monkeypatch, tmp_path, capsys):
+    few = functools.partial(generate.generate, machines=1, only=["five-bar-1"])
+    monkeypatch.setattr(generate, "generate", few)
+    arguments = ["--benchmark", str(small), "--seeds", "1", "2", "--out", str(tmp_path)]
+    assert baselines.main(arguments) == 0
+    said = capsys.readouterr().out
+    assert said.count("±") == 4 * 3  # a five-bar has no angle
+    assert (tmp_path / "seed-2" / "truth.json").is_file()
+
+
+def test_baselines_of_a_wrong_benchmark_are_refused_in_one_line(copied, capsys):
+    (copied / "logs" / "delta-1.csv").unlink()
+    assert baselines.main(["--benchmark", str(copied)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_baselines_run_without_truepose(monkeypatch, robot):
