@@ -18,12 +18,12 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report reference test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
+.PHONY: help reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
         mutants random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report reference lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs twin linuxcnc clean"
+	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce --force $(ARGS)
@@ -35,6 +35,11 @@ report: $(VENV)/installed
 # Published results of others against truepose's (reference/); a failed verdict is an error. Some seconds.
 reference: $(VENV)/installed
 	@python reference/run.py $(ARGS)
+
+# The benchmark of calibrations: four baselines on its twelve logs, and their scores. ARGS='--seeds 1 2 3' (needs
+# MuJoCo) shows how far the scores depend on the generator's seed.
+pkm-calibration: $(VENV)/installed
+	@PYTHONPATH=pkm-calibration python -m pkm.baselines $(ARGS)
 
 test: test-python test-cpp
 

@@ -39,6 +39,7 @@ def pages() -> dict[Path, str]:
         "CONTRIBUTING.md": "contributing.md",
         "benchmarks/README.md": "benchmarks.md",
         "examples/README.md": "examples.md",
+        "pkm-calibration/README.md": "pkm-calibration.md",
         "reference/README.md": "reference-results.md",
     }
     found = {ROOT / source: target for source, target in beside.items()}

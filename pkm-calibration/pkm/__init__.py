@@ -1,0 +1,1 @@
+"""Benchmark of calibrations of parallel robots: generator, scorer, baselines."""
