@@ -15,7 +15,6 @@
 #include "truepose/model/status.hpp"
 
 namespace truepose::python {
-
 namespace nb = nanobind;
 
 /// (N, width), C order; the facade checks shapes and dtype.
@@ -101,5 +100,4 @@ void bind_calibration(nb::module_& module);
 void bind_plant(nb::module_& module);
 void bind_fault_monitor(nb::module_& module);
 void bind_c(nb::module_& module);
-
 }  // namespace truepose::python

@@ -8,7 +8,6 @@
 #include "truepose/control/fault_tolerant_control.hpp"
 
 namespace truepose::python {
-
 struct FaultTolerantSetup {
   Robot robot;
   Known known;
@@ -22,5 +21,4 @@ struct FaultTolerantSetup {
     prepare(settings.watch);
   }
 };
-
 }  // namespace truepose::python

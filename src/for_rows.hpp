@@ -16,7 +16,6 @@
 #include "signals.hpp"
 
 namespace truepose::python {
-
 /// A thread's start takes as long as a few hundred rows of kinematics or a few with covariances.
 inline constexpr std::size_t kRowsPerThread = 1000, kFewRowsPerThread = 50;
 
@@ -124,5 +123,4 @@ nb::tuple map_rows(const Rows& in, std::size_t n_out, F&& f) {
     return outcome;
   });
 }
-
 }  // namespace truepose::python

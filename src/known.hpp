@@ -7,7 +7,6 @@
 #include "truepose/control/law.hpp"
 
 namespace truepose::python {
-
 /// Knowledge that owns its arrays.
 struct Known {
   std::vector<int> column;
@@ -45,5 +44,4 @@ class Weights {
   std::vector<double> work_;
   Weighing view_;
 };
-
 }  // namespace truepose::python

@@ -27,7 +27,6 @@ struct nanobind::detail::type_caster<truepose::Plain<Numbers>> {
 
 namespace truepose::python {
 namespace {
-
 /// c1, s1, c2, s2 and the gear of an encoder.
 template <class Part>
 void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double gear) {
@@ -185,7 +184,6 @@ void bind_robot(nb::module_& m) {
         return answered(outcome);
       });
 }
-
 }  // namespace
 }  // namespace truepose::python
 

@@ -11,7 +11,6 @@
 
 namespace truepose::python {
 namespace {
-
 // `full` selects the level of the model: full or ideal.
 
 /// `own_mode`: only poses of the robot's own assembly mode, as valid for commands.
@@ -44,8 +43,7 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) 
   return map_rows<Joint, Coordinates>(
       q, q.shape(1), [&](const Joint& motors, Coordinates& x, std::size_t i) -> Outcome {
         x = row<Coordinates>(guess, i);
-        const FkmResult result = full ? fkm_full(robot, motors, x) : fkm(robot, motors, x);
-        return {result.status, result.chain};
+        return full ? fkm_full(robot, motors, x) : fkm(robot, motors, x);
       });
 }
 
@@ -60,12 +58,15 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   std::vector<Pose> found;
   for (std::size_t i = 0; i < pose.size(); ++i)
     if (closed[i]) found.push_back(pose[i]);
-  const AssemblyModes modes = distinct_modes(robot, std::move(found));
-  const std::size_t n = dof(robot.mobility), count = modes.pose.size();
+  const std::vector<AssemblyMode> modes = distinct_modes(robot, std::move(found));
+  const std::size_t n = dof(robot.mobility), count = modes.size();
   Owned<double> x({count, n});
-  for (std::size_t k = 0; k < count; ++k)
-    std::copy_n(to_coordinates(robot.mobility, modes.pose[k]).begin(), n, x[k]);
-  return nb::make_tuple(x.release(), owned(modes.seen));
+  Owned<int> seen({count});
+  for (std::size_t k = 0; k < count; ++k) {
+    std::copy_n(to_coordinates(robot.mobility, modes[k].pose).begin(), n, x[k]);
+    *seen[k] = modes[k].seen;
+  }
+  return together(x, seen);
 }
 
 auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
@@ -151,8 +152,7 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
 auto rod_rows(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> rows({n, n});
-  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  const Outcome outcome = with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Closure<K> closure;
     const Outcome result = ikm<K>(robot, to_pose<K>(x), closure);
     std::array<double, kDof<K>> row{};
@@ -189,7 +189,6 @@ double rod_shortfall(const Robot& robot, const Coordinates& x, int chain) {
     return shortfall(of, pose.D + pose.R * of.pivot() + of.anchor() - of.base());
   });
 }
-
 }  // namespace
 
 void bind_batch(nb::module_& m) {
@@ -209,5 +208,4 @@ void bind_batch(nb::module_& m) {
   m.def("shortfall", &rod_shortfall);
   m.def("stop", [](int more) { stopping += more; });
 }
-
 }  // namespace truepose::python

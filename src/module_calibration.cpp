@@ -15,7 +15,6 @@
 
 namespace truepose::python {
 namespace {
-
 auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, const Rows& guess,
                     bool full) {
   const std::size_t n = dof(robot.mobility);
@@ -265,8 +264,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   Owned<double> x({count, n});
   Outcomes outcomes(count);
   const Kernels model = kernels(drawn.mobility, online.full());
-  Lesson lesson(online, drawn);
-  OnlineCalibrator& learner = lesson.learner;
+  OnlineCalibrator& learner = online.begin(drawn);
   const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
   if (!about.empty()) learner.settings.linearised = about.data();
   for_rows_in_order(count, [&](std::size_t i) {
@@ -281,7 +279,6 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   });
   return together(x, outcomes.status, outcomes.chain);
 }
-
 }  // namespace
 
 void bind_calibration(nb::module_& m) {
@@ -309,8 +306,8 @@ void bind_calibration(nb::module_& m) {
       .def("observe", &batch_observe)
       .def("resume", &Online::resume)
       .def_prop_ro("memory", &Online::memory)
-      .def_prop_ro("lines", &Online::lines)
-      .def_prop_ro("left_out", &Online::left_out)
+      .def_prop_ro("lines", [](const Online& online) { return online.learner().lines; })
+      .def_prop_ro("left_out", [](const Online& online) { return online.learner().left_out; })
       .def_prop_ro("stopped_after", [](const Online& online) { return online.doubt().lines; })
       .def_prop_ro("stopped", [](const Online& online) { return online.doubt().stopped; })
       .def_prop_ro("suspect", [](const Online& online) { return online.doubt().suspect; })
@@ -329,5 +326,4 @@ void bind_calibration(nb::module_& m) {
   m.def("accuracy", &batch_accuracy, "robot"_a, "known"_a, "x"_a, "reference"_a, "full"_a,
         "influence"_a = nb::none());
 }
-
 }  // namespace truepose::python

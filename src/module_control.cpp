@@ -17,7 +17,6 @@
 
 namespace truepose::python {
 namespace {
-
 auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
   return map_rows<Extended, Coordinates>(
       q_e, dof(robot.mobility),
@@ -81,7 +80,6 @@ auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& 
     });
   });
 }
-
 }  // namespace
 
 void bind_control(nb::module_& m) {
@@ -118,5 +116,4 @@ void bind_control(nb::module_& m) {
         "gravity"_a, "x_d"_a, "off"_a.none() = nb::none(), "faults"_a = std::vector<Fault>{});
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
 }
-
 }  // namespace truepose::python

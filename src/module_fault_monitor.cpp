@@ -14,7 +14,6 @@
 
 namespace truepose::python {
 namespace {
-
 /// Largest second derivatives of the readings at poses, (N, n + r).
 auto batch_fastest(const Robot& robot, const Rows& x) {
   return map_rows<Coordinates, Extended>(
@@ -55,7 +54,6 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   });
   return together(believed, health, symptom, chi2, freedom, doubted, undecided, outcomes.status);
 }
-
 }  // namespace
 
 void bind_fault_monitor(nb::module_& m) {
@@ -76,5 +74,4 @@ void bind_fault_monitor(nb::module_& m) {
   m.attr("symptoms") =
       nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees");
 }
-
 }  // namespace truepose::python

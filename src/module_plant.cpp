@@ -12,7 +12,6 @@
 
 namespace truepose::python {
 namespace {
-
 /// Exact readings of a mechanism at this pose with these motors and arms.
 auto readings(const Robot& robot, const Vec3& D, const Mat3& R,
               const std::array<double, kMaxBars>& psi, double theta, const Joint& motor,
@@ -52,8 +51,7 @@ auto rotation_vectors(const Rows& R) {
 auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   using Frame = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
   Owned<double> all({x.shape(0), 4, 4});
-  with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     for_rows(x.shape(0), [&](std::size_t i) {
       const Pose pose = placed<K>(robot, to_pose<K>(row<Coordinates>(x, i)));
       Vec3 turn(tilt.data() + 3 * i);
@@ -67,8 +65,7 @@ auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   return all.release();
 }
 
-/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9); angles of passive axes by a
-/// search from home.
+/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9); axis angles from home's.
 auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> x({D.shape(0), n});
@@ -100,8 +97,7 @@ auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to
 /// M(x), (N, n, n), of the reduced model.
 auto batch_mass_matrix(const Robot& robot, const Rows& x) {
   const std::size_t n = x.shape(1);
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     return batch(x.shape(0), {{n, n}}, [&](std::size_t i, auto& out) {
       PoseMatrix mass;
       const Outcome outcome = mass_matrix<K>(robot, to_pose<K>(row<Coordinates>(x, i)), mass);
@@ -114,8 +110,7 @@ auto batch_mass_matrix(const Robot& robot, const Rows& x) {
 /// Torques of a motion, and motion under torques, for poses, twists and their derivatives, (N, n).
 auto batch_inverse_dynamics(const Robot& robot, const Rows& x, const Rows& rate,
                             const Rows& acceleration) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     return map_rows<Coordinates, Joint>(
         x, x.shape(1), [&](const Coordinates& at, Joint& torque, std::size_t i) {
           return inverse_dynamics<K>(robot, to_pose<K>(at), row<Coordinates>(rate, i),
@@ -124,8 +119,7 @@ auto batch_inverse_dynamics(const Robot& robot, const Rows& x, const Rows& rate,
   });
 }
 auto batch_acceleration(const Robot& robot, const Rows& x, const Rows& rate, const Rows& torque) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     return map_rows<Coordinates, Coordinates>(
         x, x.shape(1), [&](const Coordinates& at, Coordinates& acceleration, std::size_t i) {
           return forward_dynamics<K>(robot, to_pose<K>(at), row<Coordinates>(rate, i),
@@ -147,7 +141,6 @@ auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& r
   });
   return nb::make_tuple(end, end_rate, static_cast<int>(outcome.status));
 }
-
 }  // namespace
 
 void bind_plant(nb::module_& m) {
@@ -162,5 +155,4 @@ void bind_plant(nb::module_& m) {
   m.def("acceleration", &batch_acceleration);
   m.def("advance", &advance_free);
 }
-
 }  // namespace truepose::python

@@ -20,7 +20,6 @@
 
 namespace truepose::python {
 namespace {
-
 /// Converts exact readings, (N, n + r), to those of real encoders, with noise and quantization.
 auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   const std::size_t count = exact.shape(0), width = exact.shape(1);
@@ -66,7 +65,7 @@ class LoopExtras {
       extras.guarding = &guarding_;
     }
     if (of.online == nullptr) return;
-    OnlineCalibrator& learner = lesson_.emplace(*of.online, of.nominal).learner;
+    OnlineCalibrator& learner = of.online->begin(of.nominal);
     knowledge_ = learner.knowledge();
     work_.resize(estimate_work(of.nominal, knowledge_.count));
     extras.weighing = extras.watching = {&knowledge_, work_.data()};
@@ -81,15 +80,13 @@ class LoopExtras {
   FaultyReadings lying_;
   Weights watching_;
   FaultTolerantSettings guarding_;
-  std::optional<Lesson> lesson_;
   Knowledge knowledge_;
   std::vector<double> work_;
 };
 
 using OwnTorque = std::optional<nb::callable>;
 
-/// A Python callable (time, x, rate, acceleration, q_e, torque) -> torques as the loop's law,
-/// within the motors' limits.
+/// A Python callable (time, x, rate, acceleration, q_e, torque) -> torques as the loop's law.
 OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
   if (!torque_of) return {};
   return [&](double time, const Setpoint& setpoint, const Extended& q_e, Joint& torque) -> Outcome {
@@ -98,26 +95,20 @@ OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
         (*torque_of)(time, setpoint.x, setpoint.rate, setpoint.acceleration, q_e, torque));
     const int n = dof(robot.mobility);
     if (!all_finite(asked, n)) return {Status::not_finite, -1};
-    for (int i = 0; i < n; ++i) {
-      const double limit = robot.chain[i].torque_limit;
-      torque[i] = limit > 0 ? std::clamp(asked[i], -limit, limit) : asked[i];
-    }
+    for (int i = 0; i < n; ++i) torque[i] = limited(robot.chain[i], asked[i]);
     return {};
   };
 }
 
 /// A field of every sample, (N,), or the first `width` entries of one that is an array, (N, width).
 template <class T, class Field>
-nb::object column(const std::vector<Sample>& log, Field Sample::* field) {
-  Owned<T> values({log.size()});
-  for (std::size_t i = 0; i < log.size(); ++i) *values[i] = static_cast<T>(log[i].*field);
-  return values.release();
-}
-template <class T, class Field>
-nb::object column(const std::vector<Sample>& log, Field Sample::* field, std::size_t width) {
-  Owned<T> values({log.size(), width});
+nb::object column(const std::vector<Sample>& log, Field Sample::* field, std::size_t width = 0) {
+  Owned<T> values(width > 0 ? Shape{log.size(), width} : Shape{log.size()});
   for (std::size_t i = 0; i < log.size(); ++i)
-    for (std::size_t k = 0; k < width; ++k) values[i][k] = static_cast<T>((log[i].*field)[k]);
+    if constexpr (requires(Field many) { many[0]; })
+      for (std::size_t k = 0; k < width; ++k) values[i][k] = static_cast<T>((log[i].*field)[k]);
+    else
+      *values[i] = static_cast<T>(log[i].*field);
   return values.release();
 }
 
@@ -219,8 +210,7 @@ auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, i
     nb::gil_scoped_release release;
     Signals signals;
     LoopExtras with(of);
-    with_mobility(of.nominal.mobility, [&](auto mobility) {
-      constexpr Mobility K = mobility();
+    with_mobility(of.nominal.mobility, [&]<Mobility K>(Fixed<K>) {
       Coordinates from = of.nominal.home, standing = start;
       std::optional<Loop<K>> loop;
       for (std::size_t i = 0; i < count; ++i) {
@@ -298,7 +288,6 @@ void bind_faults(nb::module_& m) {
       .def(nb::init<const std::vector<Fault>&, double>())
       .def("read", &faulty);
 }
-
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
@@ -323,5 +312,4 @@ void bind_simulation(nb::module_& m) {
       .def("visit", &run_visit, "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
 }
-
 }  // namespace truepose::python

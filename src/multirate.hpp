@@ -8,7 +8,6 @@
 #include "truepose/offline/bus.hpp"
 
 namespace truepose::python {
-
 /// Initialises the state of these sensors. @throws std::invalid_argument  invalid period
 inline void require_started(const MultirateSettings& settings, Multirate& late) {
   if (!start(settings, late)) throw std::invalid_argument("period or age of a sensor: too long");
@@ -42,5 +41,4 @@ struct Slow {
     });
   }
 };
-
 }  // namespace truepose::python

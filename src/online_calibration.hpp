@@ -9,41 +9,33 @@
 #include "truepose/estimation/online_calibrator.hpp"
 
 namespace truepose::python {
-
+/// An online calibrator, the arrays that it points to, and their level.
 class Online {
  public:
   /// @param drift  one row per random walk, one column per uncertain parameter
   Online(const Robot& drawn, const Known& prior, std::vector<double> mean, RowMatrix drift,
          double gate, bool full)
-      : drawn_(drawn),
-        known_(prior),
-        xi_(std::move(mean)),
-        drift_(std::move(drift)),
-        work_(online_work(drawn, static_cast<int>(prior.column.size()))),
-        kept_(online_kept(static_cast<int>(prior.column.size()))),
-        gate_(gate),
-        full_(full) {}
+      : drawn_(drawn), known_(prior), xi_(std::move(mean)), drift_(std::move(drift)), full_(full) {
+    const int count = static_cast<int>(known_.column.size());
+    work_.resize(online_work(drawn, count));
+    kept_.resize(online_kept(count));
+    learner_.drawn = &drawn_;
+    learner_.settings = {static_cast<int>(drift_.rows()), drift_.data(), nullptr, gate};
+    learner_.state = {count, known_.column.data(), xi_.data(), known_.root.data(), known_.sigma,
+                      0,     kept_.data(),         {}};
+    learner_.work = work_.data();
+  }
+  Online(const Online&) = delete;
+  Online& operator=(const Online&) = delete;
 
-  /// A calibrator on these arrays, with the robot `nominal` until its first row.
-  OnlineCalibrator learner(const Robot& nominal) {
-    OnlineCalibrator learner;
-    learner.drawn = &drawn_;
-    learner.settings.drifts = static_cast<int>(drift_.rows());
-    learner.settings.drift = drift_.data();
-    learner.settings.gate = gate_;
-    learner.state = {static_cast<int>(known_.column.size()),
-                     known_.column.data(),
-                     xi_.data(),
-                     known_.root.data(),
-                     known_.sigma,
-                     due_,
-                     kept_.data(),
-                     doubt_};
-    learner.work = work_.data();
-    learner.robot = nominal;
-    learner.robot.level = drawn_.level;
-    learner.pose = to_pose(nominal.mobility, nominal.home);
-    return learner;
+  /// The calibrator for a run: with the robot `nominal` until its first row, which is new.
+  OnlineCalibrator& begin(const Robot& nominal) {
+    learner_.settings.linearised = nullptr;
+    learner_.robot = nominal;
+    learner_.robot.level = drawn_.level;
+    learner_.pose = to_pose(nominal.mobility, nominal.home);
+    learner_.last.fill(INFINITY);
+    return learner_;
   }
   /// State other than ξ̂ and its root: counts, the residual test and the rollback state.
   std::vector<double> memory() const {
@@ -60,29 +52,21 @@ class Online {
     });
   }
 
-  /// Stores the state that is not in the arrays.
-  void take(const OnlineCalibrator& learner) {
-    due_ = learner.state.due;
-    doubt_ = learner.state.doubt;
-    lines_ += learner.lines;
-    left_out_ += learner.left_out;
-  }
-
   const Robot& drawn() const { return drawn_; }
   bool full() const { return full_; }
-  long lines() const { return lines_; }
-  long left_out() const { return left_out_; }
-  const ResidualTest& doubt() const { return doubt_; }
+  const OnlineCalibrator& learner() const { return learner_; }
+  const ResidualTest& doubt() const { return learner_.state.doubt; }
   std::vector<double> xi() const { return xi_; }
   RowMatrix root() const { return known_.root; }
 
  private:
   template <class Self, class F>
   static void each_number(Self& self, F&& f) {
-    auto& doubt = self.doubt_;
-    f(self.due_), f(self.lines_), f(self.left_out_);
-    f(doubt.evidence), f(doubt.stopped), f(doubt.suspect), f(doubt.lines), f(doubt.since);
-    std::for_each(doubt.blame.begin(), doubt.blame.end(), f);
+    auto& state = self.learner_.state;
+    f(state.due), f(self.learner_.lines), f(self.learner_.left_out);
+    f(state.doubt.evidence), f(state.doubt.stopped), f(state.doubt.suspect), f(state.doubt.lines);
+    f(state.doubt.since);
+    std::for_each(state.doubt.blame.begin(), state.doubt.blame.end(), f);
     std::for_each(self.kept_.begin(), self.kept_.end(), f);
   }
 
@@ -90,23 +74,8 @@ class Online {
   Known known_;
   std::vector<double> xi_;
   RowMatrix drift_;
-  std::vector<double> work_, kept_;
-  double gate_;
-  int due_ = 0;
-  ResidualTest doubt_;
-  long lines_ = 0, left_out_ = 0;
   bool full_;
+  std::vector<double> work_, kept_;
+  OnlineCalibrator learner_;
 };
-
-/// A running calibrator, whose state is stored however the run ends.
-struct Lesson {
-  Online& online;
-  OnlineCalibrator learner;
-
-  Lesson(Online& of, const Robot& nominal) : online(of), learner(of.learner(nominal)) {}
-  ~Lesson() { online.take(learner); }
-  Lesson(const Lesson&) = delete;
-  Lesson& operator=(const Lesson&) = delete;
-};
-
 }  // namespace truepose::python

@@ -7,7 +7,6 @@
 #include <chrono>
 
 namespace truepose::python {
-
 /// Number of threads that wait for the others to stop at once.
 inline std::atomic<int> stopping = 0;
 
@@ -35,5 +34,4 @@ class Signals {
   static constexpr std::chrono::milliseconds kPatience{50};
   Clock::time_point next_ = Clock::now() + kPatience;
 };
-
 }  // namespace truepose::python

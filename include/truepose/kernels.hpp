@@ -48,7 +48,7 @@
                                            FullJacobians<K>&);                                    \
   PREFIX template Outcome rkm_full<K>(const Robot&, const FullClosure<K>&, Reading&,              \
                                       std::array<FullRow, kMaxSensors>&);                         \
-  PREFIX template Outcome command_detail::same_full_mode<K>(const Robot&, const Coordinates&);    \
+  PREFIX template Outcome same_full_mode<K>(const Robot&, const Coordinates&);                    \
   PREFIX template Outcome linearise_full<K>(const Robot&, const Pose&, Extended&,                 \
                                             Matrix<kMaxReadings, kDof<K>>&, Real*, Parasitic*);   \
   TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, FullModel)

@@ -15,7 +15,6 @@
 #include "truepose/truepose.h"
 
 namespace truepose {
-
 static_assert(std::is_same_v<Real, truepose_real> && kMaxDof == TRUEPOSE_FREEDOMS &&
               kMaxMotors == TRUEPOSE_FREEDOMS && kMaxReadings == TRUEPOSE_READINGS);
 
@@ -131,5 +130,4 @@ class Controller {
   truepose_controller controller_{};
   truepose_fault_monitor guard_{};
 };
-
 }  // namespace truepose

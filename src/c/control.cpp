@@ -1,4 +1,6 @@
 // Laws, controllers and fault-tolerant controllers for C.
+#include <bit>
+
 #include "description.hpp"
 #include "model.hpp"
 
@@ -6,7 +8,6 @@ using namespace truepose;
 
 namespace truepose::c {
 namespace {
-
 struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
   ControlSettings settings;
   ControlState state;
@@ -24,43 +25,22 @@ bool law_exists(std::int32_t law) {
 
 ControlSettings of_c(const truepose_control_settings& from) {
   ControlSettings settings;
-  settings.law = static_cast<Law>(from.law);
-  settings.sigma_scale = std::max<std::int32_t>(from.sigma_scale, 1);
-  settings.gains = static_cast<Gains>(from.gains);
-  settings.feed_forward = static_cast<FeedForward>(from.feed_forward);
-  control_fields(from, settings, Copy<true>{});
-  return settings;
-}
-
-FaultTolerantSettings of_c(const truepose_fault_monitor_settings& from) {
-  FaultTolerantSettings settings;
-  settings.watch.refresh = from.refresh;
-  settings.watch.coast = from.coast;
-  settings.watch.decide = from.decide;
-  settings.watch.spikes = from.spikes;
-  settings.watch.within = from.within;
-  watch_fields(from, settings.watch, settings, Copy<true>{});
-  prepare(settings.watch);
+  fields(from, settings, Copy<true>{});
+  settings.sigma_scale = std::max(settings.sigma_scale, 1);
   return settings;
 }
 
 Status status_of(const truepose_control_settings& s) {
   if (!law_exists(s.law) || s.gains < 0 || s.gains > 1 || s.feed_forward < 0 || s.feed_forward > 2)
     return Status::no_such_part;
-  Finite finite;
-  const ControlSettings any;
-  control_fields(s, any, finite);
-  if (!finite.all) return Status::not_finite;
+  if (!finite(s, ControlSettings{})) return Status::not_finite;
   const bool good = s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 &&
                     s.lead_out >= 0 && s.sigma_scale >= 0;
   return good ? Status::ok : Status::no_such_value;
 }
 
 Status status_of(const truepose_fault_monitor_settings& s) {
-  Finite finite;
-  const FaultTolerantSettings any;
-  watch_fields(s, any.watch, any, finite);
-  if (!finite.all) return Status::not_finite;
+  if (!finite(s, FaultTolerantSettings{})) return Status::not_finite;
   bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
               s.spikes <= kSpikesKept && s.within > 0;
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
@@ -70,21 +50,6 @@ Status status_of(const truepose_fault_monitor_settings& s) {
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
   return good ? Status::ok : Status::no_such_value;
-}
-
-Setpoint of_c(const truepose_setpoint& from) {
-  return {values<Coordinates>(from.x), values<Coordinates>(from.rate),
-          values<Coordinates>(from.acceleration)};
-}
-
-AxisState of_c(const truepose_axis_state& from) {
-  return {values<Coordinates>(from.position), values<Coordinates>(from.velocity),
-          values<Coordinates>(from.torque)};
-}
-void to_c(const AxisState& from, truepose_axis_state& to) {
-  give(from.position, to.position);
-  give(from.velocity, to.velocity);
-  give(from.torque, to.torque);
 }
 
 void report_on(const FaultTolerantSetup& guarding, truepose_fault_report* report) {
@@ -121,12 +86,10 @@ truepose_outcome servo(const truepose_model* model, std::int32_t law, Real band,
     return outcome;
   });
 }
-
 }  // namespace
 }  // namespace truepose::c
 
 extern "C" {
-
 size_t truepose_work(const truepose_model* model, int32_t count) {
   return c::of_robot(model, std::size_t{0}, [&](const Robot& robot) {
     return static_cast<std::size_t>(estimate_work(robot, std::max<std::int32_t>(count, 0)));
@@ -150,32 +113,20 @@ truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepo
   if (outcome.status > TRUEPOSE_OK) return outcome;
   c::give(found.q_d, cycle->q_d);
   c::give(found.x, cycle->x);
-  for (int i = 0; i < TRUEPOSE_FREEDOMS; ++i) {
-    c::give(found.J[i], cycle->J + i * TRUEPOSE_FREEDOMS);
-    c::give(found.tej[i], cycle->tej + i * TRUEPOSE_READINGS);
-  }
+  c::give(found.J, cycle->J);
+  c::give(found.tej, cycle->tej);
   return outcome;
 }
 
-#ifdef TRUEPOSE_NO_PIVOTS  // for small machines, as truepose_joint_torque()
-truepose_outcome truepose_joint_state(const truepose_model*, const truepose_axis_state*, int32_t,
-                                      truepose_axis_state*) {
-  return c::answer({Status::not_compiled, -1});
-}
-truepose_outcome truepose_motor_command(const truepose_model*, const truepose_axis_state*,
-                                        const truepose_axis_state*, const truepose_axis_command*,
-                                        truepose_axis_command*) {
-  return c::answer({Status::not_compiled, -1});
-}
-#else
 truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
+    if constexpr (!pivots(Mobility::pivot_1)) return c::kNoPivots;
     if (cap < 1 || cap > kFkmCap) return {Status::no_such_value, -1};
-    AxisState found = c::of_c(*joints);
-    const Outcome outcome = joint_state(robot, c::of_c(*motors), cap, found);
-    if (outcome) c::to_c(found, *joints);
+    auto found = std::bit_cast<AxisState>(*joints);
+    const Outcome outcome = joint_state(robot, std::bit_cast<AxisState>(*motors), cap, found);
+    if (outcome) *joints = std::bit_cast<truepose_axis_state>(found);
     return outcome;
   });
 }
@@ -185,20 +136,16 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
                                         const truepose_axis_state* joints,
                                         const truepose_axis_command* joint_command,
                                         truepose_axis_command* motor_command_) {
-  return c::asked(model, [&](const Robot& robot) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    if constexpr (!pivots(Mobility::pivot_1)) return c::kNoPivots;
     AxisCommand given;
-    const AxisCommand wanted{c::of_c(joint_command->state),
-                             c::values<Coordinates>(joint_command->kp),
-                             c::values<Coordinates>(joint_command->kd)};
-    const Outcome outcome = motor_command(robot, c::of_c(*motors), c::of_c(*joints), wanted, given);
-    if (!outcome) return outcome;
-    c::to_c(given.state, motor_command_->state);
-    c::give(given.kp, motor_command_->kp);
-    c::give(given.kd, motor_command_->kd);
+    const Outcome outcome =
+        motor_command(robot, std::bit_cast<AxisState>(*motors), std::bit_cast<AxisState>(*joints),
+                      std::bit_cast<AxisCommand>(*joint_command), given);
+    if (outcome) *motor_command_ = std::bit_cast<truepose_axis_command>(given);
     return outcome;
   });
 }
-#endif
 
 void truepose_control_defaults(truepose_control_settings* settings) {
   c::describe(ControlSettings{}, *settings);
@@ -270,7 +217,7 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
     if (made == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept, properties(made->settings.law).weighs);
     if (!weighs.sound) return weighs.sound;
-    const Outcome outcome = control(robot, made->settings, c::of_c(*setpoint),
+    const Outcome outcome = control(robot, made->settings, std::bit_cast<Setpoint>(*setpoint),
                                     c::values<Extended>(q_e), made->state, weighs.weighing);
     c::give(made->state.torque, torque);
     return outcome;
@@ -285,7 +232,8 @@ truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* guard, size
   if (status != Status::ok) return c::answer({status, -1});
   c::FaultTolerantSetup* made = c::FaultTolerantSetup::make(guard, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
-  made->settings = c::of_c(*settings);
+  c::fields(*settings, made->settings, c::Copy<true>{});
+  prepare(made->settings.watch);
   return c::answer({});
 }
 
@@ -306,9 +254,9 @@ truepose_outcome truepose_control_fault_tolerant(
       return c::kUnfinished;
     guarding->settings.finest = watched ? &watched->robot : nullptr;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_fault_tolerant<mobility()>(robot, made->settings, guarding->settings,
-                                                c::of_c(*setpoint), c::values<Extended>(q_e),
-                                                made->state, weighs.weighing, guarding->guard);
+      return control_fault_tolerant<mobility()>(
+          robot, made->settings, guarding->settings, std::bit_cast<Setpoint>(*setpoint),
+          c::values<Extended>(q_e), made->state, weighs.weighing, guarding->guard);
     });
     c::give(made->state.torque, torque);
     c::report_on(*guarding, report);
@@ -350,15 +298,13 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* guar
 }
 
 void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {
-  PathClock core{clock->time, clock->rate, clock->slowing, clock->since};
+  auto core = std::bit_cast<PathClock>(*clock);
   core.advance(period, stop);
-  *clock = {core.time, core.rate, core.slowing, core.since};
+  *clock = std::bit_cast<truepose_path_clock>(core);
 }
 
 void truepose_pace(const truepose_path_clock* clock, truepose_setpoint* setpoint) {
-  const PathClock core{clock->time, clock->rate, clock->slowing, clock->since};
-  const Setpoint paced = core.paced(c::of_c(*setpoint));
-  c::give(paced.rate, setpoint->rate);
-  c::give(paced.acceleration, setpoint->acceleration);
+  const auto core = std::bit_cast<PathClock>(*clock);
+  *setpoint = std::bit_cast<truepose_setpoint>(core.paced(std::bit_cast<Setpoint>(*setpoint)));
 }
 }

@@ -8,7 +8,6 @@ using namespace truepose;
 
 namespace truepose::c {
 namespace {
-
 constexpr Real kRotation = by_precision(1e-6, 1e-5);  ///< tolerance of R Rᵀ = 1
 
 Mat3 matrix(const truepose_real* rows) {
@@ -19,20 +18,10 @@ Mat3 matrix(const truepose_real* rows) {
 void by_rows(const Mat3& R, truepose_real* rows) {
   for (int k = 0; k < 9; ++k) rows[k] = R(k / 3, k % 3);
 }
-/// @param R  by rows
-Status rotation_status(const truepose_real* R) {
-  const auto dot = [](const truepose_real* a, const truepose_real* b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  };
-  const truepose_real *x = R, *y = R + 3, *z = R + 6;
-  const truepose_real normal[] = {x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2],
-                                  x[0] * y[1] - x[1] * y[0]};
-  bool rotation = dot(normal, z) > 0;
-  for (const truepose_real off :
-       {dot(x, x) - 1, dot(y, y) - 1, dot(z, z) - 1, dot(x, y), dot(y, z), dot(z, x)})
-    rotation = rotation && std::fabs(off) < kRotation;
-  if (rotation) return Status::ok;
-  return matrix(R).allFinite() ? Status::no_such_value : Status::not_finite;
+Status rotation_status(const Mat3& R) {
+  const Mat3 off = R * R.transpose() - Mat3::Identity();
+  if ((off.array().abs() < kRotation).all() && R.determinant() > 0) return Status::ok;
+  return R.allFinite() ? Status::no_such_value : Status::not_finite;
 }
 
 Pose place_of(const Robot& robot, const Coordinates& x) {
@@ -45,7 +34,7 @@ Pose place_of(const Robot& robot, const Coordinates& x) {
 Outcome body(const truepose_pose& pose, Pose& at) {
   at.R = matrix(pose.rotation);
   at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
-  return {at.D.allFinite() ? rotation_status(pose.rotation) : Status::not_finite, -1};
+  return {at.D.allFinite() ? rotation_status(at.R) : Status::not_finite, -1};
 }
 
 /// Converts a pose to coordinates if the mobility allows it. @param x  in: guess; out
@@ -85,11 +74,6 @@ Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
   return robot.rod_by_rod() ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
 }
 
-#ifdef TRUEPOSE_NO_PIVOTS  // for small machines, whose caller has J
-Outcome mapped(const Robot&, const truepose_real*, const truepose_real*, bool, truepose_real*) {
-  return {Status::not_compiled, -1};
-}
-#else
 /// Solves Jᵀ x = b in place, by elimination with partial pivoting.
 void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
   for (int k = 0; k < n; ++k) {
@@ -113,6 +97,7 @@ void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
 /// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
 Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
                bool to_joints, truepose_real* to) {
+  if constexpr (!pivots(Mobility::pivot_1)) return kNoPivots;
   auto given = values<Coordinates>(from);
   const int n = robot.motors;
   if (!all_finite(given, n)) return {Status::not_finite, -1};
@@ -126,7 +111,6 @@ Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* 
   give(result, to);
   return outcome;
 }
-#endif
 
 Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
   Joint found{};
@@ -148,8 +132,7 @@ Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
   } else {
     Coordinates x = robot.home;
     outcome = coordinates(robot, pose, x);
-    if (outcome)
-      outcome = robot.rod_by_rod() ? command_full(robot, x, found) : command(robot, x, found);
+    if (outcome) outcome = motors(robot, x, found.data());
     Joint serial{};
     Real parallel = 0;
     if (outcome && conditioned) outcome = conditioning(robot, x, parallel, serial);
@@ -163,26 +146,18 @@ Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
 
 FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
   if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
-  FkmResult result;
-  if (robot.rod_by_rod()) {
-    const FullResult full = fkm_full(robot, values<Joint>(q), x, cap);
-    result = {full.status, full.chain, full.iterations, full.residual};
-  } else {
-    result = fkm(robot, values<Joint>(q), x, cap);
-  }
-  return result;
+  const auto motors = values<Joint>(q);
+  return robot.rod_by_rod() ? fkm_full(robot, motors, x, cap) : fkm(robot, motors, x, cap);
 }
 truepose_fkm_result to_c(const FkmResult& result) {
-  return {c::answer({result.status, result.chain}), result.iterations, 0, result.residual};
+  return {c::answer(result), result.iterations, 0, result.residual};
 }
 
 constexpr FkmResult kUnfinished{Status::unfinished};
-
 }  // namespace
 }  // namespace truepose::c
 
 extern "C" {
-
 truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_real* x,
                                   truepose_pose* pose) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
@@ -214,7 +189,7 @@ truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
   const Mat3 R = c::matrix(rotation);
   const auto near = c::values<RollPitchYaw>(angles);
-  Status status = c::rotation_status(rotation);
+  Status status = c::rotation_status(R);
   if (!all_finite(near, 3)) status = Status::not_finite;
   if (status == Status::ok) c::give(to_roll_pitch_yaw(R, near), angles);
   return c::answer({status, -1});
@@ -247,7 +222,7 @@ truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepos
   return c::to_c(c::of_robot(model, c::kUnfinished, [&](const Robot& robot) -> FkmResult {
     Coordinates x = robot.home;
     const Outcome near = c::coordinates(robot, *pose, x);
-    if (!near) return {near.status, near.chain};
+    if (!near) return {near};
     const FkmResult result = c::pose_of(robot, q, cap, x);
     if (result) c::to_c(robot, x, pose);
     return result;
@@ -278,7 +253,7 @@ truepose_outcome truepose_jacobian(const truepose_model* model, const truepose_r
   return c::asked(model, [&](const Robot& robot) {
     JointMatrix found{};
     const Outcome outcome = c::rates(robot, x, found);
-    for (int i = 0; i < kMaxDof && outcome; ++i) c::give(found[i], J + i * kMaxMotors);
+    if (outcome) c::give(found, J);
     return outcome;
   });
 }
@@ -288,7 +263,7 @@ truepose_outcome truepose_gyro(const truepose_model* model, const truepose_real*
   return c::asked(model, [&](const Robot& robot) {
     GyroRows found{};
     const Outcome outcome = gyro(robot, c::values<Coordinates>(x), found);
-    for (int k = 0; k < 3 && outcome; ++k) c::give(found[k], W + k * kMaxDof);
+    if (outcome) c::give(found, W);
     return outcome;
   });
 }
@@ -325,7 +300,7 @@ truepose_outcome truepose_tej(const truepose_model* model, const truepose_real* 
     ExtendedColumns M{};
     ExtendedRows M_plus{};
     const Outcome outcome = tej(robot, c::values<Coordinates>(x), M, M_plus, band);
-    for (int i = 0; i < kMaxMotors && outcome; ++i) c::give(M_plus[i], tej_rows + i * kMaxReadings);
+    if (outcome) c::give(M_plus, tej_rows);
     return outcome;
   });
 }

@@ -4,18 +4,20 @@
 
 namespace truepose::c {
 namespace {
-
 static_assert(kSensorPart == 6 && kBodyPart == 18 && kAxisPart == 26);  // as in truepose.h
 
 bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
 
-Status chain_status(const truepose_chain& c, const Chain& chain) {
-  truepose_chain finite = c;  // stops may be infinite, but not NaN
-  if (std::isinf(c.low)) finite.low = 0;
-  if (std::isinf(c.high)) finite.high = 0;
-  Finite numbers;
-  chain_fields(finite, chain, numbers);
-  if (!numbers.all) return Status::not_finite;
+/// A part whose stops may be infinite, but not NaN, without infinite ones.
+template <class C>
+C bounded(C part) {
+  if (std::isinf(part.low)) part.low = 0;
+  if (std::isinf(part.high)) part.high = 0;
+  return part;
+}
+
+Status status_of(const truepose_chain& c, const Chain& chain) {
+  if (!finite(bounded(c), chain)) return Status::not_finite;
   const bool revolute = chain.actuator == Actuator::revolute;
   const bool telescopic = chain.actuator == Actuator::telescopic;
   bool good = c.low <= c.high && c.encoder_gain != 0 && c.gear != 0 && c.rod_spacing >= 0;
@@ -28,10 +30,8 @@ Status chain_status(const truepose_chain& c, const Chain& chain) {
   return good ? Status::ok : Status::no_such_value;
 }
 
-Status sensor_status(const truepose_sensor& c, const Sensor& sensor) {
-  Finite numbers;
-  sensor_fields(c, sensor, numbers);
-  if (!numbers.all) return Status::not_finite;
+Status status_of(const truepose_sensor& c, const Sensor& sensor) {
+  if (!finite(c, sensor)) return Status::not_finite;
   const unsigned mounting = properties(sensor.kind).mounting;
   const bool good = c.gain != 0 && c.gear != 0 && c.step >= 0 && c.noise >= 0 && c.weight >= 0 &&
                     (!(mounting & kDirection) || unit(sensor.direction)) &&
@@ -39,88 +39,42 @@ Status sensor_status(const truepose_sensor& c, const Sensor& sensor) {
   return good ? Status::ok : Status::no_such_value;
 }
 
-Status body_status(const truepose_body& c, const Body& body) {
-  Finite numbers;
-  body_fields(c, body, numbers);
-  if (!numbers.all) return Status::not_finite;
+Status status_of(const truepose_body& c, const Body& body) {
+  if (!finite(c, body)) return Status::not_finite;
   const Mat3 inertia = body.inertia;
   const bool symmetric = inertia == inertia.transpose() && inertia.diagonal().minCoeff() >= 0;
   return c.mass >= 0 && symmetric ? Status::ok : Status::no_such_value;
 }
 
-Status axis_status(const truepose_axis& c, const PassiveAxis& axis) {
-  truepose_axis finite = c;  // as for a chain
-  if (std::isinf(c.low)) finite.low = 0;
-  if (std::isinf(c.high)) finite.high = 0;
-  Finite numbers;
-  axis_fields(finite, axis, numbers);
-  if (!numbers.all) return Status::not_finite;
+Status status_of(const truepose_axis& c, const PassiveAxis& axis) {
+  if (!finite(bounded(c), axis)) return Status::not_finite;
   return c.low <= c.high && unit(axis.direction) ? Status::ok : Status::no_such_value;
 }
 
-bool within(std::int32_t count, int most) { return count >= 0 && count <= most; }
-
-/// Copies as far as counts allow; parts_exist checks the rest. @param robot  newly constructed
-Outcome copied(const truepose_description& of, Robot& robot) {
-  constexpr Copy<true> copy;
-  if (!within(of.chains, kMaxChains) || !within(of.sensors, kMaxSensors) ||
-      !within(of.bodies, kMaxBodies))
-    return {Status::no_such_part, -1};
-  robot.mobility = static_cast<Mobility>(of.mobility);
-  robot.chains = of.chains;
-  robot.motors = of.motors;
-  robot.r = of.sensors;
-  robot.bodies = of.bodies;
-  robot.bar_joint = static_cast<BarJoint>(of.bar_joint);
-  robot.level = static_cast<Level>(of.level);
-  copy("gravity", of.gravity, robot.gravity);
-  copy("home", of.home, robot.home);
-  for (int i = 0; i < of.chains; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.actuator = static_cast<Actuator>(of.chain[i].actuator);
-    chain.working_mode = of.chain[i].working_mode;
-    chain.bar = of.chain[i].bar;
-    chain_fields(of.chain[i], chain, copy);
-  }
-  for (int k = 0; k < of.sensors; ++k) {
-    Sensor& sensor = robot.sensor[k];
-    sensor.kind = static_cast<SensorKind>(of.sensor[k].kind);
-    sensor.chain = of.sensor[k].chain;
-    sensor.at_nacelle = of.sensor[k].at_nacelle != 0;
-    sensor.rod = of.sensor[k].rod;
-    sensor.bar = of.sensor[k].bar;
-    sensor.axis = of.sensor[k].axis;
-    sensor_fields(of.sensor[k], sensor, copy);
-  }
-  for (int k = 0; k < of.bodies; ++k) {
-    robot.body[k].bar = of.body[k].bar;
-    body_fields(of.body[k], robot.body[k], copy);
-  }
-  if (!within(of.mobility, kMobilities - 1)) return {Status::no_such_part, -1};
-  for (int j = 0; j < passive_axes(robot.mobility); ++j)
-    axis_fields(of.axis[j], robot.axis[j], copy);
+/// The first part with invalid numbers. @param first  number of a kind's first part in outcomes
+Outcome checked(const auto& c, const auto& core, int count, int first) {
+  for (int k = 0; k < count; ++k)
+    if (const Status status = status_of(c[k], core[k]); status != Status::ok)
+      return {status, first + k};
   return {};
 }
 
+bool within(std::int32_t count, int most) { return count >= 0 && count <= most; }
 }  // namespace
 
 Outcome load(const truepose_description& of, Robot& robot) {
   if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return {Status::other_version, -1};
-  Outcome outcome = copied(of, robot);
-  if (outcome) outcome = parts_exist(robot);
-  if (!outcome) return outcome;
-  Finite head;
-  head("gravity", of.gravity, 0);
-  head("home", of.home, 0);
-  if (!head.all) return {Status::not_finite, -1};
-  for (int i = 0; i < robot.chains && outcome; ++i)
-    outcome = {chain_status(of.chain[i], robot.chain[i]), i};
-  for (int k = 0; k < robot.r && outcome; ++k)
-    outcome = {sensor_status(of.sensor[k], robot.sensor[k]), kSensorPart + k};
-  for (int k = 0; k < robot.bodies && outcome; ++k)
-    outcome = {body_status(of.body[k], robot.body[k]), kBodyPart + k};
-  for (int j = 0; j < passive_axes(robot.mobility) && outcome; ++j)
-    outcome = {axis_status(of.axis[j], robot.axis[j]), kAxisPart + j};
+  if (!within(of.chains, kMaxChains) || !within(of.sensors, kMaxSensors) ||
+      !within(of.bodies, kMaxBodies))
+    return {Status::no_such_part, -1};
+  fields(of, robot, Copy<true>{});
+  parts(of, robot, [](const auto& c, auto& part) { fields(c, part, Copy<true>{}); });
+  Outcome outcome = parts_exist(robot);
+  if (outcome && !finite(of, robot)) outcome = {Status::not_finite, -1};
+  if (outcome) outcome = checked(of.chain, robot.chain, robot.chains, 0);
+  if (outcome) outcome = checked(of.sensor, robot.sensor, robot.r, kSensorPart);
+  if (outcome) outcome = checked(of.body, robot.body, robot.bodies, kBodyPart);
+  if (outcome) outcome = checked(of.axis, robot.axis, passive_axes(robot.mobility), kAxisPart);
   if (!outcome) return outcome;
   const Level level = robot.level;
   outcome = finish(robot);
@@ -132,13 +86,11 @@ Outcome load(const truepose_description& of, Robot& robot) {
   if (!outcome) robot.finished = false;
   return outcome;
 }
-
 }  // namespace truepose::c
 
 using namespace truepose;
 
 extern "C" {
-
 size_t truepose_model_size(void) { return sizeof(c::Model); }
 
 int32_t truepose_abi(void) { return TRUEPOSE_ABI; }

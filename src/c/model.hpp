@@ -9,7 +9,6 @@
 #include "truepose/truepose.h"
 
 namespace truepose::c {
-
 /// A struct in opaque memory. `mark` differs in memory without a struct.
 template <class Opaque, class Itself, std::uint32_t kMark>
 struct InMemory {
@@ -51,6 +50,9 @@ truepose_outcome asked(const truepose_model* model, F&& f) {
   return answer(of_robot(model, Outcome{Status::unfinished, -1}, f));
 }
 
+/// Outcome of torques at the joints in a build for small machines, whose caller has J.
+inline constexpr Outcome kNoPivots{Status::not_compiled, -1};
+
 /// Copies a C array to the core's array.
 template <class Values>
 Values values(const truepose_real* from) {
@@ -62,26 +64,35 @@ template <class Values>
 void give(const Values& from, truepose_real* to) {
   std::copy_n(from.begin(), from.size(), to);
 }
+template <std::size_t Rows, std::size_t Columns>
+void give(const std::array<std::array<Real, Columns>, Rows>& from, truepose_real* to) {
+  for (const auto& row : from) to = std::copy(row.begin(), row.end(), to);
+}
+
+/// Checks count and columns of a knowledge. @return no_such_part, and the invalid column's number
+inline Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least) {
+  const int all = parameter_count(robot);
+  if (known.count < least || known.count > all) return {Status::no_such_part, -1};
+  for (int k = 0; k < known.count; ++k)
+    if (known.column[k] < 0 || known.column[k] >= all) return {Status::no_such_part, k};
+  return {};
+}
 
 /// The core's view of a knowledge and work space, empty where missing or not `asked`: the check of
 /// its columns takes a third of a plain cycle.
 struct Known {
   Knowledge knowledge;
   Weighing weighing;
-  Outcome sound;  ///< no_such_part: invalid count, or invalid column number `chain`
+  Outcome sound;  ///< of columns_exist
 
   Known(const Robot& robot, const truepose_knowledge* known, truepose_real* work,
         CachedGain* kept = nullptr, bool asked = true) {
     if (!asked || known == nullptr || work == nullptr) return;
-    const int all = parameter_count(robot);
-    if (known->count < 0 || known->count > all) sound = {Status::no_such_part, -1};
-    for (int k = 0; sound && k < known->count; ++k)
-      if (known->column[k] < 0 || known->column[k] >= all) sound = {Status::no_such_part, k};
+    sound = columns_exist(robot, *known, 0);
     knowledge = {known->count, known->column, known->root, values<Extended>(known->sigma)};
     weighing = {&knowledge, work, kept};
   }
   Known(const Known&) = delete;
   Known& operator=(const Known&) = delete;
 };
-
 }  // namespace truepose::c

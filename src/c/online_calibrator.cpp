@@ -5,7 +5,6 @@ using namespace truepose;
 
 namespace truepose::c {
 namespace {
-
 struct Pupil : InMemory<truepose_online_calibrator, Pupil, 0x6c697075U> {
   OnlineCalibrator learner;
 };
@@ -34,33 +33,32 @@ truepose_estimate_result estimated(const Robot& robot, const Knowledge& known,
 
 Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real* memory,
               OnlineCalibrator& learner) {
-  const int p = prior.count, all = parameter_count(drawn);
   if (drawn.r == 0) return {Status::not_measured, -1};
-  if (p < 1 || p > all) return {Status::no_such_part, -1};
-  for (int k = 0; k < p; ++k)
-    if (prior.column[k] < 0 || prior.column[k] >= all) return {Status::no_such_part, k};
-  Real *xi = memory, *root = xi + all, *kept = root + p * p;
-  const Outcome outcome = drawn_parameters(drawn, xi);
+  Outcome outcome = columns_exist(drawn, prior, 1);
+  if (!outcome) return outcome;
+  const int p = prior.count;
+  Real *xi = memory, *root = xi + parameter_count(drawn), *kept = root + p * p;
+  outcome = drawn_parameters(drawn, xi);
   if (!outcome) return outcome;
   std::copy_n(prior.root, p * p, root);
   learner.drawn = &drawn;
-  learner.state.count = p;
-  learner.state.column = prior.column;
-  learner.state.xi = xi;
-  learner.state.root = root;
-  learner.state.kept = kept;
-  learner.state.sigma = values<Extended>(prior.sigma);
+  learner.state = {p, prior.column, xi, root, values<Extended>(prior.sigma), 0, kept, {}};
   learner.work = kept + online_kept(p);
   learner.robot = drawn;
   learner.pose = to_pose(drawn.mobility, drawn.home);
   return {};
 }
 
+/// f(calibrator) of an initialised one.
+template <class Opaque, class F>
+truepose_outcome taught(Opaque* learner, F&& f) {
+  auto* made = Pupil::of(learner);
+  return answer(made != nullptr ? f(made->learner) : Outcome{Status::unfinished, -1});
+}
 }  // namespace
 }  // namespace truepose::c
 
 extern "C" {
-
 truepose_estimate_result truepose_estimate(const truepose_model* model,
                                            const truepose_knowledge* known,
                                            const truepose_real* q_e, truepose_real* work,
@@ -72,11 +70,9 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
     refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : weighs.sound);
     if (!weighs.sound || !weighs.weighing) return refused;
     return with_mobility(robot.mobility, [&](auto mobility) {
-      constexpr Mobility K = mobility();
-      if constexpr (kRodByRod<K>)
-        if (robot.rod_by_rod())
-          return c::estimated<FullModel, K>(robot, weighs.knowledge, q_e, work, x);
-      return c::estimated<IdealModel, K>(robot, weighs.knowledge, q_e, work, x);
+      return with_model<mobility()>(robot, [&](auto model) {
+        return c::estimated<decltype(model), mobility()>(robot, weighs.knowledge, q_e, work, x);
+      });
     });
   });
 }
@@ -106,45 +102,42 @@ truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* lea
 
 truepose_outcome truepose_online_calibrator_step(truepose_online_calibrator* learner,
                                                  const truepose_real* q_e) {
-  c::Pupil* made = c::Pupil::of(learner);
-  if (made == nullptr) return c::answer({Status::unfinished, -1});
-  return c::answer(with_mobility(made->learner.drawn->mobility, [&](auto mobility) {
-    return calibrate_online<mobility()>(made->learner, c::values<Extended>(q_e));
-  }));
+  return c::taught(learner, [&](OnlineCalibrator& of) {
+    return with_mobility(of.drawn->mobility, [&](auto mobility) {
+      return calibrate_online<mobility()>(of, c::values<Extended>(q_e));
+    });
+  });
 }
 
 truepose_outcome truepose_online_calibrator_samples(const truepose_online_calibrator* learner,
                                                     int64_t* learnt, int64_t* left_out) {
-  const c::Pupil* made = c::Pupil::of(learner);
-  if (made == nullptr) return c::answer({Status::unfinished, -1});
-  *learnt = made->learner.lines;
-  *left_out = made->learner.left_out;
-  return c::answer({});
+  return c::taught(learner, [&](const OnlineCalibrator& of) -> Outcome {
+    *learnt = of.lines;
+    *left_out = of.left_out;
+    return {};
+  });
 }
 
 truepose_outcome truepose_online_calibrator_roll_back(truepose_online_calibrator* learner) {
-  c::Pupil* made = c::Pupil::of(learner);
-  if (made == nullptr) return c::answer({Status::unfinished, -1});
-  return c::answer(roll_back(made->learner));
+  return c::taught(learner, [](OnlineCalibrator& of) { return roll_back(of); });
 }
 
 truepose_outcome truepose_online_calibrator_model(const truepose_online_calibrator* learner,
                                                   truepose_model* model, size_t size) {
-  const c::Pupil* made = c::Pupil::of(learner);
-  if (made == nullptr) return c::answer({Status::unfinished, -1});
-  c::Model* out = c::Model::make(model, size);
-  if (out == nullptr) return c::answer({Status::too_small, -1});
-  out->robot = made->learner.robot;
-  return c::answer({});
+  return c::taught(learner, [&](const OnlineCalibrator& of) -> Outcome {
+    c::Model* out = c::Model::make(model, size);
+    if (out == nullptr) return {Status::too_small, -1};
+    out->robot = of.robot;
+    return {};
+  });
 }
 
 truepose_outcome truepose_online_calibrator_knowledge(const truepose_online_calibrator* learner,
                                                       truepose_knowledge* known) {
-  const c::Pupil* made = c::Pupil::of(learner);
-  if (made == nullptr) return c::answer({Status::unfinished, -1});
-  const OnlineState& state = made->learner.state;
-  *known = {state.count, 0, state.column, state.root, {}};
-  c::give(state.sigma, known->sigma);
-  return c::answer({});
+  return c::taught(learner, [&](const OnlineCalibrator& of) -> Outcome {
+    *known = {of.state.count, 0, of.state.column, of.state.root, {}};
+    c::give(of.state.sigma, known->sigma);
+    return {};
+  });
 }
 }

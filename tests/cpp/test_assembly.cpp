@@ -16,10 +16,10 @@ TEST("poses a tenth of a millimetre or a hundredth of a degree apart are modes o
       step[j] = 1e-4 + 1e-9;  // another search's end there
       found.push_back(moved<K>(home, step));
     }
-    const AssemblyModes modes = distinct_modes(mechanism.robot, found);
-    CHECK(modes.pose.size() == kDof<K> + 1);
-    CHECK(modes.seen.front() == 1);
-    for (std::size_t k = 1; k < modes.seen.size(); ++k) CHECK(modes.seen[k] == 2);
+    const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
+    CHECK(modes.size() == kDof<K> + 1);
+    CHECK(modes.front().seen == 1);
+    for (std::size_t k = 1; k < modes.size(); ++k) CHECK(modes[k].seen == 2);
   });
 }
 
@@ -30,13 +30,13 @@ TEST("the mode nearest to home is told first") {
     check::Random random(81);
     std::vector<Pose> found;
     for (int k = 0; k < 20; ++k) found.push_back(to_pose<K>(random_pose(mechanism, random)));
-    const AssemblyModes modes = distinct_modes(mechanism.robot, found);
-    CHECK(modes.pose.size() == 20);
+    const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
+    CHECK(modes.size() == 20);
     const auto from_home = [&](const Pose& at) {
       return std::max((at.D - home.D).cwiseAbs().maxCoeff(), (at.R - home.R).norm());
     };
-    for (std::size_t k = 1; k < modes.pose.size(); ++k)
-      CHECK(from_home(modes.pose[k - 1]) <= from_home(modes.pose[k]));
+    for (std::size_t k = 1; k < modes.size(); ++k)
+      CHECK(from_home(modes[k - 1].pose) <= from_home(modes[k].pose));
   });
 }
 

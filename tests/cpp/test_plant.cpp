@@ -60,7 +60,6 @@ TEST("a gear follows half its play behind, on either side, and a direct encoder 
 TEST(
     "Dahl's friction loses its initial state over some lengths of presliding and remembers at "
     "rest") {
-  using effects_detail::dahl;
   CHECK_NEAR(dahl(0.3, 0, 1e-4), 0.3, 1e-15);
   CHECK_NEAR(dahl(-1, 1e-2, 1e-4), 1, 1e-12);
   CHECK_NEAR(dahl(1, -1e-2, 1e-4), -1, 1e-12);

@@ -340,10 +340,11 @@ TEST("all assembly modes close on the same motors, home's among them") {
       if (!closes(search<K>(robot, q, at))) continue;
       found.push_back(at);
     }
-    const AssemblyModes modes = distinct_modes(robot, found);
-    CHECK(modes.pose.size() >= 2 && modes.pose.size() <= 40);
-    CHECK(std::fabs(modes.pose[0].D[0] - robot.home[0]) < 1e-9);
-    for (const Pose& pose : modes.pose) {
+    const std::vector<AssemblyMode> modes = distinct_modes(robot, found);
+    CHECK(modes.size() >= 2 && modes.size() <= 40);
+    CHECK(std::fabs(modes[0].pose.D[0] - robot.home[0]) < 1e-9);
+    for (const auto& [pose, seen] : modes) {
+      CHECK(seen >= 1);
       const Pose there = placed<K>(robot, pose);
       for (int i = 0; i < kDof<K>; ++i) {
         const Chain& chain = robot.chain[i];

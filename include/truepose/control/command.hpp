@@ -5,26 +5,17 @@
 #include "truepose/kinematics/damping.hpp"
 
 namespace truepose {
-
-namespace command_detail {
-
 /// branch_lost if the determinant of all rods' rows has another sign than at home.
 template <Mobility K>
 inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
   FullClosure<K> closure;
-  const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
   FullJacobians<K> jacobians;
-  if (!result) return {result.status, result.chain};
-  const Outcome outcome = jacobian_full<K>(robot, closure, jacobians);
-  if (!outcome) return outcome;
-  full_detail::Rows<K> A;
-  full_detail::Forward<K>{robot}.columns(closure, A);
-  if (other_mode(robot.full.sign, [&] { return determinant_sign<kRods<K>>(A); }))
-    return {Status::branch_lost, -1};
+  Outcome outcome = ikm_full<K>(robot, to_pose<K>(x), closure);
+  if (outcome) outcome = jacobian_full<K>(robot, closure, jacobians);
+  if (outcome && full_detail::other_full_mode<K>(robot, closure))
+    outcome = {Status::branch_lost, -1};
   return outcome;
 }
-
-}  // namespace command_detail
 
 /// q = IKM(x) for a command to the motors. The chains also close at poses of other assembly modes,
 /// which the robot could reach only through a singular pose, where its motors no longer hold it:
@@ -60,11 +51,7 @@ inline Outcome command_full(const Robot& robot, const Coordinates& x, Joint& q) 
   const Outcome outcome = ikm_full(robot, x, q);
   if (!outcome) return outcome;
   return full_detail::with_full(
-      robot,
-      [&](auto mobility) -> Outcome {
-        return command_detail::same_full_mode<mobility()>(robot, x);
-      },
+      robot, [&](auto mobility) -> Outcome { return same_full_mode<mobility()>(robot, x); },
       [&] { return command(robot, x, q); });
 }
-
 }  // namespace truepose

@@ -8,7 +8,6 @@
 #include "truepose/control/trajectory.hpp"
 
 namespace truepose {
-
 enum class FeedForward : int {
   none = 0,
   gravity = 1,  ///< holds the nominal robot at x_d
@@ -90,11 +89,8 @@ inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Referenc
                             int r) {
   constexpr int n = kDof<K>;
   Extended result{};
-  Coordinates twist{};
-  for (int i = 0; i < n; ++i) {
-    result[i] = rate[i];
-    for (int j = 0; j < n; ++j) twist[i] += reference.jacobians.J[i][j] * rate[j];
-  }
+  std::copy_n(rate.begin(), n, result.begin());
+  const Coordinates twist = pose_rate<K>(reference.jacobians.J, rate);
   if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
   if (corrects == Corrects::readings)
     for (int k = 0; k < r; ++k)
@@ -121,20 +117,14 @@ class ControlCycle {
   static constexpr int n = kDof<K>;
 
   ControlCycle(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
-               const Extended& q_e, const ControlState& state)
+               const Extended& q_e, const ControlState& before, ControlState& state)
       : robot_(robot),
         settings_(settings),
         setpoint_(setpoint),
         q_e_(q_e),
+        before_(before),
         state_(state),
-        corrects_(properties(settings.law).corrects),
-        position_(state.position),
-        rate_(state.rate),
-        desired_(state.desired),
-        integral_(state.integral),
-        held_(state.held),
-        leaving_(state.leaving),
-        nearby_(state.nearby) {}
+        corrects_(properties(settings.law).corrects) {}
 
   /// Whether the inputs that the law uses are finite: the joint law runs without sensors.
   bool finite() const {
@@ -145,11 +135,11 @@ class ControlCycle {
   /// ê_q of the law, and J, TEJ at x_d.
   Outcome correct(const Weighing& weighing) {
     const Outcome regular = refer<K>(robot_, settings_.law, setpoint_.x, reference_,
-                                     settings_.damped_below, weighing, &nearby_);
+                                     settings_.damped_below, weighing, &state_.nearby);
     Outcome outcome = regular;
     if (outcome)
-      outcome = motor_error<K>(robot_, settings_.law, reference_, q_e_, error_, found_, weighing,
-                               nearby_);
+      outcome = motor_error<K>(robot_, settings_.law, reference_, q_e_, state_.error, found_,
+                               weighing, state_.nearby);
     return outcome ? regular : outcome;
   }
 
@@ -166,15 +156,15 @@ class ControlCycle {
 
   /// After a switch of law or readings the error keeps its value and rate, and the jump is led out.
   void blend() {
-    if (!state_.started || switches()) position_ = measured_;
+    if (!before_.started || switches()) state_.position = measured_;
     if (switches()) {
-      rate_ = in_terms_of<K>(corrects_, state_.error_rate, reference_, robot_.r);
-      for (int i = 0; i < n; ++i) held_[i] = state_.error[i] - error_[i];
-      leaving_ = settings_.lead_out;
+      state_.rate = in_terms_of<K>(corrects_, before_.error_rate, reference_, robot_.r);
+      for (int i = 0; i < n; ++i) state_.held[i] = before_.error[i] - state_.error[i];
+      state_.leaving = settings_.lead_out;
     }
-    const Real share = led_out(leaving_, settings_.lead_out);
-    leaving_ = std::max(0.0, leaving_ - settings_.period);
-    for (int i = 0; i < n; ++i) error_[i] += share * held_[i];
+    const Real share = led_out(state_.leaving, settings_.lead_out);
+    state_.leaving = std::max(0.0, state_.leaving - settings_.period);
+    for (int i = 0; i < n; ++i) state_.error[i] += share * state_.held[i];
   }
 
   /// Rates of the errors by their tracking loops, and of ê_q by the law.
@@ -182,26 +172,29 @@ class ControlCycle {
     const Pose from = to_tangent();
     const Real pole = std::exp(-settings_.velocity_bandwidth * settings_.period);
     // At the start the robot counts as following until its readings differ.
-    const Real half = state_.started ? 0.5 : 0;
+    const Real half = before_.started ? 0.5 : 0;
     const int tracked = corrects_ == Corrects::readings ? n + robot_.r : n;
     Coordinates twist{};  // of x_d against x̂
+    state_.error_rate = {};
     for (int c = 0; c < tracked; ++c) {
       const Real rate = desired_rate(c);
-      const Real expected = half * ((switches() ? rate : desired_[c]) + rate);
-      if (switches()) position_[c] = measured_[c] - settings_.period * (expected - rate_[c]);
-      track(settings_, pole, measured_[c], expected, position_[c], rate_[c]);
-      desired_[c] = rate;
+      const Real expected = half * ((switches() ? rate : state_.desired[c]) + rate);
+      if (switches())
+        state_.position[c] = measured_[c] - settings_.period * (expected - state_.rate[c]);
+      track(settings_, pole, measured_[c], expected, state_.position[c], state_.rate[c]);
+      state_.desired[c] = rate;
       if (corrects_ == Corrects::readings)
-        for (int i = 0; i < n; ++i) error_rate_[i] += reference_.tej[i][c] * rate_[c];
+        for (int i = 0; i < n; ++i) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
       else if (posed())
-        twist[c] = rate_[c];
+        twist[c] = state_.rate[c];
       else
-        error_rate_[c] = rate_[c];
+        state_.error_rate[c] = state_.rate[c];
     }
-    if (posed()) error_rate_ = reference_.jacobians.joint_rate(twist);
+    if (posed()) state_.error_rate = reference_.jacobians.joint_rate(twist);
     from_tangent(from);
     for (int c = 0; c < tracked; ++c)
-      sum_ += std::fabs(position_[c]) + std::fabs(rate_[c]) + std::fabs(desired_[c]);
+      sum_ +=
+          std::fabs(state_.position[c]) + std::fabs(state_.rate[c]) + std::fabs(state_.desired[c]);
   }
 
   /// Torques of model, integrals and gains, limited.
@@ -210,12 +203,12 @@ class ControlCycle {
   /// the poles at one pose, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
   /// a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a, decoupled at every pose.
   Outcome drive() {
-    for (int i = 0; i < n && state_.braked; ++i)  // the others do not compensate it
-      if (braked(i)) error_[i] = error_rate_[i] = integral_[i] = 0;
+    for (int i = 0; i < n && before_.braked; ++i)  // the others do not compensate it
+      if (braked(i)) state_.error[i] = state_.error_rate[i] = state_.integral[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
     for (int i = 0; i < n; ++i) {
-      pd[i] = settings_.kp[i] * error_[i] + settings_.kd[i] * error_rate_[i];
-      steps[i] = settings_.ki[i] * settings_.period * error_[i];
+      pd[i] = settings_.kp[i] * state_.error[i] + settings_.kd[i] * state_.error_rate[i];
+      steps[i] = settings_.ki[i] * settings_.period * state_.error[i];
     }
     const bool shaped = settings_.gains == Gains::inertia;
     if (shaped || settings_.feed_forward != FeedForward::none) {
@@ -233,7 +226,7 @@ class ControlCycle {
         steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
       }
     }
-    for (int i = 0; i < n && state_.braked; ++i)
+    for (int i = 0; i < n && before_.braked; ++i)
       if (braked(i)) pd[i] = steps[i] = 0;
     for (int i = 0; i < n; ++i) limit(i, torque[i], pd[i], steps[i]);
     // A NaN in the state would fail every later cycle, as would what overflows then.
@@ -241,32 +234,21 @@ class ControlCycle {
     return {};
   }
 
-  /// Stores the state after all steps had an answer.
-  void keep(ControlState& state) const {
-    state.started = true;
-    state.switched = false;
-    state.law = settings_.law;
-    state.position = position_;
-    state.rate = rate_;
-    state.desired = desired_;
-    state.integral = integral_;
-    state.held = held_;
-    state.leaving = leaving_;
-    state.torque = torque_;
-    state.error = error_;
-    state.error_rate = error_rate_;
-    state.load = load_;
-    state.nearby = nearby_;
+  /// Completes the state after all steps had an answer.
+  void keep() {
+    state_.started = true;
+    state_.switched = false;
+    state_.law = settings_.law;
     for (int i = 0; i < n; ++i)
-      state.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
+      state_.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
   }
 
  private:
   bool posed() const { return corrects_ == Corrects::pose; }
   bool switches() const {
-    return state_.started && (state_.switched || state_.law != settings_.law);
+    return before_.started && (before_.switched || before_.law != settings_.law);
   }
-  bool braked(int i) const { return state_.braked >> i & 1U; }
+  bool braked(int i) const { return before_.braked >> i & 1U; }
   int readings() const { return corrects_ == Corrects::motors ? n : n + robot_.r; }
 
   Real desired_rate(int c) const {
@@ -282,11 +264,11 @@ class ControlCycle {
     if constexpr (K == Mobility::spatial)
       if (posed()) {
         Coordinates last{};
-        std::copy_n(position_.begin(), n, last.begin());
+        std::copy_n(state_.position.begin(), n, last.begin());
         from = to_pose<K>(last);
         const Coordinates step = difference<K>(found_, from);
         std::copy_n(step.begin(), n, measured_.begin());
-        position_.fill(0);
+        state_.position.fill(0);
       }
     return from;
   }
@@ -294,40 +276,37 @@ class ControlCycle {
     if constexpr (K == Mobility::spatial)
       if (posed()) {
         Coordinates step{};
-        std::copy_n(position_.begin(), n, step.begin());
+        std::copy_n(state_.position.begin(), n, step.begin());
         const Coordinates x = to_coordinates<K>(moved<K>(from, step));
-        std::copy_n(x.begin(), n, position_.begin());
+        std::copy_n(x.begin(), n, state_.position.begin());
       }
   }
 
   /// Limits a torque. @param step  of the integral: none that pushes a saturated motor further
   void limit(int i, Real model, Real pd, Real step) {
     const Real most = robot_.chain[i].torque_limit;
-    load_[i] = model + integral_[i];
-    const Real wanted = load_[i] + pd;
+    state_.load[i] = model + state_.integral[i];
+    const Real wanted = state_.load[i] + pd;
     const bool pushes = most > 0 && std::fabs(wanted) > most && wanted * step > 0;
-    if (!pushes) integral_[i] += step;
+    if (!pushes) state_.integral[i] += step;
     // Before the limit and the brakes, which hide infinities.
-    sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(held_[i]) + std::fabs(joint_rate_[i]);
-    torque_[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
+    sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(joint_rate_[i]);
+    sum_ += std::fabs(state_.held[i]);
+    state_.torque[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
   }
 
   const Robot& robot_;
   const ControlSettings& settings_;
   const Setpoint& setpoint_;
   const Extended& q_e_;
-  const ControlState& state_;
+  const ControlState& before_;
+  ControlState& state_;
   const Corrects corrects_;
   Reference<K> reference_;
   Pose found_;           ///< x̂, of laws of the pose
   Extended measured_{};  ///< readings, or x̂
   Joint joint_rate_{};   ///< of q_d
   Real sum_ = 0;         ///< of all that is stored: not finite if any of it is not
-  // As of ControlState:
-  Extended position_, rate_, desired_;
-  Joint integral_, held_, error_{}, error_rate_{}, torque_{}, load_{};
-  Real leaving_;
-  Parasitic nearby_;
 };
 
 /// Runs one cycle. Bounded work, no allocation, no exception, no lock.
@@ -340,18 +319,23 @@ template <Mobility K>
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known = {}) {
   if (!robot.finished) return {Status::unfinished, -1};
-  ControlCycle<K> cycle(robot, settings, setpoint, q_e, state);
+  const ControlState before = state;
+  ControlCycle<K> cycle(robot, settings, setpoint, q_e, before, state);
   if (!cycle.finite()) return {Status::not_finite, -1};
   const Scaled scaled(known, settings.sigma_scale);
   const Outcome regular = cycle.correct(scaled.weighing);
-  if (!regular) return regular;
-  cycle.measure();
-  cycle.blend();
-  cycle.follow();
-  const Outcome outcome = cycle.drive();
-  if (!outcome) return outcome;
-  cycle.keep(state);
-  return regular;
+  Outcome outcome = regular;
+  if (outcome) {
+    cycle.measure();
+    cycle.blend();
+    cycle.follow();
+    outcome = cycle.drive();
+  }
+  if (outcome)
+    cycle.keep();
+  else
+    state = before;
+  return outcome ? regular : outcome;
 }
 
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
@@ -367,8 +351,7 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
 /// inertia to every motor at every pose, and x must only be valid.
 inline Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
                            ControlSettings& settings) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     constexpr int n = kDof<K>;
     Closure<K> closure;
     Jacobians<K> jacobians;
@@ -389,5 +372,4 @@ inline Outcome place_poles(const Robot& robot, const Coordinates& x, Real freque
     return outcome;
   });
 }
-
 }  // namespace truepose

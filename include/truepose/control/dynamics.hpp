@@ -10,7 +10,6 @@
 #include "truepose/kinematics/jacobian.hpp"
 
 namespace truepose {
-
 /// The reduced dynamics at one pose and velocity.
 template <Mobility K>
 struct DynamicModel {
@@ -332,5 +331,4 @@ inline Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& r
                             robot.body[i].anchor());
   return outcome;
 }
-
 }  // namespace truepose

@@ -15,39 +15,24 @@
 // the others give, its own error taken as unknown. Bounded work, no allocation.
 #pragma once
 
-#include "truepose/control/fault_monitor_state.hpp"
-#include "truepose/control/multirate.hpp"
-#include "truepose/control/parity.hpp"
+#include "truepose/control/monitored_cycle.hpp"
 
 namespace truepose {
-
 namespace watch_detail {
-
-/// One cycle of the fault monitor.
+/// The steps of one cycle, which update the state and the believed readings.
 template <Mobility K>
-class Cycle {
- public:
-  static constexpr int n = kDof<K>;
+class Cycle : MonitoredCycle<K> {
+  using Base = MonitoredCycle<K>;
+  using Base::leaves_track, Base::motor_left, Base::model, Base::raw, Base::much, Base::stood;
+  using Base::n, Base::robot_, Base::settings_, Base::weighing_, Base::desired_, Base::q_e_;
+  using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
+  using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
+  using Base::replaceable, Base::motors_valid;
+  using Base::symptomatic_, Base::without_, Base::held_, Base::kStill, Base::kStoodBy;
+  using Base::watch_, Base::believed_, Base::late_, Base::r_, Base::rows_, Base::settled_;
 
-  Cycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
-        const Joint& desired, const Extended& q_e, FaultMonitor& watch, Extended& believed,
-        Multirate* late)
-      : robot_(robot),
-        settings_(settings),
-        weighing_(weighing),
-        desired_(desired),
-        q_e_(q_e),
-        watch_(watch),
-        believed_(believed),
-        late_(late),
-        r_(robot.r),
-        rows_(n + robot.r),
-        settled_(watch.cycle - watch.began > kSettling) {
-    for (int c = 0; c < rows_; ++c) {
-      const Real sigma = weighing.known->sigma[c];
-      noise_[c] = sigma * sigma;
-    }
-  }
+ public:
+  using Base::Base;
 
   Outcome run() {
     // Starts at the first readings that have a pose: earlier, a motor has no substitute.
@@ -58,23 +43,23 @@ class Cycle {
         watch_.reading[c].symptom = Symptom::missing;
         return {Status::not_finite, c};
       }
-    alone(0, n);
-    if (late_) bring_late_up();
-    alone(n, rows_);
+    test_readings(0, n);
+    if (late_) extrapolate_delayed();
+    test_readings(n, rows_);
     const Outcome placed = place();
     if (!placed && first_cycle) return placed;
     if (!placed && watch_.cycle == watch_.began) ++watch_.began;
     if (placed) {
       for (int c = 0; c < rows_; ++c)
-        if (without_ & bit(c)) leave_out(c);
-      if (r_ > 0 && settled_) together();
-      if (without_) replace();
+        if (without_ & bit(c)) exclude(c);
+      if (r_ > 0 && settled_) test_parity();
+      if (without_) substitute();
       watch_.last = watch_.motion;
       watch_.motion = watch_.placed ? difference<K>(parity_.pose, watch_.pose) : Coordinates{};
       watch_.pose = parity_.pose;
     }
     watch_.placed = bool(placed);
-    const int first = follow();
+    const int first = update();
     if (placed && r_ > 0 && stale()) watch_.known = bool(refresh());
     ++watch_.cycle;
     if (!placed) return placed;
@@ -83,13 +68,12 @@ class Cycle {
 
  private:
   /// Extrapolates multirate readings to the present by the believed motors.
-  void bring_late_up() {
+  void extrapolate_delayed() {
     Extended by = q_e_;
     std::copy_n(believed_.begin(), n, by.begin());
     if (!compensate_latency<K>(robot_, *late_, by)) return;
     std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
-    bool motors = true;  // a delayed reading cannot substitute a motor
-    for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
+    const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
     for (int c = 0; c < rows_; ++c) {
       if (late(c) && !motors) {
         noise_[c] = 1;
@@ -101,7 +85,8 @@ class Cycle {
     }
   }
 
-  void alone(int begin, int end) {
+  /// Tests readings by themselves, and predicts them.
+  void test_readings(int begin, int end) {
     for (int c = begin; c < end; ++c) {
       MonitoredReading& reading = watch_.reading[c];
       if (!reading.begun && number(q_e_[c])) {
@@ -128,28 +113,6 @@ class Cycle {
     }
   }
 
-  /// False also where later numbers would overflow.
-  static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
-
-  bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
-  int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
-
-  Symptom symptom_of(int c) const {
-    const MonitoredReading& reading = watch_.reading[c];
-    const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
-    if (!number(raw)) return Symptom::missing;
-    if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
-    const bool followed = watch_.cycle - watch_.began > kFollowed;
-    if (!followed || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
-    // m missing cycles allow another m(m + 3)/2 of an acceleration. A reading that jumped must
-    // return to its prediction.
-    const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
-    const Real way = settings_.period * settings_.period * settings_.fastest[c] *
-                     (settings_.own.acceleration + 0.5 * m * (m + 3));
-    const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
-    return std::fabs(innovation_[c]) > way + chance ? Symptom::too_fast : Symptom::none;
-  }
-
   Outcome place() {
     Pose near = moved<K>(watch_.pose, watch_.motion);
     if (!watch_.placed) {
@@ -161,7 +124,7 @@ class Cycle {
   }
 
   /// Takes a reading's error as unknown: with a variance that hides it in every equation.
-  void leave_out(int c) {
+  void exclude(int c) {
     const Reading g = parity_.signature(r_, c);
     Real size = 0, known = 0;
     for (int k = 0; k < r_; ++k) {
@@ -174,30 +137,8 @@ class Cycle {
     ++left_out_;
   }
 
-  /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
-  bool covariance(Real gain, Real share, ReadingCovariance& V) const {
-    Extended variance{};
-    for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
-    parity_.covariance(r_, variance, watch_.geometry, watch_.known ? share : 0, V);
-    return V.factor(r_);
-  }
-
-  /// σ of the geometry's error in the parity tracker's innovation, as a share of the whole error.
-  /// That error is a function of the pose: an acceleration changes it as far as the pose, a
-  /// velocity by its square.
-  Real bending() const {
-    Real way2 = 0, bend2 = 0;
-    for (int i = 0; i < n; ++i) {
-      const Real bend = watch_.motion[i] - watch_.last[i];
-      way2 += watch_.motion[i] * watch_.motion[i];
-      bend2 += bend * bend;
-    }
-    const Real per = 1 / settings_.correlation;
-    return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
-  }
-
   /// Tests level and change of the parity.
-  void together() {
+  void test_parity() {
     Reading change{};
     for (int k = 0; k < r_; ++k)
       change[k] = parity_.value[k] - watch_.parity[k].predicted(settings_.period);
@@ -218,7 +159,7 @@ class Cycle {
       if (!watch_.undecided) watch_.doubted = 0;
       return;
     }
-    name(changed, level);
+    isolate(changed, level);
     if (watch_.doubted & (watch_.doubted - 1)) {  // several
       // A drift exceeds its limit now and then at first, then always.
       if (!watch_.undecided) watch_.disagreed += 2;
@@ -239,13 +180,13 @@ class Cycle {
       bridge(settings_, watch_.cycle, Symptom::disagrees, every(c), watch_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
-      leave_out(c);
+      exclude(c);
     }
     watch_.doubted = 0;
   }
 
   /// Narrows down the readings that alone may be faulty.
-  void name(const Verdict& changed, const Verdict& level) {
+  void isolate(const Verdict& changed, const Verdict& level) {
     if (watch_.undecided) return;  // a stopping robot behaves differently
     const std::uint32_t first = changed.alarm ? changed.may : ~0U;
     const std::uint32_t second = level.alarm ? level.may : ~0U;
@@ -268,40 +209,10 @@ class Cycle {
     watch_.doubted = both ? both : may;
   }
 
-  /// Unchanged cycles after which a reading stands still.
-  static constexpr int kStill = 3;
-  /// Share of `moved` above which a reading that stands still during an alarm is isolated.
-  static constexpr Real kStoodBy = 0.4;
-  /// σ by which a motor may deviate from its usual following error.
-  static constexpr Real kStrays = 8;
-
-  bool leaves_track(int c, Real innovation) const {
-    const Real spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
-    return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
-  }
-
-  /// Whether a motor left its track since a delayed sample was taken, which shows it only now.
-  bool motor_left(int c) const {
-    bool any = false;
-    for (int i = 0; late(c) && i < n; ++i)
-      any =
-          any || watch_.cycle - watch_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
-    return any;
-  }
-
-  Real model(int c) const {
-    if (late(c)) return late_->then[c - n];
-    // At the motors' pose; `expected` is at the pose from which that was found.
-    return c < n ? desired_[c] : parity_.read[c] - parity_.value[c - n];
-  }
-
-  /// Value whose changes show that a reading moves: of a delayed sensor its last sample.
-  Real raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
-
   /// Phantom error of a frozen encoder: δ = q_d minus q_d when the reading changed last. It drives
   /// the motor off its setpoint by ∬ kp δ + kd dδ/dt. An error at which a healthy motor may rest
   /// drives nothing and lets it stop.
-  void drive(int c) const {
+  void drive(int c) {
     MonitoredReading& reading = watch_.reading[c];
     const Real away = desired_[c] - reading.model;
     const Real bears = settings_.rests[c];
@@ -313,25 +224,8 @@ class Cycle {
     reading.way += settings_.period * reading.speed;
   }
 
-  /// Largest model motion while a reading stands still. A motor that oscillates about its path, for
-  /// example by a law with a delayed sensor, stands still at its turning points while its setpoint
-  /// moves on: its usual deviation counts.
-  Real much(int c, Real share) const {
-    const MonitoredReading& reading = watch_.reading[c];
-    return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
-  }
-
-  /// Model motion beyond noise since the reading changed last: the smaller of that and of its
-  /// distance from the motor, so that motion towards the motor does not count.
-  Real stood(int c) const {
-    const MonitoredReading& reading = watch_.reading[c];
-    const Real by = model(c) - reading.model + reading.way;
-    return std::min(std::fabs(by), std::fabs(by + reading.off)) -
-           settings_.sigmas * parity_.expectation_noise(noise_, c);
-  }
-
   /// Updates a motor's following error and, while it moves, mean and variance of that.
-  void trail(int c) const {
+  void trail(int c) {
     MonitoredReading& reading = watch_.reading[c];
     reading.behind = desired_[c] - believed_[c];
     const Real off = reading.behind - reading.usual;
@@ -342,7 +236,7 @@ class Cycle {
   }
 
   /// Substitutes the excluded readings; failed ones have unknown errors, b̂ = Σ_b GᵀV⁻¹ p.
-  void replace() {
+  void substitute() {
     ReadingCovariance V, own;
     const bool regular = r_ > 0 && covariance(1, 1, V);
     if (regular) parity_.covariance(r_, noise_, watch_.geometry, 0, own);
@@ -387,27 +281,11 @@ class Cycle {
     parity_.pose = moved<K>(parity_.pose, step);
   }
 
-  /// Whether b̂ may drive a motor: its σ², and its variance from the readings' own errors, Σ_b²
-  /// gᵀV⁻¹ V_s V⁻¹g, which is new in every cycle and shakes the velocity loop.
-  /// @param left  variance of b̂ @param g  signature of the reading, whitened by V @param own  V_s
-  bool replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
-                   const ReadingCovariance& own) const {
-    if (!(left < settings_.replaceable * settings_.replaceable)) return false;
-    const Real most = settings_.shaken[c];
-    if (!(most > 0)) return true;
-    V.colour(r_, g.data());
-    Real sum = 0;
-    for (int k = 0; k < r_; ++k)
-      for (int l = 0; l < r_; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
-    return unknown_[c] * unknown_[c] * sum < most * most;
-  }
-
   /// Updates the state of every reading. @return the first that is not valid, or -1
-  int follow() {
+  int update() {
     int first = -1;
     std::uint32_t without = 0;
-    bool motors = watch_.placed;  // whether they give the pose
-    for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
+    const bool motors = watch_.placed && motors_valid();  // whether they give the pose
     for (int c = 0; c < rows_; ++c) {
       MonitoredReading& reading = watch_.reading[c];
       // With a lost motor the robot does not follow its setpoint. While it stops on an undecided
@@ -498,27 +376,7 @@ class Cycle {
     watch_.beyond = beyond;
     return {};
   }
-
-  const Robot& robot_;
-  const FaultMonitorSettings& settings_;
-  const Weighing& weighing_;
-  const Joint& desired_;
-  Extended q_e_;  ///< readings; delayed ones extrapolated to now
-  FaultMonitor& watch_;
-  Extended& believed_;
-  Multirate* late_;  ///< slow and delayed sensors; nullptr: none
-  int r_, rows_;
-  bool settled_;
-  Parity<K> parity_;
-  Extended noise_{};               ///< variances of the readings' own errors
-  Extended unknown_{};             ///< of unknown errors
-  int left_out_ = 0;               ///< their number
-  Extended innovation_{};          ///< of each reading's own tracker
-  std::uint32_t symptomatic_ = 0;  ///< extrapolated readings
-  std::uint32_t without_ = 0;      ///< excluded readings
-  std::uint32_t held_ = 0;         ///< candidate motors held at their setpoints
 };
-
 }  // namespace watch_detail
 
 /// Runs one cycle.
@@ -536,5 +394,4 @@ Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
   return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed, late)
       .run();
 }
-
 }  // namespace truepose

@@ -6,7 +6,6 @@
 #include "truepose/math/chi2.hpp"
 
 namespace truepose {
-
 /// Health of a reading.
 enum class Health : int {
   valid = 0,
@@ -130,7 +129,6 @@ inline void acknowledge(FaultMonitor& watch, int reading) {
 }
 
 namespace watch_detail {
-
 /// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed.
 /// @param every  cycles per sample
 inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
@@ -145,7 +143,5 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
   if (reading.bridged > settings.coast * every || often) reading.health = Health::failed;
 }
-
 }  // namespace watch_detail
-
 }  // namespace truepose

@@ -8,7 +8,6 @@
 #include "truepose/control/fault_monitor.hpp"
 
 namespace truepose {
-
 /// Time along a path: runs in real time until the robot must stop.
 struct PathClock {
   Real time = 0;     ///< s along the path
@@ -146,5 +145,4 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   }
   return outcome && watched.status == Status::disagree ? watched : outcome;
 }
-
 }  // namespace truepose

@@ -8,7 +8,6 @@
 #include "truepose/kinematics/fkm.hpp"
 
 namespace truepose {
-
 /// State of motors or joints: rad or m, per s, N·m or N.
 struct AxisState {
   Coordinates position{}, velocity{}, torque{};
@@ -24,10 +23,9 @@ struct AxisCommand {
 inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
                            AxisState& joints) {
   Coordinates x = joints.position;
-  const FkmResult found = fkm(robot, motors.position, x, cap);
-  if (!found) return {found.status, found.chain};
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  const Outcome found = fkm(robot, motors.position, x, cap);
+  if (!found) return found;
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     constexpr int n = kDof<K>;
     if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
       return Outcome{Status::not_finite, -1};
@@ -52,8 +50,7 @@ inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
 /// @return as command() of the joint command's position
 inline Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,
                              const AxisCommand& wanted, AxisCommand& given) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     constexpr int n = kDof<K>;
     for (const Coordinates* values :
          {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
@@ -87,5 +84,4 @@ inline Outcome motor_command(const Robot& robot, const AxisState& motors, const 
     return outcome;
   });
 }
-
 }  // namespace truepose

@@ -4,13 +4,10 @@
 // that level. J and the paper's TEJ, which only map errors to errors, and the dynamics stay ideal.
 #pragma once
 
-#include "truepose/control/tej.hpp"
+#include "truepose/control/redundant_fkm.hpp"
 #include "truepose/estimation/cached_gain.hpp"
-#include "truepose/full/linearise.hpp"
-#include "truepose/kinematics/fkm_closed.hpp"
 
 namespace truepose {
-
 enum class Law : int {
   joint = 0,      ///< Figure 1: e_q = q_d - q
   tej = 1,        ///< Figure 2: ê_q = TEJ (q_de - q_e)
@@ -111,7 +108,7 @@ inline Outcome keep(const Robot& robot, const Weighing& weighing, const Referenc
   const Knowledge& known = *weighing.known;
   CachedGain& kept = *weighing.kept;
   Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
-  const std::uint64_t mark = kept_detail::fingerprint(robot, known);
+  const std::uint64_t mark = fingerprint(robot, known);
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
   const Outcome outcome = linearise<K>(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
   if (!outcome) return outcome;
@@ -213,93 +210,7 @@ inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Refere
   return outcome ? regular : outcome;
 }
 
-/// Whether the closed-form redundant FKM uses every reading: a robot that turns about z has no
-/// sensor but θ's, or one that cannot turn has none.
-template <Mobility K>
-inline bool in_closed_form(const Robot& robot) {
-  if (K == Mobility::schoenflies) return robot.r == 1 && properties(robot.sensor[0].kind).is_theta;
-  return K == Mobility::translation && robot.r == 0;
-}
-
-/// Redundant FKM in closed form, as in the paper: orientation from its sensor (or fixed by the
-/// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
-template <Mobility K>
-Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
-  if (!robot.finished) return {Status::unfinished, -1};
-
-  if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
-    pose = Pose{};
-    if constexpr (K == Mobility::schoenflies) {
-      int k = 0;
-      while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
-      if (k == robot.r) return {Status::not_measured, -1};
-      pose.theta = measured(robot.sensor[k], q_e[kDof<K> + k]);
-      pose.R = rotation_z(pose.theta);
-    }
-    return fkm_closed<K>(robot, motors_of<K>(q_e), pose.R, near_side, pose.D);
-  } else {
-    return {Status::not_measured, -1};
-  }
-}
-
-/// Steps from x_d after which the search restarts at the motors' pose.
-inline constexpr int kNearIterations = 5;
-
-/// x̂ of all readings, searched from the desired pose with the weights there.
-/// @param work  as of `estimate`; nullptr if known.count = 0
-/// @param rest  residual motion there
-template <Mobility K>
-TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, Real* work,
-                                   const Pose& desired, const Extended& q_e, Pose& found,
-                                   Parasitic rest) {
-  const auto search = [&](auto model) {
-    using Model = decltype(model);
-    found = desired;
-    Outcome outcome =
-        estimate_from<K, Model>(robot, known, q_e, found, work, rest, kNearIterations).outcome;
-    if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, work).outcome;
-    return outcome;
-  };
-  if constexpr (kRodByRod<K>)
-    if (robot.rod_by_rod()) return search(FullModel{});
-  return search(IdealModel{});
-}
-
-/// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
-/// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order
-/// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
-/// @param near    start of the least squares; its D is on the platform's side of the spheres
-/// @param nearby  residual motion there
-template <Mobility K>
-inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
-                             const Parasitic& nearby, Pose& pose) {
-  if (in_closed_form<K>(robot)) return redundant_fkm<K>(robot, q_e, near.D, pose);
-  if (robot.r == 0) return {Status::not_measured, -1};
-  if constexpr (!kLawsWeigh) {
-    return {Status::not_compiled, -1};
-  } else {
-    constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
-    Knowledge alike;
-    alike.sigma.fill(kSigma);
-    for (int k = 0; k < robot.r; ++k)
-      alike.sigma[kDof<K> + k] = kSigma / std::sqrt(robot.sensor[k].weight);
-    return find<K>(robot, alike, nullptr, near, q_e, pose, nearby);
-  }
-}
-
-/// The same for coordinates x of any mobility, from the robot's home.
-inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    if (!robot.finished) return Outcome{Status::unfinished, -1};
-    Pose pose;
-    const Outcome outcome = redundant_fkm<K>(robot, q_e, to_pose<K>(robot.home), {}, pose);
-    if (outcome) x = to_coordinates<K>(pose);
-    return outcome;
-  });
-}
-
-/// The same with cached weights: x̂ solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose. Far
+/// x̂ with cached weights: it solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose. Far
 /// from the reference they are computed anew.
 template <Mobility K, class Model>
 inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
@@ -337,10 +248,9 @@ template <Mobility K>
 TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
                                         const Reference<K>& reference, const Extended& q_e,
                                         Pose& found, const Parasitic& rest) {
-  if constexpr (kRodByRod<K>)
-    if (robot.rod_by_rod())
-      return find_kept<K, FullModel>(robot, weighing, reference, q_e, found, rest);
-  return find_kept<K, IdealModel>(robot, weighing, reference, q_e, found, rest);
+  return with_model<K>(robot, [&]<class Model>(Model) {
+    return find_kept<K, Model>(robot, weighing, reference, q_e, found, rest);
+  });
 }
 
 /// x̂ of a law of the pose, near the desired pose. @param nearby  residual motion there
@@ -354,7 +264,6 @@ inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, cons
 }
 
 /// Motor error under a law. @param found  out, laws of the pose only: x̂
-/// @param weighing  for the law of the estimate
 template <Mobility K>
 inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
                            const Extended& q_e, Joint& error, Pose& found,
@@ -399,8 +308,7 @@ struct ServoCycle {
 inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
                            Joint& error, Real band = 0, const Weighing& weighing = {},
                            Parasitic* kept = nullptr, ServoCycle* cycle = nullptr) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     constexpr int n = kDof<K>;
     const bool alone = properties(law).corrects == Corrects::motors;
     if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
@@ -429,5 +337,4 @@ inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, 
     return regular;
   });
 }
-
 }  // namespace truepose

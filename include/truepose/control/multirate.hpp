@@ -15,7 +15,6 @@
 #include "truepose/control/parity.hpp"
 
 namespace truepose {
-
 inline constexpr int kOldest = 255;       ///< largest latency, control periods
 inline constexpr int kSlowest = 1 << 20;  ///< largest sample period, control periods
 inline constexpr Real kCalmest = 0.1;  ///< factor on the low-pass's gain for changes below counts
@@ -92,7 +91,6 @@ inline std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cy
 }
 
 namespace late_detail {
-
 /// Motors' pose, and h there. @return no answer: their readings close no pose
 template <Mobility K>
 inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
@@ -123,7 +121,6 @@ inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
   }
   return {};
 }
-
 }  // namespace late_detail
 
 /// Runs one cycle: extrapolates delayed readings to the present. Set `late.arrived` before; see
@@ -189,7 +186,6 @@ inline void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool ho
 }
 
 namespace late_detail {
-
 /// Variance of the change of p. @param since  `way` where p is known
 inline Real latency_variance(const Multirate& late, int sensor,
                              const std::array<Real, kMaxDof>& since) {
@@ -200,7 +196,6 @@ inline Real latency_variance(const Multirate& late, int sensor,
   }
   return variance;
 }
-
 }  // namespace late_detail
 
 /// Raises the σ of delayed readings for the laws: p may have changed since the sample behind the
@@ -214,5 +209,4 @@ inline void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
                         late_detail::latency_variance(late, k, late.slowly[k]));
   }
 }
-
 }  // namespace truepose

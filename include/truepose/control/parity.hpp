@@ -13,7 +13,6 @@
 #include "truepose/estimation/estimate.hpp"
 
 namespace truepose {
-
 constexpr std::uint32_t bit(int reading) { return std::uint32_t{1} << reading; }
 
 /// Readings at the pose that the motors give.
@@ -80,9 +79,7 @@ struct Parity {
     return {finite ? Status::ok : Status::not_finite, -1};
   }
 
-  /// P diag(noise) Pᵀ + share · geometry, its lower triangle.
-  /// @param noise     variances
-  /// @param geometry  P H_ξ Σ_ξ H_ξᵀ Pᵀ
+  /// P diag(noise) Pᵀ + share · geometry, lower triangle. @param geometry  P H_ξ Σ_ξ H_ξᵀ Pᵀ
   void covariance(int r, const Extended& noise, const Matrix<kMaxSensors, kMaxSensors>& geometry,
                   Real share, ReadingCovariance& V) const {
     for (int k = 0; k < r; ++k)
@@ -155,5 +152,4 @@ inline Verdict judge(const Parity<K>& parity, const std::array<Real, kMaxSensors
   }
   return verdict;
 }
-
 }  // namespace truepose

@@ -5,7 +5,6 @@
 #include "truepose/sensors/rkm.hpp"
 
 namespace truepose {
-
 using ExtendedColumns = Matrix<kMaxReadings, kMaxMotors>;  ///< M
 using ExtendedRows = Matrix<kMaxMotors, kMaxReadings>;     ///< M⁺
 
@@ -47,8 +46,7 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
 /// @return near_singular where it is damped
 inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
                    ExtendedRows& M_plus, Real band = 0) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Closure<K> closure;
     Jacobians<K> jacobians;
     Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
@@ -65,5 +63,4 @@ inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
     return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
   });
 }
-
 }  // namespace truepose

@@ -4,7 +4,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 /// A tracking loop of second order (α-β filter) with both poles at `pole`, 0 to 1.
 struct Tracker {
   Real value = 0, rate = 0;
@@ -40,5 +39,4 @@ inline TrackerGains tracker_gains(Real pole) {
   }
   return gains;
 }
-
 }  // namespace truepose

@@ -6,7 +6,6 @@
 #include "truepose/model/pose.hpp"
 
 namespace truepose {
-
 /// Desired pose, free twist and its derivative.
 struct Setpoint {
   Coordinates x{}, rate{}, acceleration{};
@@ -50,5 +49,4 @@ inline Setpoint quintic(const Coordinates& from, const Coordinates& to, Real dur
   setpoint.x = to_coordinates<K>(moved<K>(start, part));
   return setpoint;
 }
-
 }  // namespace truepose

@@ -29,7 +29,6 @@
 #include "truepose/estimation/estimate.hpp"
 
 namespace truepose {
-
 /// The cache, the caller's, one for each controller. A new one is empty.
 struct CachedGain {
   Real share = 0.1;      ///< largest s, as predicted
@@ -46,8 +45,6 @@ struct CachedGain {
   }
 };
 static_assert(std::is_trivially_copyable_v<CachedGain> && std::is_standard_layout_v<CachedGain>);
-
-namespace kept_detail {
 
 inline constexpr Real kFirstReach = 2e-3;  ///< rad or m
 inline constexpr Real kMostReach = 0.1;
@@ -93,8 +90,6 @@ inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   }
   return mark | 1;
 }
-
-}  // namespace kept_detail
 
 /// Generalised least squares at a pose, with cached weights.
 template <Mobility K>
@@ -181,10 +176,7 @@ struct CachedFusion {
 };
 
 /// Refreshes the cache at a pose, and measures the error of the old one.
-/// @param q_e   motors' readings there
-/// @param at    in: placed; out: weighed
-/// @param H_xi  there
-/// @param B     work space, (n + r)×count
+/// @param at  in: placed; out: weighed @param B  work space, (n + r)×count
 /// @return not_finite where some σ is not a positive number
 template <Mobility K>
 TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
@@ -194,8 +186,7 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
   const int rows = n + robot.r, p = known.count;
   Matrix<n, kMaxSensors> before{};  // K of the cached gain
   const Real way = kept.way(n, q_e);
-  const bool compares =
-      kept.of == mark && way > 0 && way < kept_detail::kTooFar && at.weigh(robot, known, kept);
+  const bool compares = kept.of == mark && way > 0 && way < kTooFar && at.weigh(robot, known, kept);
   if (compares) before = at.gain;
   kept.of = 0;  // invalid until complete
   Knowledge geometry = known;
@@ -229,14 +220,12 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
       most = std::max(most, sum / at.variance[i]);
     }
     kept.became = std::sqrt(most);
-    kept.slope = std::max(kept.became / way, kept_detail::kForgets * kept.slope);
+    kept.slope = std::max(kept.became / way, kForgets * kept.slope);
   }
-  kept.reach = compares ? kept_detail::kMostReach : kept_detail::kFirstReach;
-  if (kept.slope > 0)
-    kept.reach = std::min(kept.reach, kept.share / (kept_detail::kFaster * kept.slope));
+  kept.reach = compares ? kMostReach : kFirstReach;
+  if (kept.slope > 0) kept.reach = std::min(kept.reach, kept.share / (kFaster * kept.slope));
   for (int i = 0; i < n; ++i) kept.q[i] = q_e[i];
   kept.of = mark;
   return outcome;
 }
-
 }  // namespace truepose

@@ -13,7 +13,6 @@
 #include "truepose/kinematics/fkm.hpp"
 
 namespace truepose {
-
 inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose where readings agree
 
 /// (step/σ)² below which a Gauss-Newton step is the last: 1e-5 of a σ (single: 3e-3). The remaining
@@ -210,7 +209,6 @@ struct Estimate {
 };
 
 namespace estimate_detail {
-
 /// Gauss-Newton steps to the pose of all readings, with the weights at the start.
 template <Mobility K>
 struct Search {
@@ -289,7 +287,6 @@ struct Search {
     return {{}, iterations, fusion.covariance, cost};
   }
 };
-
 }  // namespace estimate_detail
 
 /// Estimates the pose by weighted Gauss-Newton on all readings, with the weights at the start.
@@ -360,5 +357,4 @@ inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>
     for (int c = 0; c < kDof<K> + robot.r; ++c)
       M_plus[i][c] = sum_of(kDof<K>, [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
 }
-
 }  // namespace truepose

@@ -4,7 +4,6 @@
 #include "truepose/model/parameters.hpp"
 
 namespace truepose {
-
 /// Normal distributions of the uncertain parameters and of the readings' errors. The arrays are the
 /// caller's: a prior or the posterior of a calibration.
 struct Knowledge {
@@ -51,5 +50,4 @@ inline void times_root(const Knowledge& known, int rows, Real* B) {
     }
   }
 }
-
 }  // namespace truepose

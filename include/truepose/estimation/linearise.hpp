@@ -4,7 +4,6 @@
 #include "truepose/model/parameters.hpp"
 
 namespace truepose {
-
 /// H_x of a closed pose: J⁻¹ = J_q⁻¹ J_x, and below it J_r.
 template <Mobility K>
 inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
@@ -46,5 +45,4 @@ Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
   if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
   return outcome;
 }
-
 }  // namespace truepose

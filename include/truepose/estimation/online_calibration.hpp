@@ -11,7 +11,6 @@
 #include "truepose/model/geometry.hpp"
 
 namespace truepose {
-
 /// State of the filter. The arrays are the caller's; it starts from the prior.
 struct OnlineState {
   int count = 0;                         ///< p, uncertain parameters
@@ -48,7 +47,6 @@ inline int online_work(const Robot& robot, int count) {
 inline int online_kept(int count) { return count * (1 + count); }
 
 namespace online_detail {
-
 /// Updates S by one equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
 /// @param b  out: the gain times alpha + fᵀf
 inline void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
@@ -127,7 +125,6 @@ inline Outcome innovate(const OnlineSettings& settings, const OnlineState& state
 }
 
 /// r independent equations about ξ, by linearising about a pose of all readings.
-/// @param robot    at the ξ of linearisation
 /// @param without  excluded reading, or -1
 template <Mobility K, class Model>
 inline Outcome understand(const Robot& robot, const OnlineSettings& settings, const Extended& q_e,
@@ -225,7 +222,6 @@ inline void update(const OnlineSettings& settings, const Innovations& made, cons
     add_drift(p, state.root, work.b);
   }
 }
-
 }  // namespace online_detail
 
 /// Runs one cycle: updates ξ̂ and S by one row of readings.
@@ -291,5 +287,4 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
   online_detail::update(settings, line.innovations, work, state);
   return outcome;
 }
-
 }  // namespace truepose

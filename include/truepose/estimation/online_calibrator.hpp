@@ -8,7 +8,6 @@
 #include "truepose/full/linearise.hpp"
 
 namespace truepose {
-
 /// The online calibrator. Arrays that it points to are the caller's; `robot` is the controller's.
 struct OnlineCalibrator {
   const Robot* drawn = nullptr;  ///< nominal robot, as for set_parameters
@@ -57,9 +56,9 @@ inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) 
 /// The same at the robot's own level.
 template <Mobility K>
 Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
-  if constexpr (kRodByRod<K>)
-    if (learner.drawn->rod_by_rod()) return calibrate_online<K, FullModel>(learner, q_e);
-  return calibrate_online<K, IdealModel>(learner, q_e);
+  return with_model<K>(*learner.drawn, [&](auto model) {
+    return calibrate_online<K, decltype(model)>(learner, q_e);
+  });
 }
 
 /// Rolls back to before the latest rows (online_calibration.hpp saves that state, with a gate), for
@@ -73,5 +72,4 @@ inline Outcome roll_back(OnlineCalibrator& learner) {
   state.doubt.since = 0;
   return set_parameters(*learner.drawn, state.xi, learner.robot);
 }
-
 }  // namespace truepose

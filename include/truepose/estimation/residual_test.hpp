@@ -11,7 +11,6 @@
 #include "truepose/math/eliminate.hpp"
 
 namespace truepose {
-
 inline constexpr Real kGate = 4;   ///< σ: excludes 6 of 1e5 clean rows
 inline constexpr Real kWorse = 4;  ///< variance of disagreeing readings over the stated one
 /// Largest contribution of a row: one gross row must not stop the filter, six in a row must.
@@ -103,5 +102,4 @@ inline int outstanding(int count, const Extended& value, Real margin) {
     if (other != most && *other > *most - margin) return -1;
   return static_cast<int>(most - value.begin());
 }
-
 }  // namespace truepose

@@ -19,7 +19,6 @@
 #include "truepose/kinematics/jacobian.hpp"
 
 namespace truepose {
-
 /// Pose of the platform with the motions that the ideal level excludes: R may tilt, bars may turn.
 /// theta is atan2(R_10, R_00), whole turns included.
 struct FullPose : Pose {
@@ -293,5 +292,4 @@ inline Outcome finish_full(Robot& robot) {
   return with_mobility(robot.mobility,
                        [&](auto mobility) { return full_level<mobility()>(robot, robot.full); });
 }
-
 }  // namespace truepose

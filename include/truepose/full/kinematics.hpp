@@ -5,11 +5,9 @@
 #include "truepose/kinematics/fkm.hpp"
 
 namespace truepose {
-
 using FullResult = FkmResult;  ///< status, chain, iterations, residual: the largest gap of any rod
 
 namespace full_detail {
-
 template <Mobility K>
 using Rows = Matrix<kRods<K>, kRods<K>>;
 template <Mobility K>
@@ -31,28 +29,14 @@ struct Factors {
 
   template <class System>
   Factors(const System& system, const FullClosure<K>& at, Real damping)
-      : A(columns(system, at)), size(sizes(system, at)), square(A, size, damping) {}
+      : A(system.columns(at)), size(system.sizes(at)), square(A, size, damping) {}
   Factors(const Factors&) = delete;  // `square` refers to A
   Factors& operator=(const Factors&) = delete;
   bool regular() const { return square.regular(); }
-
- private:
-  template <class System>
-  static Rows<K> columns(const System& system, const FullClosure<K>& at) {
-    Rows<K> A;
-    system.columns(at, A);
-    return A;
-  }
-  template <class System>
-  static Column<K> sizes(const System& system, const FullClosure<K>& at) {
-    Column<K> size;
-    for (int j = 0; j < kRods<K>; ++j) size[j] = system.size(at, j);
-    return size;
-  }
 };
 
 /// Newton on f, the closures of all rods, for a square system with A = -∂f/∂unknowns.
-/// @param system  columns(at, A): fills A;  move(at, step, trial): the state after the step
+/// @param system  columns(at): A; sizes(at): see column_sizes; move(at, step, trial)
 /// @param closed  take a start that closes the loops to rounding as it is, its rank not tested
 template <Mobility K, class System>
 TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& system,
@@ -63,11 +47,11 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   Real scale = 0;
   for (int i = 0; i < kDof<K>; ++i) {
     if (!(at.driven[i].rod > 0.5 * std::fabs(robot.chain[i].rod_difference)))
-      return {Status::unreachable, i, 0, 0};  // a rod of no length
+      return {Status::unreachable, i};  // a rod of no length
     scale = std::max(scale, at.driven[i].rod);
   }
   open_loops<K>(robot, at);
-  if (!std::isfinite(at.cost)) return {Status::not_finite, -1, 0, 0};
+  if (!std::isfinite(at.cost)) return {Status::not_finite, -1};
 
   NewtonEnd end;
   if (!(closed && at.residual <= kRounding * scale)) {
@@ -83,7 +67,6 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
     if (current != &at) at = *current;
   }
   result.iterations = end.iterations;
-
   result.residual = at.residual;
   if (!(at.residual < kClosed * scale)) {
     // Close, but crawling: towards a singular pose (fkm.hpp).
@@ -133,15 +116,15 @@ inline Real square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>
   return sum;
 }
 
-/// Size² of the last columns, where nothing cancels.
+/// Size² of the columns of `count` turns and of the bars or the stress, from `first` on.
 template <Mobility K>
-inline Real bar_size(const Robot& robot, const FullClosure<K>& at, bool last) {
-  Real sum = 0;
-  if (last && robot.full.kind == FullKind::elastic)
-    for (const Real stress : at.stress) sum += stress * stress;
-  else
-    sum = square_sum<K>(at, at.arm);
-  return sum;
+inline void last_sizes(const Robot& robot, const FullClosure<K>& at, int first, int turns,
+                       Column<K>& size) {
+  std::fill_n(size.begin() + first, turns, square_sum<K>(at, at.lever));
+  if (first + turns == kRods<K>) return;
+  std::fill(size.begin() + first + turns, size.end(), square_sum<K>(at, at.arm));
+  if (robot.full.kind == FullKind::elastic)
+    size.back() = sum_of(kRods<K>, [&](int rod) { return at.stress[rod] * at.stress[rod]; });
 }
 
 /// Motors fixed, platform and bars move: unknowns D, R, ψ.
@@ -149,20 +132,21 @@ template <Mobility K>
 struct Forward {
   const Robot& robot;
 
-  void columns(const FullClosure<K>& at, Rows<K>& A) const {
+  Rows<K> columns(const FullClosure<K>& at) const {
+    Rows<K> A;
     std::array<Real, kMaxUnknowns> row;
     for (int rod = 0; rod < kRods<K>; ++rod) {
       free_row<K>(robot, at, rod, row);
       std::copy_n(row.begin(), kRods<K>, A[rod].begin());
     }
+    return A;
   }
-  Real size(const FullClosure<K>& at, int column) const {
-    if (column < 3) {
-      Real sum = 0;
-      for (const Vec3& v : at.v) sum += v.squaredNorm();
-      return sum;
-    }
-    return column < 6 ? square_sum<K>(at, at.lever) : bar_size<K>(robot, at, column == 7);
+  Column<K> sizes(const FullClosure<K>& at) const {
+    Column<K> size;
+    std::fill_n(size.begin(), 3,
+                sum_of(kRods<K>, [&](int rod) { return at.v[rod].squaredNorm(); }));
+    last_sizes<K>(robot, at, 3, 3, size);
+    return size;
   }
   void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
     trial.q = at.q;
@@ -188,31 +172,31 @@ struct Inverse {
     if constexpr (kTurnsAboutZ<K>) omega.z() = -theta_row(R)[j];
     return omega;
   }
-  void columns(const FullClosure<K>& at, Rows<K>& A) const {
+  Rows<K> columns(const FullClosure<K>& at) const {
+    Rows<K> A{};
     std::array<Real, kMaxUnknowns> row;
     for (int rod = 0; rod < kRods<K>; ++rod) {
       free_row<K>(robot, at, rod, row);
-      A[rod].fill(0);
       A[rod][rod / 2] = -at.jq[rod];
       hidden(at.pose.R, row, A[rod]);
     }
+    return A;
   }
   /// Entries from n on, of a quantity that changes as `row` along the motion of full_row.
   static void hidden(const Mat3& R, const std::array<Real, kMaxUnknowns>& row, Column<K>& entry) {
     for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
     for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];
   }
-  Real size(const FullClosure<K>& at, int column) const {
-    if (column < n) {
-      Real sum = 0;
-      for (int rod = 2 * column; rod < 2 * column + 2; ++rod)
-        sum += at.v[rod].squaredNorm() * (robot.chain[column].actuator == Actuator::telescopic
-                                              ? at.driven[column].rate * at.driven[column].rate
-                                              : at.driven[column].dB.squaredNorm());
-      return sum;
+  Column<K> sizes(const FullClosure<K>& at) const {
+    Column<K> size;
+    for (int i = 0; i < n; ++i) {
+      const Driven& driven = at.driven[i];
+      const bool leg = robot.chain[i].actuator == Actuator::telescopic;
+      size[i] = (at.v[2 * i].squaredNorm() + at.v[2 * i + 1].squaredNorm()) *
+                (leg ? driven.rate * driven.rate : driven.dB.squaredNorm());
     }
-    if (column < n + tilts) return square_sum<K>(at, at.lever);
-    return bar_size<K>(robot, at, column == n + tilts + 1);
+    last_sizes<K>(robot, at, n, tilts, size);
+    return size;
   }
   void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
     for (int i = 0; i < n; ++i) {
@@ -228,6 +212,13 @@ struct Inverse {
   }
 };
 
+/// Whether the determinant of all rods' rows has another sign than at home.
+template <Mobility K>
+inline bool other_full_mode(const Robot& robot, const FullClosure<K>& at) {
+  return other_mode(robot.full.sign,
+                    [&] { return determinant_sign<kRods<K>>(Forward<K>{robot}.columns(at)); });
+}
+
 /// Calls own(mobility) where the full level is its own, same() where it is the ideal one.
 template <class Own, class Same>
 inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
@@ -240,7 +231,6 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
     return Result{Status::no_full_level, -1};
   });
 }
-
 }  // namespace full_detail
 
 /// Pose of the mechanism with the motors at q, all rods closed. The full level must be its own.
@@ -249,25 +239,19 @@ template <Mobility K>
 FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure,
                     int cap = kFkmCap) {
   if (!robot.finished) return {Status::unfinished, -1};
-
   closure.pose = pose;
   closure.q = q;
   for (int i = 0; i < kDof<K>; ++i) {
-    if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
+    if (!std::isfinite(q[i])) return {Status::not_finite, i};
     closure.driven[i] = drive(robot.chain[i], q[i]);
   }
-  const full_detail::Forward<K> forward{robot};
-  FullResult result =
-      full_detail::newton<K>(robot, forward, closure, false, std::min(kFkmIterations, cap));
+  FullResult result = full_detail::newton<K>(robot, full_detail::Forward<K>{robot}, closure, false,
+                                             std::min(kFkmIterations, cap));
   pose = closure.pose;
   pose.theta = theta_of(pose.R, pose.theta);
   closure.pose.theta = pose.theta;
-  if (result) {
-    full_detail::Rows<K> A;
-    forward.columns(closure, A);
-    if (other_mode(robot.full.sign, [&] { return determinant_sign<kRods<K>>(A); }))
-      result.status = Status::branch_lost;
-  }
+  if (result && full_detail::other_full_mode<K>(robot, closure))
+    result.status = Status::branch_lost;
   return result;
 }
 
@@ -290,7 +274,7 @@ FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closur
                     Parasitic* rest = nullptr) {
   Closure<K> ideal;
   const Outcome outcome = ikm<K>(robot, pose, ideal);
-  if (!outcome) return {outcome.status, outcome.chain, 0, 0};
+  if (!outcome) return {outcome};
   const Joint q = ideal.q();
   FullResult result;
   for (bool near = rest && rest->known;; near = false) {
@@ -308,23 +292,19 @@ FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closur
 }
 
 namespace full_detail {
-
 /// Calls f(closure) with all rods closed at x, same() where the full level is the ideal one.
 /// @return f's or same's outcome, or why the rods do not close
 template <class F, class Same>
 inline Outcome closed(const Robot& robot, const Coordinates& x, F&& f, Same&& same) {
   return with_full(
       robot,
-      [&](auto mobility) -> Outcome {
-        constexpr Mobility K = mobility();
+      [&]<Mobility K>(Fixed<K>) -> Outcome {
         FullClosure<K> closure;
-        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
-        if (!result) return {result.status, result.chain};
-        return f(closure);
+        const Outcome outcome = ikm_full<K>(robot, to_pose<K>(x), closure);
+        return outcome ? f(closure) : outcome;
       },
       same);
 }
-
 }  // namespace full_detail
 
 /// Derivatives at the full level by the implicit function theorem: A ż = Q q̇ with z = (D, R, ψ).
@@ -360,8 +340,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClos
 inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
   return full_detail::with_full(
       robot,
-      [&](auto mobility) {
-        constexpr Mobility K = mobility();
+      [&]<Mobility K>(Fixed<K>) {
         FullPose pose = to_full(to_pose<K>(x));
         FullClosure<K> closure;
         const FullResult result = fkm_full<K>(robot, q, pose, closure, cap);
@@ -414,5 +393,4 @@ inline Outcome jacobian_full(const Robot& robot, const Coordinates& x, JointMatr
       },
       [&] { return jacobian(robot, x, J); });
 }
-
 }  // namespace truepose

@@ -9,14 +9,12 @@
 // parameter moves its own two rods only: two columns of S.
 #pragma once
 
-#include "truepose/estimation/linearise.hpp"
+#include "truepose/estimation/estimate.hpp"
 #include "truepose/full/rkm.hpp"
 #include "truepose/kinematics/fkm.hpp"
 
 namespace truepose {
-
 namespace full_detail {
-
 /// Variation of one rod of a pair: its ends are ±s/2 off the pair's middle.
 inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, Real side) {
   const Vec3 u = pair_direction(chain);
@@ -58,7 +56,6 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
   }
   sensor_columns(robot, sensed, H);
 }
-
 }  // namespace full_detail
 
 /// q_e, H_x and H_ξ of the full level, as linearise() for the ideal one: D and θ (of a translation
@@ -69,7 +66,6 @@ template <Mobility K>
 Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
                        Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic* rest = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
-
   if constexpr (!kRodByRod<K>) {
     if (robot.full.kind != FullKind::same) return {Status::no_full_level, -1};
     return linearise<K>(robot, pose, q_e, H_x, H_xi);
@@ -151,4 +147,11 @@ struct FullModel {
   }
 };
 
+/// Calls f with the model of a robot's level.
+template <Mobility K, class F>
+inline auto with_model(const Robot& robot, F&& f) {
+  if constexpr (kRodByRod<K>)
+    if (robot.rod_by_rod()) return f(FullModel{});
+  return f(IdealModel{});
+}
 }  // namespace truepose

@@ -6,7 +6,6 @@
 #include "truepose/sensors/rkm.hpp"
 
 namespace truepose {
-
 /// Derivative of a reading at the full level.
 struct FullRow {
   std::array<Real, kMaxUnknowns> z{};  ///< along the motion of full_row
@@ -48,7 +47,7 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
                           const Sensed& s) {
   FullRow row;
   if (!on_chain(sensor)) {
-    free_columns<Mobility::spatial>(s.linear, s.angular, row.z.data());
+    free_columns<Mobility::spatial>({}, s.linear, s.angular, row.z.data());
     if (properties(sensor.kind).is_theta && sensor.bar >= 0) row.z[6 + sensor.bar] = -s.slope;
     return row;
   }
@@ -56,7 +55,7 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   const int rod = rod_of(sensor);
   // A moves with the platform and its bar; so does the frame of a joint on them.
   const Vec3 turn = sensor.at_nacelle ? s.frame : Vec3(Vec3::Zero());
-  free_columns<Mobility::spatial>(s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
+  free_columns<Mobility::spatial>({}, s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
   if (chain.bar >= 0) row.z[6 + chain.bar] = at.pose.R.col(2).dot(at.arm[rod].cross(s.rod) + turn);
   row.motor = by_motor(sensor, s, chain, at.driven[sensor.chain].dB, at.driven[sensor.chain].rate);
   return row;
@@ -69,7 +68,6 @@ template <Mobility K>
 inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                              const Joint& arm, Extended& q_e) {
   if (!robot.finished) return {Status::unfinished, -1};
-
   FullClosure<K> at;
   at.pose = pose;
   at.pose.theta = theta_of(pose.R, pose.theta);
@@ -113,10 +111,9 @@ template <Mobility K>
 inline Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e,
                              FullClosure<K>& closure, std::array<FullRow, kMaxSensors>& rows,
                              Parasitic* rest) {
-  const FullResult result = ikm_full<K>(robot, pose, closure, rest);
-  if (!result) return {result.status, result.chain};
+  Outcome outcome = ikm_full<K>(robot, pose, closure, rest);
   Reading values;
-  const Outcome outcome = rkm_full<K>(robot, closure, values, rows);
+  if (outcome) outcome = rkm_full<K>(robot, closure, values, rows);
   if (outcome) extend<K>(robot, closure.q, values, q_e);
   return outcome;
 }
@@ -131,5 +128,4 @@ inline Outcome rkm_full(const Robot& robot, const Coordinates& x, Reading& value
       },
       [&] { return rkm(robot, x, values); });
 }
-
 }  // namespace truepose

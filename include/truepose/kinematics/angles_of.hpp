@@ -5,13 +5,11 @@
 #include "truepose/model/pose.hpp"
 
 namespace truepose {
-
 /// Maximum number of steps; each nearly doubles the number of digits.
 inline constexpr int kAngleSteps = 20;
 
 /// Finds the axis angles next to those of `pose` that bring the platform closest to `seen` (D, R),
-/// by Newton's steps: least squares of the remaining D and turn times the rods' length.
-/// @param pose  in: start; out: the angles
+/// by Newton's steps from there: least squares of the remaining D and turn times the rods' length.
 template <Mobility K>
   requires kPivots<K>
 inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
@@ -41,5 +39,4 @@ inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
     if (!(moved > by_precision(1e-13, 1e-6))) return;
   }
 }
-
 }  // namespace truepose

@@ -8,7 +8,6 @@
 #include "truepose/kinematics/jacobian.hpp"
 
 namespace truepose {
-
 /// λ² at the conditioning c: 0 from `band` on, band²/4 at c = 0. A gain 1/σ, σ ≥ c, becomes
 /// σ/(σ² + λ²): continuous, and nowhere above 2/(√3 band).
 inline Real damping(Real c, Real band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
@@ -118,8 +117,7 @@ inline Outcome jacobian(Closure<K>& closure, Real band, Jacobians<K>& jacobians)
 /// Computes the conditioning at coordinates x. @param serial  out, size n
 inline Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel,
                             Joint& serial) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Closure<K> closure;
     const Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
     if (!outcome) return outcome;
@@ -129,5 +127,4 @@ inline Outcome conditioning(const Robot& robot, const Coordinates& x, Real& para
     return Outcome{all_finite(serial, kDof<K>) ? Status::ok : Status::not_finite, -1};
   });
 }
-
 }  // namespace truepose

@@ -7,7 +7,6 @@
 #include "truepose/math/newton.hpp"
 
 namespace truepose {
-
 inline constexpr int kFkmIterations = 60;  ///< in one search; fkm makes at most two
 inline constexpr int kFkmStages = 4;       ///< in the second search, from home
 /// Default cap for both searches together. Over a workspace, 4 iterations suffice from a nearby
@@ -19,30 +18,24 @@ inline constexpr int kFkmCap = 2 * kFkmIterations;
 inline constexpr int kFkmStart = 24;
 
 /// Result of a search for the pose.
-struct [[nodiscard]] FkmResult {
-  Status status = Status::ok;
-  int chain = -1;      ///< the faulty chain, if any
+struct [[nodiscard]] FkmResult : Outcome {
   int iterations = 0;  ///< steps tried, at most the cap
   Real residual = 0;   ///< largest closure error | |v_i| - L_i |, m
-  explicit operator bool() const { return status == Status::ok; }
 };
 
-/// Searches once, by Newton's method on the loops' f.
-/// @param pose  in: the guess; out: the pose (the last iterate if not ok)
-/// @param most  maximum iterations
+/// Searches once, by Newton's method. @param pose  in: the guess; out: the pose or last iterate
 template <Mobility K>
 TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
                                   int most = kFkmIterations) {
   if (!robot.finished) return {Status::unfinished, -1};
-
   constexpr int n = kDof<K>;
   FkmResult result;
   std::array<Driven, n> driven;
   Real scale = 0;  // the longest rod
   for (int i = 0; i < n; ++i) {
     driven[i] = drive(robot.chain[i], q[i]);
-    if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
-    if (!(driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};  // a telescopic leg
+    if (!std::isfinite(q[i])) return {Status::not_finite, i};
+    if (!(driven[i].rod > 0)) return {Status::unreachable, i};  // a telescopic leg
     scale = std::max(scale, driven[i].rod);
   }
   const Loops<K> loops(robot, driven);
@@ -50,7 +43,7 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   std::array<At, 2> iterates;
   At *current = &iterates[0], *trial = &iterates[1];
   loops.start(pose, *current);
-  if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
+  if (!std::isfinite(current->cost)) return {Status::not_finite, -1};
 
   struct Inverse {
     Matrix<n, n> rows;
@@ -103,7 +96,6 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
 }
 
 namespace fkm_detail {
-
 /// Residual, in units of the longest rod, below which a slowly converging search is near a double
 /// root: its steps halve the distance, and the residual goes with their square.
 inline constexpr Real kCrawls = by_precision(1e-9, 1e-6);
@@ -172,10 +164,7 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
 
 /// Searches again from home, with the motors moved to q in stages. Applies where the first search
 /// found no pose or jumped from the robot's own assembly mode into another.
-/// @param first  result of the first search
-/// @param guess  its start
-/// @param pose   in: its end; out: the pose, or unchanged
-/// @param cap    maximum steps of both searches
+/// @param pose  in: the end of the first search from `guess`; out: the pose, or unchanged
 template <Mobility K>
 TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
                                          const Pose& guess, Pose& pose, int cap) {
@@ -217,7 +206,6 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
   if (open && crawled<K>(robot, driven, pose, first.residual)) first.status = Status::singular;
   return first;
 }
-
 }  // namespace fkm_detail
 
 /// Computes the pose from the motors' positions q, by a search from the guess, then one from home
@@ -236,13 +224,11 @@ FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap)
 
 /// x = FKM(q). @param x  in: the guess; out: the pose. @param cap  maximum steps, at least 1
 inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Pose pose = to_pose<K>(x);
     const FkmResult result = fkm<K>(robot, q, pose, cap);
     x = to_coordinates<K>(pose);
     return result;
   });
 }
-
 }  // namespace truepose

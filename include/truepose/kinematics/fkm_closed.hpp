@@ -4,7 +4,6 @@
 #include "truepose/model/chain.hpp"
 
 namespace truepose {
-
 /// Computes the platform's position from the motors and its orientation (measured, or fixed for a
 /// translation robot), from all n ≥ 3 spheres |D - s_i| = L_i, s_i = B_i - R c_i - a_i.
 ///
@@ -22,7 +21,6 @@ template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
                                            const Vec3& near_side, Vec3& D) {
   if (!robot.finished) return {Status::unfinished, -1};
-
   constexpr int n = kDof<K>;
   static_assert(n >= 3);
   std::array<Vec3, n> t;
@@ -78,5 +76,4 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   D = mean + particular + direction * ((side * std::sqrt(root2) - B) / A);
   return {};
 }
-
 }  // namespace truepose

@@ -5,7 +5,6 @@
 #include "truepose/model/status.hpp"
 
 namespace truepose {
-
 using GyroRows = Matrix<3, kMaxDof>;
 
 /// Computes W, 3×n: the platform's angular velocity, in its own frame, per free rate. Column j is
@@ -13,8 +12,7 @@ using GyroRows = Matrix<3, kMaxDof>;
 /// such as a shank, adds Rᵀ ω_0.) @return unfinished, not_finite
 inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
   if (!robot.finished) return {Status::unfinished, -1};
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     const Pose pose = to_pose<K>(x);
     const Carried<K> carried = carry<K>(robot, pose);
     const Mat3& R = placed<K>(pose, carried).R;
@@ -29,5 +27,4 @@ inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
     return Outcome{std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
   });
 }
-
 }  // namespace truepose

@@ -4,7 +4,6 @@
 #include "truepose/model/chain.hpp"
 
 namespace truepose {
-
 /// A mechanism with all its loops closed, from which every Jacobian is computed.
 template <Mobility K>
 struct Closure {
@@ -27,7 +26,6 @@ struct Closure {
 template <Mobility K, bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
   if (!robot.finished) return {Status::unfinished, -1};
-
   constexpr int n = kDof<K>;
   closure.pose = pose;
   closure.carried = carry<K>(robot, pose);
@@ -54,8 +52,7 @@ TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closur
 /// q = IKM(x) for coordinates x of any mobility.
 /// @return joint_limit where a motor is beyond its stops (`q` then says how far)
 inline Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Closure<K> closure;
     const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
     if (!outcome) return outcome;
@@ -63,5 +60,4 @@ inline Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q) {
     return within_limits<K>(robot, closure.pose, q);
   });
 }
-
 }  // namespace truepose

@@ -5,21 +5,8 @@
 #include "truepose/math/square.hpp"
 
 namespace truepose {
-
-/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S. Given Points, all rows at once: `row` then holds the columns.
-template <Mobility K, class Vector, class Row>
-inline void jx_row(const Vector& v, const Vector& lever, Row& row) {
-  for (int j = 0; j < kDof<K>; ++j) switch (Freedom<K>::columns[j]) {
-      case 0: row[j] = v.x(); break;
-      case 1: row[j] = v.y(); break;
-      case 2: row[j] = v.z(); break;
-      case 3: row[j] = lever.y() * v.z() - lever.z() * v.y(); break;
-      case 4: row[j] = lever.z() * v.x() - lever.x() * v.z(); break;
-      default: row[j] = lever.x() * v.y() - lever.y() * v.x(); break;
-    }
-}
-
-/// Row i of J_x along the platform's free twists: a_j·((A - p_j) × v) for a passive axis.
+/// Row i of J_x along the platform's free twists: [vᵀ, (R c × v)ᵀ] S, or a_j·((A - p_j) × v) for a
+/// passive axis. Given Points, all rows at once: `row` then holds the columns.
 template <Mobility K, class Vector, class Row>
 inline void jx_row([[maybe_unused]] const Carried<K>& carried, const Vector& v, const Vector& lever,
                    Row& row) {
@@ -32,37 +19,36 @@ inline void jx_row([[maybe_unused]] const Carried<K>& carried, const Vector& v, 
       row[j] = l.x() * v.x() + l.y() * v.y() + l.z() * v.z() + a.x() * mx + a.y() * my + a.z() * mz;
     }
   } else {
-    jx_row<K>(v, lever, row);
+    for (int j = 0; j < kDof<K>; ++j) switch (Freedom<K>::columns[j]) {
+        case 0: row[j] = v.x(); break;
+        case 1: row[j] = v.y(); break;
+        case 2: row[j] = v.z(); break;
+        case 3: row[j] = lever.y() * v.z() - lever.z() * v.y(); break;
+        case 4: row[j] = lever.z() * v.x() - lever.x() * v.z(); break;
+        default: row[j] = lever.x() * v.y() - lever.y() * v.x(); break;
+      }
   }
 }
 
 /// |column|² of J_x if nothing cancelled: Σ|v|² for columns of a velocity, Σ|R c|²|v|² for those of
-/// a turn. Where the rods meet in one point, the column of a turn vanishes relative to this size.
-template <Mobility K>
-inline std::array<Real, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
-                                              const Points<kDof<K>>& lever) {
-  const Real velocity = v2.sum(), turn = (v2 * lever.squared_norm()).sum();
-  std::array<Real, kDof<K>> sizes;
-  for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
-  return sizes;
-}
-
-/// The same for passive axes: Σ|A - p_j|²|v|².
+/// a turn, Σ|A - p_j|²|v|² for a passive axis. Where the rods meet in one point, the column of a
+/// turn vanishes relative to this size.
 template <Mobility K>
 inline std::array<Real, kDof<K>> column_sizes([[maybe_unused]] const Carried<K>& carried,
                                               const Lanes<kDof<K>>& v2,
                                               const Points<kDof<K>>& lever) {
+  std::array<Real, kDof<K>> sizes;
   if constexpr (kPivots<K>) {
-    std::array<Real, kDof<K>> sizes;
     for (int j = 0; j < kDof<K>; ++j) {
       const Vec3& arm = carried.arm[j];
       const Points<kDof<K>> from{lever.px + arm.x(), lever.py + arm.y(), lever.pz + arm.z()};
       sizes[j] = (v2 * from.squared_norm()).sum();
     }
-    return sizes;
   } else {
-    return column_sizes<K>(v2, lever);
+    const Real velocity = v2.sum(), turn = (v2 * lever.squared_norm()).sum();
+    for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
   }
+  return sizes;
 }
 
 /// J_x, the diagonal of J_q, and J = J_x⁻¹ J_q at a closed pose.
@@ -113,8 +99,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
 
 /// Computes J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
 inline Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Closure<K> closure;
     Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
     Jacobians<K> jacobians;
@@ -167,8 +152,7 @@ inline Outcome finish(Robot& robot) {
   for (int j = 0; j < passive_axes(robot.mobility); ++j)
     robot.limited =
         robot.limited || std::isfinite(robot.axis[j].low) || std::isfinite(robot.axis[j].high);
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     Closure<K> closure;
     Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
     Jacobians<K> jacobians;
@@ -177,5 +161,4 @@ inline Outcome finish(Robot& robot) {
     return outcome ? within_limits<K>(robot, closure.pose, closure.q()) : outcome;
   });
 }
-
 }  // namespace truepose

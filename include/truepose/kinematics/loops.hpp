@@ -4,7 +4,6 @@
 #include "truepose/kinematics/jacobian.hpp"
 
 namespace truepose {
-
 /// f_i = (|v_i|² - L_i²)/2, zero where chain i closes; derivative -J_x in the pose's tangent space.
 template <Mobility K>
 class RodLoops {
@@ -39,9 +38,9 @@ class RodLoops {
     evaluate(at);
   }
 
-  void jx(const At& at, Columns& columns) const { jx_row<K>(at.v, at.lever, columns); }
+  void jx(const At& at, Columns& columns) const { jx_row<K>({}, at.v, at.lever, columns); }
   std::array<Real, n> sizes(const At& at) const {
-    return column_sizes<K>(at.v.squared_norm(), at.lever);
+    return column_sizes<K>({}, at.v.squared_norm(), at.lever);
   }
   /// A to B of every chain.
   const Points<n>& rods(const At& at) const { return at.v; }
@@ -195,5 +194,4 @@ class PivotLoops {
 /// The loops of a mobility.
 template <Mobility K>
 using Loops = std::conditional_t<kPivots<K>, PivotLoops<K>, RodLoops<K>>;
-
 }  // namespace truepose

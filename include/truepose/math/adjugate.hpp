@@ -6,7 +6,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 /// Computes the adjugate of a matrix up to 4×4 by minors; returns the determinant. Free of branches
 /// and divisions, at a third of the cost of a factorisation. T: one number or several in parallel.
 template <int N, class T>
@@ -49,5 +48,4 @@ inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::arra
     return s01 * c23 - s02 * c13 + s03 * c12 + s12 * c03 - s13 * c02 + s23 * c01;
   }
 }
-
 }  // namespace truepose

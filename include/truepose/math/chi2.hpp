@@ -7,7 +7,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 /// P(χ² > x) with k degrees of freedom, by the recurrence in k (Abramowitz and Stegun, 26.4.8).
 inline Real chi2_tail(Real x, int k) {
   const Real half = 0.5 * x;
@@ -32,5 +31,4 @@ inline Real chi2_beyond(Real probability, int k) {
   }
   return high;
 }
-
 }  // namespace truepose

@@ -9,7 +9,6 @@
 #include "truepose/model/pose.hpp"
 
 namespace truepose {
-
 inline constexpr int kMaxRows = kMaxReadings + kMaxDof;  ///< readings and an external measurement
 using RowsOfPose = Matrix<kMaxRows, kMaxDof>;            ///< H_x in the first n columns
 
@@ -60,5 +59,4 @@ inline void back_substitute(int n, const RowsOfPose& R, Coordinates& b) {
     b[i] /= R[i][i];
   }
 }
-
 }  // namespace truepose

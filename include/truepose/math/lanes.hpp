@@ -4,7 +4,6 @@
 #include "truepose/model/robot.hpp"
 
 namespace truepose {
-
 /// Two numbers processed together: one register of SSE2 or NEON.
 using Pair = Eigen::Array<Real, 2, 1>;
 inline Pair swapped(const Pair& pair) { return pair.reverse(); }
@@ -56,5 +55,4 @@ inline bool all_positive(const Lanes<N>& values) {
   for (int i = 0; i < N; ++i) result &= values[i] > 0;
   return result;
 }
-
 }  // namespace truepose

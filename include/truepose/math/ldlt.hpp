@@ -7,7 +7,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 /// Below this a pivot counts as zero: for A = JᵀJ, a column of J within 1e-6 rad (single precision:
 /// 1e-3) of the span of the preceding ones.
 inline constexpr Real kSingular = by_precision(1e-12, 1e-6);
@@ -55,5 +54,4 @@ class Ldlt {
   Real d_[N], inverse_[N];
   bool regular_ = true;
 };
-
 }  // namespace truepose

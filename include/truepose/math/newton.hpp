@@ -7,7 +7,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 // Thresholds of a search: residuals in units of the largest length.
 /// Below this rounding dominates.
 inline constexpr Real kRounding = by_precision(2e-15, 1e-7);
@@ -66,5 +65,4 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int m
   } while (end.iterations < most && end.damping < 1e12);
   return end;
 }
-
 }  // namespace truepose

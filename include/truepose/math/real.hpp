@@ -8,7 +8,6 @@
 #include <type_traits>
 
 namespace truepose {
-
 #ifdef TRUEPOSE_SINGLE
 using Real = float;
 #else
@@ -27,5 +26,4 @@ constexpr Real sum_of(int count, F&& term) {
   for (int k = 0; k < count; ++k) sum += term(k);
   return sum;
 }
-
 }  // namespace truepose

@@ -7,7 +7,6 @@
 #include "truepose/math/so3.hpp"
 
 namespace truepose {
-
 using RollPitchYaw = std::array<Real, 3>;  ///< rad
 
 /// cos(pitch) below which roll and yaw are one angle.
@@ -46,5 +45,4 @@ inline RollPitchYaw to_roll_pitch_yaw(const Mat3& R, const RollPitchYaw& near) {
     difference += std::fabs(one[k] - near[k]) - std::fabs(other[k] - near[k]);
   return difference <= 0 ? one : other;
 }
-
 }  // namespace truepose

@@ -5,7 +5,6 @@
 #include "truepose/math/lanes.hpp"
 
 namespace truepose {
-
 using PairBlock = std::array<std::array<Pair, 3>, 3>;
 
 /// Computes A B, lane by lane.
@@ -67,5 +66,4 @@ inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, Real si
     }
   return {true, -det_V[0] * det_V[1] * det_D[1], det_D[1]};  // rows 0 2 4 1 3 5: an odd permutation
 }
-
 }  // namespace truepose

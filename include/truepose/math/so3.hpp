@@ -6,7 +6,6 @@
 #include "truepose/math/lanes.hpp"
 
 namespace truepose {
-
 /// Rotation about z.
 inline Mat3 rotation_z(Real angle) {
   const Real c = std::cos(angle), s = std::sin(angle);
@@ -31,17 +30,25 @@ inline Pair versine_ratios(Real angle2) {
   return low + t4 * (high + t4 * term(355687428096000, 6402373705728000));
 }
 
-/// Rotation by the vector w (Rodrigues): I + a W + b W², W² = w wᵀ - |w|² I.
-inline Mat3 exp_so3(const Vec3& w) {
-  const Real angle2 = w.squaredNorm();
-  const Pair ratios = versine_ratios(angle2);
-  const Real a = ratios[0], b = ratios[1], c = 1 - b * angle2;
-  const Vec3 s = a * w, u = b * w;
+/// c I + [s]× + u wᵀ for u along w: a rotation by Rodrigues' formula.
+inline Mat3 rodrigues(Real c, const Vec3& s, const Vec3& u, const Vec3& w) {
   const Real xy = u.x() * w.y(), xz = u.x() * w.z(), yz = u.y() * w.z();
   Mat3 R;
   R << c + u.x() * w.x(), xy - s.z(), xz + s.y(), xy + s.z(), c + u.y() * w.y(), yz - s.x(),
       xz - s.y(), yz + s.x(), c + u.z() * w.z();
   return R;
+}
+
+/// Rotation by the vector w: I + a W + b W², W² = w wᵀ - |w|² I.
+inline Mat3 exp_so3(const Vec3& w) {
+  const Real angle2 = w.squaredNorm();
+  const Pair ratios = versine_ratios(angle2);
+  return rodrigues(1 - ratios[1] * angle2, ratios[0] * w, ratios[1] * w, w);
+}
+
+/// exp(x d) about a unit vector, from cos x and sin x.
+inline Mat3 turn_about(const Vec3& d, Real cosine, Real sine) {
+  return rodrigues(cosine, sine * d, (1 - cosine) * d, d);
 }
 
 /// Rotation vector of R, angle in [0, π], through the quaternion: well conditioned everywhere.
@@ -85,5 +92,4 @@ inline Vec3 tilt_keeping(Real theta, Real about_x, Real about_y) {
   }
   return w;
 }
-
 }  // namespace truepose

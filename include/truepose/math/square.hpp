@@ -7,7 +7,6 @@
 #include "truepose/math/six.hpp"
 
 namespace truepose {
-
 /// Rows of a matrix given by its columns.
 template <int N>
 inline Matrix<N, N> rows_of(const std::array<Lanes<N>, N>& columns) {
@@ -161,5 +160,4 @@ inline Lanes<N> times(const Matrix<N, N>& rows, const Lanes<N>& x) {
   for (int i = 0; i < N; ++i) result[i] = (Eigen::Map<const Lanes<N>>(rows[i].data()) * x).sum();
   return result;
 }
-
 }  // namespace truepose

@@ -8,7 +8,6 @@
 #include "truepose/model/status.hpp"
 
 namespace truepose {
-
 /// A chain whose loop is closed.
 struct ChainState {
   Real q = 0;   ///< motor position as the encoder reads it
@@ -128,9 +127,8 @@ inline Real shortfall(const Chain& chain, const Vec3& d) {
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
-/// Converts what close() found for a motor to the reading of an encoder with errors, and all
-/// derivatives to that q. Not part of close(), whose usual path then costs nothing extra.
-/// @return the reading, without the offset
+/// Returns the reading, without the offset, of an encoder with errors, and converts derivatives to
+/// that q. Not part of close(), whose usual path then costs nothing extra.
 TRUEPOSE_RARE inline Real read_with_errors(const Chain& chain, Real position, ChainState& state) {
   const Encoded read = encode(chain, position);
   state.rate = 1 / read.slope;
@@ -189,5 +187,4 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, Real d2, C
   state.v = state.p - d;
   return true;
 }
-
 }  // namespace truepose

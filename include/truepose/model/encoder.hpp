@@ -4,12 +4,10 @@
 #include <array>
 #include <cmath>
 
+#include "truepose/math/real.hpp"
 #include "truepose/model/attributes.hpp"
 
-#include "truepose/math/real.hpp"
-
 namespace truepose {
-
 /// First and second harmonic of an encoder's error. At φ = gear · angle the shaft reads φ + e(φ),
 /// e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ; the angle reads angle + e(φ)/gear.
 struct Eccentricity {
@@ -51,5 +49,4 @@ TRUEPOSE_RARE inline Real decode(const Eccentricity& encoder, Real value) {
   }
   return angle;
 }
-
 }  // namespace truepose

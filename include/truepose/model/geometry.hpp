@@ -4,9 +4,7 @@
 #include "truepose/model/parameters.hpp"
 
 namespace truepose {
-
-/// Writes ξ of the nominal robot, from which set_parameters makes that robot again.
-/// @param xi  out, parameter_count(drawn) values
+/// Writes ξ, parameter_count(drawn) values from which set_parameters makes the robot again.
 inline Outcome drawn_parameters(const Robot& drawn, Real* xi) {
   if (!drawn.finished) return {Status::unfinished, -1};
   std::fill_n(xi, parameter_count(drawn), 0.0);
@@ -107,5 +105,4 @@ inline Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) 
   note_encoders(robot);
   return {};
 }
-
 }  // namespace truepose

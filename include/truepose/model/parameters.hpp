@@ -10,130 +10,63 @@
 #include "truepose/sensors/rkm.hpp"
 
 namespace truepose {
-
-/// Parameters of a chain, in this order. A telescopic chain has no arm and no rod; rod_difference
-/// and rod_spacing change readings at the full level only.
-enum class ChainParameter : int {
-  base_x,
-  base_y,
-  base_z,
-  arm,
-  rod,
-  encoder_offset,
-  yaw,
-  tilt,
-  anchor_x,
-  anchor_y,
-  anchor_z,
-  rod_difference,
-  rod_spacing,
-  eccentricity_c1,
-  eccentricity_s1,
-  eccentricity_c2,
-  eccentricity_s2,
-  encoder_gain,
-  encoder_buildup  ///< of slides and legs; last, so that arms can omit it
-};
-
 /// A parameter's name within its part, and its unit.
-template <class Parameter>
 struct ParameterProperties {
-  Parameter parameter;
   const char* name;
   Unit unit;
 };
-using InChain = ParameterProperties<ChainParameter>;
 
-inline constexpr std::array kChainTable{
-    InChain{ChainParameter::base_x, "base.x", Unit::metre},
-    InChain{ChainParameter::base_y, "base.y", Unit::metre},
-    InChain{ChainParameter::base_z, "base.z", Unit::metre},
-    InChain{ChainParameter::arm, "arm", Unit::metre},
-    InChain{ChainParameter::rod, "rod", Unit::metre},
-    InChain{ChainParameter::encoder_offset, "encoder_offset", Unit::reading},
-    InChain{ChainParameter::yaw, "yaw", Unit::radian},
-    InChain{ChainParameter::tilt, "tilt", Unit::radian},
-    InChain{ChainParameter::anchor_x, "anchor.x", Unit::metre},
-    InChain{ChainParameter::anchor_y, "anchor.y", Unit::metre},
-    InChain{ChainParameter::anchor_z, "anchor.z", Unit::metre},
-    InChain{ChainParameter::rod_difference, "rod_difference", Unit::metre},
-    InChain{ChainParameter::rod_spacing, "rod_spacing", Unit::metre},
-    InChain{ChainParameter::eccentricity_c1, "eccentricity.c1", Unit::radian},
-    InChain{ChainParameter::eccentricity_s1, "eccentricity.s1", Unit::radian},
-    InChain{ChainParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
-    InChain{ChainParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
-    InChain{ChainParameter::encoder_gain, "gain", Unit::one},
-    InChain{ChainParameter::encoder_buildup, "spool_buildup", Unit::one},
-};
-static_assert(in_order(kChainTable, &InChain::parameter));
-inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
+// Lists of parameters, ENTRY(enumerator, name, unit) each, from which enumeration and table follow.
+#define TRUEPOSE_VECTOR(ENTRY, vector, unit) \
+  ENTRY(vector##_x, #vector ".x", unit)      \
+  ENTRY(vector##_y, #vector ".y", unit)      \
+  ENTRY(vector##_z, #vector ".z", unit)
+#define TRUEPOSE_ECCENTRICITY(ENTRY)                \
+  ENTRY(eccentricity_c1, "eccentricity.c1", radian) \
+  ENTRY(eccentricity_s1, "eccentricity.s1", radian) \
+  ENTRY(eccentricity_c2, "eccentricity.c2", radian) \
+  ENTRY(eccentricity_s2, "eccentricity.s2", radian)
+#define TRUEPOSE_CHAIN_PARAMETERS(ENTRY)           \
+  TRUEPOSE_VECTOR(ENTRY, base, metre)              \
+  ENTRY(arm, "arm", metre)                         \
+  ENTRY(rod, "rod", metre)                         \
+  ENTRY(encoder_offset, "encoder_offset", reading) \
+  ENTRY(yaw, "yaw", radian)                        \
+  ENTRY(tilt, "tilt", radian)                      \
+  TRUEPOSE_VECTOR(ENTRY, anchor, metre)            \
+  ENTRY(rod_difference, "rod_difference", metre)   \
+  ENTRY(rod_spacing, "rod_spacing", metre)         \
+  TRUEPOSE_ECCENTRICITY(ENTRY)                     \
+  ENTRY(encoder_gain, "gain", one)                 \
+  ENTRY(encoder_buildup, "spool_buildup", one)
+#define TRUEPOSE_SENSOR_PARAMETERS(ENTRY) \
+  ENTRY(offset, "offset", reading)        \
+  ENTRY(gain, "gain", one)                \
+  TRUEPOSE_VECTOR(ENTRY, origin, metre)   \
+  TRUEPOSE_VECTOR(ENTRY, direction, one)  \
+  TRUEPOSE_VECTOR(ENTRY, target, metre)   \
+  TRUEPOSE_VECTOR(ENTRY, normal, one)     \
+  TRUEPOSE_ECCENTRICITY(ENTRY)
+#define TRUEPOSE_AXIS_PARAMETERS(ENTRY) \
+  TRUEPOSE_VECTOR(ENTRY, origin, metre) \
+  TRUEPOSE_VECTOR(ENTRY, direction, one)
+#define TRUEPOSE_ENUMERATOR(enumerator, name, unit) enumerator,
+#define TRUEPOSE_ROW(enumerator, name, unit) ParameterProperties{name, Unit::unit},
 
+/// Parameters of a chain, in this order. A telescopic chain has no arm and no rod; rod_difference
+/// and rod_spacing change readings at the full level only; encoder_buildup is last, so that arms
+/// can omit it.
+enum class ChainParameter : int { TRUEPOSE_CHAIN_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 /// Parameters of a sensor, in this order; those that its kind lacks have zero columns.
-enum class SensorParameter : int {
-  offset,
-  gain,
-  origin_x,
-  origin_y,
-  origin_z,
-  direction_x,
-  direction_y,
-  direction_z,
-  target_x,
-  target_y,
-  target_z,
-  normal_x,
-  normal_y,
-  normal_z,
-  eccentricity_c1,
-  eccentricity_s1,
-  eccentricity_c2,
-  eccentricity_s2
-};
-using InSensor = ParameterProperties<SensorParameter>;
-
-inline constexpr std::array kSensorParameterTable{
-    InSensor{SensorParameter::offset, "offset", Unit::reading},
-    InSensor{SensorParameter::gain, "gain", Unit::one},
-    InSensor{SensorParameter::origin_x, "origin.x", Unit::metre},
-    InSensor{SensorParameter::origin_y, "origin.y", Unit::metre},
-    InSensor{SensorParameter::origin_z, "origin.z", Unit::metre},
-    InSensor{SensorParameter::direction_x, "direction.x", Unit::one},
-    InSensor{SensorParameter::direction_y, "direction.y", Unit::one},
-    InSensor{SensorParameter::direction_z, "direction.z", Unit::one},
-    InSensor{SensorParameter::target_x, "target.x", Unit::metre},
-    InSensor{SensorParameter::target_y, "target.y", Unit::metre},
-    InSensor{SensorParameter::target_z, "target.z", Unit::metre},
-    InSensor{SensorParameter::normal_x, "normal.x", Unit::one},
-    InSensor{SensorParameter::normal_y, "normal.y", Unit::one},
-    InSensor{SensorParameter::normal_z, "normal.z", Unit::one},
-    InSensor{SensorParameter::eccentricity_c1, "eccentricity.c1", Unit::radian},
-    InSensor{SensorParameter::eccentricity_s1, "eccentricity.s1", Unit::radian},
-    InSensor{SensorParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
-    InSensor{SensorParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
-};
-static_assert(in_order(kSensorParameterTable, &InSensor::parameter));
-inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.size());
-
+enum class SensorParameter : int { TRUEPOSE_SENSOR_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 /// Parameters of a passive axis, in this order.
-enum class AxisParameter : int {
-  origin_x,
-  origin_y,
-  origin_z,
-  direction_x,
-  direction_y,
-  direction_z
-};
-using InAxis = ParameterProperties<AxisParameter>;
+enum class AxisParameter : int { TRUEPOSE_AXIS_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 
-inline constexpr std::array kAxisTable{
-    InAxis{AxisParameter::origin_x, "origin.x", Unit::metre},
-    InAxis{AxisParameter::origin_y, "origin.y", Unit::metre},
-    InAxis{AxisParameter::origin_z, "origin.z", Unit::metre},
-    InAxis{AxisParameter::direction_x, "direction.x", Unit::one},
-    InAxis{AxisParameter::direction_y, "direction.y", Unit::one},
-    InAxis{AxisParameter::direction_z, "direction.z", Unit::one},
-};
-static_assert(in_order(kAxisTable, &InAxis::parameter));
+inline constexpr std::array kChainTable{TRUEPOSE_CHAIN_PARAMETERS(TRUEPOSE_ROW)};
+inline constexpr std::array kSensorParameterTable{TRUEPOSE_SENSOR_PARAMETERS(TRUEPOSE_ROW)};
+inline constexpr std::array kAxisTable{TRUEPOSE_AXIS_PARAMETERS(TRUEPOSE_ROW)};
+inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
+inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.size());
 inline constexpr int kAxisParameters = static_cast<int>(kAxisTable.size());
 
 /// ξ: chains, then c of the bars, the sensors in use, and the passive axes.
@@ -181,10 +114,7 @@ inline std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec
     change[k] = chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
   return change;
 }
-/// Returns what a parameter of a chain changes.
-/// @param p        P to B
-/// @param body     orientation of the body that carries A
-/// @param encoder  as returned by encoder_reading
+/// Returns what a parameter of a chain changes. @param body  orientation of the body that carries A
 inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
                       const std::array<Real, 6>& encoder, ChainParameter parameter) {
   Variation change;
@@ -222,9 +152,7 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
   return change;
 }
 
-/// Calls enter(column of H_ξ, variation) for each parameter of chain i.
-/// @param q      of its motor
-/// @param lever  R c
+/// Calls enter(column of H_ξ, variation) for each parameter of chain i. @param lever  R c
 template <class Enter>
 inline void for_each_variation(const Robot& robot, int i, Real q, const Vec3& p, const Mat3& body,
                                const Vec3& lever, Enter&& enter) {
@@ -364,5 +292,4 @@ inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, Re
   parameter_jacobian(robot, closure.placed(), closure.chain.data(), sensed, H);
   axis_columns<K>(robot, closure, sensed, H);
 }
-
 }  // namespace truepose

@@ -7,7 +7,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 using Vec3 = Eigen::Matrix<Real, 3, 1>;
 using Mat3 = Eigen::Matrix<Real, 3, 3>;
 
@@ -25,5 +24,4 @@ struct Plain {
   Eigen::Map<const Value> operator()() const { return Eigen::Map<const Value>(number.data()); }
   operator Value() const { return (*this)(); }
 };
-
 }  // namespace truepose

@@ -6,7 +6,6 @@
 #include "truepose/math/so3.hpp"
 
 namespace truepose {
-
 /// Position D of the platform's reference point and orientation R (platform to base). theta keeps
 /// its turns, unlike R. On passive axes D holds x, their angles; carry() gives the true D and R.
 struct Pose {
@@ -15,28 +14,18 @@ struct Pose {
   Real theta = 0;
 };
 
+inline constexpr std::array<std::array<int, kMaxDof>, 5> kFreeColumns{
+    {{0, 1}, {0, 1, 5}, {0, 1, 2}, {0, 1, 2, 5}, {0, 1, 2, 3, 4, 5}}};
+
+/// Number of position coordinates without passive axes.
+constexpr int positions_of(Mobility mobility) {
+  return mobility == Mobility::planar || mobility == Mobility::planar_translation ? 2 : 3;
+}
+
 /// The free columns of the 6-twist [velocity of D; angular velocity], base frame.
 template <Mobility K>
-struct Freedom;
-template <>
-struct Freedom<Mobility::planar_translation> {
-  static constexpr std::array<int, 2> columns{0, 1};
-};
-template <>
-struct Freedom<Mobility::planar> {
-  static constexpr std::array<int, 3> columns{0, 1, 5};
-};
-template <>
-struct Freedom<Mobility::translation> {
-  static constexpr std::array<int, 3> columns{0, 1, 2};
-};
-template <>
-struct Freedom<Mobility::schoenflies> {
-  static constexpr std::array<int, 4> columns{0, 1, 2, 5};
-};
-template <>
-struct Freedom<Mobility::spatial> {
-  static constexpr std::array<int, 6> columns{0, 1, 2, 3, 4, 5};
+struct Freedom {
+  static constexpr std::array<int, kMaxDof> columns = kFreeColumns[static_cast<std::size_t>(K)];
 };
 
 template <Mobility K>
@@ -45,6 +34,10 @@ template <Mobility K>
 inline constexpr bool kPivots = pivots(K);
 template <Mobility K>
 inline constexpr bool kTurnsAboutZ = K == Mobility::planar || K == Mobility::schoenflies;
+
+/// Number of coordinates that D holds, which come first.
+template <Mobility K>
+inline constexpr int kPositions = kPivots<K> ? kDof<K> : positions_of(K);
 
 /// R l for each of N vectors, without products that are zero for the mobility.
 template <Mobility K, int N>
@@ -73,14 +66,7 @@ inline Vec3 turned(const Mat3& R, const Vec3& l) {
 template <Mobility K>
 inline Pose to_pose(const Coordinates& x) {
   Pose pose;
-  if constexpr (kPivots<K>) {
-    for (int j = 0; j < kDof<K>; ++j) pose.D[j] = x[j];
-    return pose;
-  }
-  pose.D.x() = x[0];
-  pose.D.y() = x[1];
-  if constexpr (K == Mobility::translation || K == Mobility::schoenflies || K == Mobility::spatial)
-    pose.D.z() = x[2];
+  for (int j = 0; j < kPositions<K>; ++j) pose.D[j] = x[j];
   if constexpr (kTurnsAboutZ<K>) {
     pose.theta = x[kDof<K> - 1];
     pose.R = rotation_z(pose.theta);
@@ -92,14 +78,7 @@ inline Pose to_pose(const Coordinates& x) {
 template <Mobility K>
 inline Coordinates to_coordinates(const Pose& pose) {
   Coordinates x{};
-  if constexpr (kPivots<K>) {
-    for (int j = 0; j < kDof<K>; ++j) x[j] = pose.D[j];
-    return x;
-  }
-  x[0] = pose.D.x();
-  x[1] = pose.D.y();
-  if constexpr (K == Mobility::translation || K == Mobility::schoenflies || K == Mobility::spatial)
-    x[2] = pose.D.z();
+  for (int j = 0; j < kPositions<K>; ++j) x[j] = pose.D[j];
   if constexpr (kTurnsAboutZ<K>) x[kDof<K> - 1] = pose.theta;
   if constexpr (K == Mobility::spatial) {
     const Vec3 w = log_so3(pose.R);
@@ -111,36 +90,25 @@ inline Coordinates to_coordinates(const Pose& pose) {
 /// The pose after the small motion `step` (size n, free columns of the twist): D + v, exp(ω) R.
 template <Mobility K>
 inline Pose moved(const Pose& pose, const Coordinates& step) {
-  if constexpr (K == Mobility::spatial) {
-    Pose result;
-    result.D = pose.D + Vec3(step[0], step[1], step[2]);
+  Pose result = pose;
+  for (int j = 0; j < kPositions<K>; ++j) result.D[j] += step[j];
+  if constexpr (K == Mobility::spatial)
     result.R = exp_so3(Vec3(step[3], step[4], step[5])) * pose.R;
-    return result;
-  } else {
-    Pose result = pose;
-    if constexpr (kPivots<K>) {
-      for (int j = 0; j < kDof<K>; ++j) result.D[j] += step[j];
-      return result;
+  if constexpr (kTurnsAboutZ<K>) {
+    const Real turn = step[kDof<K> - 1], turn2 = turn * turn;
+    result.theta += turn;
+    if (turn2 < 1e-4) {  // the series is exact to rounding and several times faster
+      const Real s = turn * (1 - turn2 * (1.0 / 6 - turn2 / 120));
+      const Real c = 1 - turn2 * (0.5 - turn2 * (1.0 / 24 - turn2 / 720));
+      const Real x = pose.R(0, 0), y = pose.R(1, 0);
+      result.R(0, 0) = result.R(1, 1) = c * x - s * y;
+      result.R(1, 0) = s * x + c * y;
+      result.R(0, 1) = -result.R(1, 0);
+    } else {
+      result.R = rotation_z(result.theta);
     }
-    result.D.x() += step[0];
-    result.D.y() += step[1];
-    if constexpr (K == Mobility::translation || K == Mobility::schoenflies) result.D.z() += step[2];
-    if constexpr (kTurnsAboutZ<K>) {
-      const Real turn = step[kDof<K> - 1], turn2 = turn * turn;
-      result.theta += turn;
-      if (turn2 < 1e-4) {  // the series is exact to rounding and several times faster
-        const Real s = turn * (1 - turn2 * (1.0 / 6 - turn2 / 120));
-        const Real c = 1 - turn2 * (0.5 - turn2 * (1.0 / 24 - turn2 / 720));
-        const Real x = pose.R(0, 0), y = pose.R(1, 0);
-        result.R(0, 0) = result.R(1, 1) = c * x - s * y;
-        result.R(1, 0) = s * x + c * y;
-        result.R(0, 1) = -result.R(1, 0);
-      } else {
-        result.R = rotation_z(result.theta);
-      }
-    }
-    return result;
   }
+  return result;
 }
 
 /// The small motion that takes `from` to `to`: the inverse of moved().
@@ -187,16 +155,6 @@ inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
   const Real before = cosine;
   cosine = c * before - s * sine;
   sine = s * before + c * sine;
-}
-
-/// exp(x d) about a unit vector, by Rodrigues' formula, from cos x and sin x.
-inline Mat3 turn_about(const Vec3& d, Real cosine, Real sine) {
-  const Vec3 s = sine * d, u = (1 - cosine) * d;
-  const Real xy = u.x() * d.y(), xz = u.x() * d.z(), yz = u.y() * d.z();
-  Mat3 R;
-  R << cosine + u.x() * d.x(), xy - s.z(), xz + s.y(), xy + s.z(), cosine + u.y() * d.y(),
-      yz - s.x(), xz - s.y(), yz + s.x(), cosine + u.z() * d.z();
-  return R;
 }
 
 /// Evaluates the chain of frames: p_j = p_{j-1} + R o_j, a_j = R d_j, R ← R exp(x_j d_j); the
@@ -259,12 +217,6 @@ struct Twist {
   Vec3 omega = Vec3::Zero();
 };
 template <Mobility K>
-inline Twist to_twist(const Coordinates& rate) {
-  std::array<Real, 6> full{};
-  for (int j = 0; j < kDof<K>; ++j) full[Freedom<K>::columns[j]] = rate[j];
-  return {Vec3(full[0], full[1], full[2]), Vec3(full[3], full[4], full[5])};
-}
-template <Mobility K>
 inline Twist to_twist([[maybe_unused]] const Carried<K>& carried, const Coordinates& rate) {
   if constexpr (kPivots<K>) {
     Twist twist;
@@ -274,28 +226,23 @@ inline Twist to_twist([[maybe_unused]] const Carried<K>& carried, const Coordina
     }
     return twist;
   } else {
-    return to_twist<K>(rate);
+    std::array<Real, 6> full{};
+    for (int j = 0; j < kDof<K>; ++j) full[Freedom<K>::columns[j]] = rate[j];
+    return {Vec3(full[0], full[1], full[2]), Vec3(full[3], full[4], full[5])};
   }
 }
 
-/// The free columns of the row [linear, angular].
-template <Mobility K>
-inline void free_columns(const Vec3& linear, const Vec3& angular, Real* row) {
-  for (int j = 0; j < kDof<K>; ++j) {
-    const int column = Freedom<K>::columns[j];
-    row[j] = column < 3 ? linear[column] : angular[column - 3];
-  }
-}
-
-/// The same along the platform's free twists: [linear, angular] T.
+/// The row [linear, angular] T along the platform's free twists.
 template <Mobility K>
 inline void free_columns([[maybe_unused]] const Carried<K>& carried, const Vec3& linear,
                          const Vec3& angular, Real* row) {
-  if constexpr (kPivots<K>)
-    for (int j = 0; j < kDof<K>; ++j)
+  for (int j = 0; j < kDof<K>; ++j)
+    if constexpr (kPivots<K>) {
       row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
-  else
-    free_columns<K>(linear, angular, row);
+    } else {
+      const int column = Freedom<K>::columns[j];
+      row[j] = column < 3 ? linear[column] : angular[column - 3];
+    }
 }
 
 // The same with the mobility as a run-time value, for offline code written once.
@@ -316,8 +263,7 @@ inline Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) 
 inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, Real* row) {
   assert(!pivots(mobility));
   with_mobility(mobility, [&](auto K) {
-    if constexpr (!kPivots<K()>) free_columns<K()>(linear, angular, row);
+    if constexpr (!kPivots<K()>) free_columns<K()>({}, linear, angular, row);
   });
 }
-
 }  // namespace truepose

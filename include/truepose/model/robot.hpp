@@ -21,7 +21,6 @@
 #include "truepose/model/status.hpp"
 
 namespace truepose {
-
 template <int Rows, int Columns>
 using Matrix = std::array<std::array<Real, Columns>, Rows>;
 using JointMatrix = Matrix<kMaxDof, kMaxMotors>;    ///< J, ẋ = J q̇
@@ -299,25 +298,29 @@ inline void note_vertical(Robot& robot) {
       robot.sensor[k].origin = g.norm() > 0 ? Vec3(-g.normalized()) : Vec3(Vec3::UnitZ());
 }
 
-/// Calls f with the mobility as a compile-time constant, so that loops have known sizes. (An
-/// unfinished robot's mobility, invalid or not compiled, maps to any: what f calls refuses it.)
+/// A mobility as a type.
+template <Mobility K>
+using Fixed = std::integral_constant<Mobility, K>;
+
+/// Calls f with the mobility as a compile-time constant, so that loops have known sizes:
+/// [&]<Mobility K>(Fixed<K>) {…}. (An unfinished robot's mobility, invalid or not compiled, maps to
+/// any: what f calls refuses it.)
 template <class F>
 constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
 #ifdef TRUEPOSE_ONLY_MOBILITY
-  return f(std::integral_constant<Mobility, Mobility::TRUEPOSE_ONLY_MOBILITY>{});
+  return f(Fixed<Mobility::TRUEPOSE_ONLY_MOBILITY>{});
 #else
   switch (mobility) {
-    case Mobility::planar_translation:
-      return f(std::integral_constant<Mobility, Mobility::planar_translation>{});
-    case Mobility::planar: return f(std::integral_constant<Mobility, Mobility::planar>{});
-    case Mobility::translation: return f(std::integral_constant<Mobility, Mobility::translation>{});
-    case Mobility::spatial: return f(std::integral_constant<Mobility, Mobility::spatial>{});
+    case Mobility::planar_translation: return f(Fixed<Mobility::planar_translation>{});
+    case Mobility::planar: return f(Fixed<Mobility::planar>{});
+    case Mobility::translation: return f(Fixed<Mobility::translation>{});
+    case Mobility::spatial: return f(Fixed<Mobility::spatial>{});
 #ifndef TRUEPOSE_NO_PIVOTS
-    case Mobility::pivot_1: return f(std::integral_constant<Mobility, Mobility::pivot_1>{});
-    case Mobility::pivot_2: return f(std::integral_constant<Mobility, Mobility::pivot_2>{});
-    case Mobility::pivot_3: return f(std::integral_constant<Mobility, Mobility::pivot_3>{});
+    case Mobility::pivot_1: return f(Fixed<Mobility::pivot_1>{});
+    case Mobility::pivot_2: return f(Fixed<Mobility::pivot_2>{});
+    case Mobility::pivot_3: return f(Fixed<Mobility::pivot_3>{});
 #endif
-    default: return f(std::integral_constant<Mobility, Mobility::schoenflies>{});
+    default: return f(Fixed<Mobility::schoenflies>{});
   }
 #endif
 }
@@ -330,5 +333,4 @@ inline bool all_finite(const Values& values, int count) {
   for (int i = 0; i < count; ++i) sum += 0 * values[static_cast<std::size_t>(i)];
   return sum == 0;
 }
-
 }  // namespace truepose

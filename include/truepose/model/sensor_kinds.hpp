@@ -8,7 +8,6 @@
 #include <type_traits>
 
 namespace truepose {
-
 enum class Unit : int {
   one = 0,
   metre = 1,
@@ -37,70 +36,47 @@ enum Mounting : unsigned { kOrigin = 1, kDirection = 2, kTarget = 4, kNormal = 8
 inline constexpr std::array<const char*, 4> kMountingVectors{"origin", "direction", "target",
                                                              "normal"};
 
+/// Traits of a kind, as bits: see SensorProperties.
+enum Trait : unsigned { kOfChain = 1, kShaft = 2, kWraps = 4, kIsTheta = 8 };
+
 /// Properties common to all sensors of a kind.
 struct SensorProperties {
   SensorKind kind;
-  const char* name;        ///< in robot files
-  Unit unit;               ///< of its value
-  bool of_chain = false;   ///< measures one chain's motor or rod, not the platform alone
-  bool shaft = false;      ///< encoder on a turning shaft: gear, counts per turn, eccentricity
-  bool wraps = false;      ///< whole turns are arbitrary
-  bool is_theta = false;   ///< θ, turns included: gives R of a platform that turns about z only
-  unsigned mounting = 0u;  ///< see Mounting
+  const char* name;   ///< in robot files
+  Unit unit;          ///< of its value
+  bool of_chain;      ///< measures one chain's motor or rod, not the platform alone
+  bool shaft;         ///< encoder on a turning shaft: gear, counts per turn, eccentricity
+  bool wraps;         ///< whole turns are arbitrary
+  bool is_theta;      ///< θ, turns included: gives R of a platform that turns about z only
+  unsigned mounting;  ///< see Mounting
+
+  constexpr SensorProperties(SensorKind of, const char* text, Unit value, unsigned traits,
+                             unsigned vectors = 0)
+      : kind(of),
+        name(text),
+        unit(value),
+        of_chain(traits & kOfChain),
+        shaft(traits & kShaft),
+        wraps(traits & kWraps),
+        is_theta(traits & kIsTheta),
+        mounting(vectors) {}
 };
 
 /// In the order of SensorKind.
-inline constexpr std::array kSensorTable{
-    SensorProperties{.kind = SensorKind::platform_angle,
-                     .name = "platform_angle",
-                     .unit = Unit::radian,
-                     .shaft = true,
-                     .is_theta = true},
-    SensorProperties{.kind = SensorKind::plane_distance,
-                     .name = "plane_distance",
-                     .unit = Unit::metre,
-                     .mounting = kOrigin | kDirection | kTarget | kNormal},
-    SensorProperties{.kind = SensorKind::coordinate,
-                     .name = "coordinate",
-                     .unit = Unit::metre,
-                     .mounting = kOrigin | kDirection | kTarget},
-    SensorProperties{.kind = SensorKind::distance,
-                     .name = "distance",
-                     .unit = Unit::metre,
-                     .mounting = kOrigin | kTarget},
-    SensorProperties{.kind = SensorKind::inclinometer,
-                     .name = "inclinometer",
-                     .unit = Unit::radian,
-                     .wraps = true,
-                     .mounting = kDirection | kNormal},
-    SensorProperties{.kind = SensorKind::rotation,
-                     .name = "rotation",
-                     .unit = Unit::radian,
-                     .mounting = kDirection},
-    SensorProperties{.kind = SensorKind::rod_in_plane,
-                     .name = "rod_in_plane",
-                     .unit = Unit::radian,
-                     .of_chain = true,
-                     .shaft = true,
-                     .wraps = true},
-    SensorProperties{.kind = SensorKind::rod_lateral,
-                     .name = "rod_lateral",
-                     .unit = Unit::radian,
-                     .of_chain = true,
-                     .shaft = true},
-    SensorProperties{.kind = SensorKind::rod_length,
-                     .name = "rod_length",
-                     .unit = Unit::metre,
-                     .of_chain = true},
-    SensorProperties{.kind = SensorKind::motor_encoder,
-                     .name = "motor_encoder",
-                     .unit = Unit::radian,
-                     .of_chain = true,
-                     .shaft = true,
-                     .wraps = true},
-    SensorProperties{
-        .kind = SensorKind::axis_angle, .name = "axis_angle", .unit = Unit::radian, .shaft = true},
-};  // the last row
+inline constexpr auto kSensorTable = std::to_array<SensorProperties>({
+    {SensorKind::platform_angle, "platform_angle", Unit::radian, kShaft | kIsTheta},
+    {SensorKind::plane_distance, "plane_distance", Unit::metre, 0,
+     kOrigin | kDirection | kTarget | kNormal},
+    {SensorKind::coordinate, "coordinate", Unit::metre, 0, kOrigin | kDirection | kTarget},
+    {SensorKind::distance, "distance", Unit::metre, 0, kOrigin | kTarget},
+    {SensorKind::inclinometer, "inclinometer", Unit::radian, kWraps, kDirection | kNormal},
+    {SensorKind::rotation, "rotation", Unit::radian, 0, kDirection},
+    {SensorKind::rod_in_plane, "rod_in_plane", Unit::radian, kOfChain | kShaft | kWraps},
+    {SensorKind::rod_lateral, "rod_lateral", Unit::radian, kOfChain | kShaft},
+    {SensorKind::rod_length, "rod_length", Unit::metre, kOfChain},
+    {SensorKind::motor_encoder, "motor_encoder", Unit::radian, kOfChain | kShaft | kWraps},
+    {SensorKind::axis_angle, "axis_angle", Unit::radian, kShaft},
+});  // the last row
 inline constexpr int kSensorKinds = static_cast<int>(kSensorTable.size());
 
 /// Properties of a valid kind (see parts_exist).
@@ -120,5 +96,4 @@ constexpr bool in_order(const Table& table, Column column) {
   return true;
 }
 static_assert(in_order(kSensorTable, &SensorProperties::kind));
-
 }  // namespace truepose

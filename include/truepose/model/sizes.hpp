@@ -6,7 +6,6 @@
 #include "truepose/math/real.hpp"
 
 namespace truepose {
-
 inline constexpr int kMaxDof = 6;        ///< degrees of freedom n
 inline constexpr int kMaxChains = 6;     ///< driven or not
 inline constexpr int kMaxMotors = 6;     ///< they drive the first chains
@@ -25,5 +24,4 @@ using Coordinates = std::array<Real, kMaxDof>;    ///< of the platform: x, a twi
 using Joint = std::array<Real, kMaxMotors>;       ///< of the motors: q, torques
 using Reading = std::array<Real, kMaxSensors>;    ///< anything of size r
 using Extended = std::array<Real, kMaxReadings>;  ///< anything of size n + r
-
 }  // namespace truepose

@@ -2,7 +2,6 @@
 #pragma once
 
 namespace truepose {
-
 /// Result of every core function; nothing throws. Below 0: answer with a warning; above 0: none.
 enum class [[nodiscard]] Status : int {
   stopped = -3,        ///< readings disagreed too long: identification has stopped
@@ -58,5 +57,4 @@ struct [[nodiscard]] Outcome {
   int chain = -1;
   constexpr explicit operator bool() const { return status <= Status::ok; }
 };
-
 }  // namespace truepose

@@ -9,14 +9,13 @@
 #include "truepose/kinematics/fkm.hpp"
 
 namespace truepose {
-
 /// Modes nearer than this in position and orientation count as one, m and rad.
 inline constexpr double kSameMode = 1e-6;
 
-/// The poses found, and the number of searches that ended at each.
-struct AssemblyModes {
-  std::vector<Pose> pose;
-  std::vector<int> seen;
+/// A pose found, and the number of searches that ended there.
+struct AssemblyMode {
+  Pose pose;
+  int seen = 1;
 };
 
 /// Random poses that cover all solutions: orientations uniform, positions uniform over a box that
@@ -71,7 +70,7 @@ inline bool closes(const FkmResult& result) {
 
 /// The distinct modes among the poses of searches, nearest to home first. A sorted projection makes
 /// this as fast with few repeated poses as with many.
-inline AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
+inline std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<Pose> found) {
   if (pivots(robot.mobility))
     for (Pose& pose : found)
       for (int axis = 0; axis < dof(robot.mobility); ++axis)
@@ -87,33 +86,23 @@ inline AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found)
   constexpr double kWindow = 5 * kSameMode;  // |Δ along| ≤ √3 |ΔD|∞ + √2 |ΔR|
   std::sort(found.begin(), found.end(),
             [&](const Pose& a, const Pose& b) { return along(a) < along(b); });
-  AssemblyModes modes;
+  std::vector<AssemblyMode> modes;
   for (const Pose& pose : found) {
-    std::size_t k = modes.pose.size();
+    std::size_t k = modes.size();
     bool known = false;
-    while (!known && k > 0 && along(pose) - along(modes.pose[k - 1]) < kWindow)
-      known = apart(pose, modes.pose[--k]) < kSameMode;
-    if (known) {
-      ++modes.seen[k];
-    } else {
-      modes.pose.push_back(pose);
-      modes.seen.push_back(1);
-    }
+    while (!known && k > 0 && along(pose) - along(modes[k - 1].pose) < kWindow)
+      known = apart(pose, modes[--k].pose) < kSameMode;
+    if (known)
+      ++modes[k].seen;
+    else
+      modes.push_back({pose});
   }
   const Pose home = to_pose(robot.mobility, robot.home);
-  std::vector<std::size_t> order(modes.pose.size());
-  for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return apart(modes.pose[a], home) < apart(modes.pose[b], home);
+  std::stable_sort(modes.begin(), modes.end(), [&](const AssemblyMode& a, const AssemblyMode& b) {
+    return apart(a.pose, home) < apart(b.pose, home);
   });
-  AssemblyModes sorted;
-  for (const std::size_t k : order) {
-    sorted.pose.push_back(modes.pose[k]);
-    sorted.seen.push_back(modes.seen[k]);
-    Pose& pose = sorted.pose.back();
-    if (turns_about_z(robot.mobility)) pose.theta = theta_of(pose.R, 0);
-  }
-  return sorted;
+  if (turns_about_z(robot.mobility))
+    for (AssemblyMode& mode : modes) mode.pose.theta = theta_of(mode.pose.R, 0);
+  return modes;
 }
-
 }  // namespace truepose

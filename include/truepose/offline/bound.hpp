@@ -8,7 +8,6 @@
 #include "truepose/offline/links.hpp"
 
 namespace truepose {
-
 /// A pose at which readings are taken, and other information on it.
 struct Visit {
   Pose pose;
@@ -152,5 +151,4 @@ inline Outcome pose_error(const Robot& robot, const Kernels& model, const Knowle
   error.by_noise.noalias() = gain * gain.transpose();
   return {};
 }
-
 }  // namespace truepose

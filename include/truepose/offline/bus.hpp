@@ -7,7 +7,6 @@
 #include "truepose/control/multirate.hpp"
 
 namespace truepose {
-
 /// Bus between a robot's sensors and its controller, clocked by the controller.
 class Bus {
  public:
@@ -56,5 +55,4 @@ Weighing compensated(const Robot& robot, const Weighing& weighing, Multirate& la
   weigh(robot, late, known);
   return {&known, weighing.work, weighing.kept};
 }
-
 }  // namespace truepose

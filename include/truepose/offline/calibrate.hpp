@@ -13,7 +13,6 @@
 #include "truepose/offline/calibration.hpp"
 
 namespace truepose {
-
 /// Batch calibration by Levenberg-Marquardt; deterministic. A robust loss first scales residuals by
 /// their median: the initial error is then no outlier, and gross errors never enter as squares.
 class Calibrator {
@@ -146,8 +145,7 @@ class Calibrator {
                       log_.measured);
   }
 
-  /// Finds the poses of rows that have none, from the motors at the current geometry.
-  /// @return whether there is a new one
+  /// Finds poses of rows without one, from the motors. @return whether there is a new one
   bool reach(Iterate& at) {
     const Pose home = to_pose(robot_.mobility, robot_.home);
     Pose guess = home;
@@ -212,8 +210,7 @@ class Calibrator {
     return true;
   }
 
-  /// Moves row k to a pose where its misfit is lower, or to any if it has `none` so far.
-  /// @return whether it was moved
+  /// Moves row k to a pose of lower misfit, or to any if it has `none`. @return whether it moved
   bool lower(Iterate& at, int k, const Pose& to, bool none = false) {
     const Pose pose = at.pose[k];
     const Line line = at.line[k];
@@ -351,5 +348,4 @@ class Calibrator {
   int last_iteration_ = 0;
   CalibrationResult result_;
 };
-
 }  // namespace truepose

@@ -7,7 +7,6 @@
 #include "truepose/offline/links.hpp"
 
 namespace truepose {
-
 /// Settings of a batch calibration.
 struct CalibrationSettings {
   int influences = 0;     ///< number of amounts of influences, unknowns before the nuisances
@@ -122,5 +121,4 @@ struct CalibrationResult {
   std::vector<double> amount;    ///< of every influence
   double cost = 0;
 };
-
 }  // namespace truepose

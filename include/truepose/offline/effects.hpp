@@ -8,7 +8,6 @@
 #include "truepose/offline/plant.hpp"
 
 namespace truepose {
-
 /// Effects; zero disables an effect.
 struct Effects {
   double backlash = 0;        ///< full backlash of a geared platform angle's gear, rad of the angle
@@ -33,8 +32,6 @@ inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, 
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
-namespace effects_detail {
-
 /// Dahl friction after a displacement: df/dq = (sgn dq - f)/presliding, exact solution. It depends
 /// on the path only, not on time: a motor at rest stays, one that reverses lags. (P. R. Dahl, A
 /// solid friction model, Aerospace Corporation TOR-0158, 1968.)
@@ -42,8 +39,6 @@ inline double dahl(double slip, double displacement, double presliding) {
   const double side = displacement > 0 ? 1 : -1;
   return side + (slip - side) * std::exp(-std::fabs(displacement) / presliding);
 }
-
-}  // namespace effects_detail
 
 /// The true robot and its state: pose, rate, friction, rotors, gears.
 template <Mobility K>
@@ -68,13 +63,9 @@ class Plant {
   /// Initialises the plant at rest under its own weight.
   Outcome rest() {
     Closure<K> closure;
-    Jacobians<K> jacobians;
-    DynamicModel<K> model;
     Outcome outcome = ikm<K>(truth_, state_.pose, closure);
-    if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome) outcome = dynamic_model<K>(truth_, closure, Coordinates{}, model);
+    if (outcome) outcome = hold<K>(truth_, state_.pose, transmitted_);
     if (!outcome) return outcome;
-    transmitted_ = inverse_dynamics<K>(model, jacobians.J, Coordinates{});
     const Joint q = closure.q();
     for (int i = 0; i < n; ++i)
       rotors_[i] = shaft(i, q[i]) + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
@@ -116,8 +107,8 @@ class Plant {
       for (int i = 0; i < n; ++i) {
         const double moved_by = turned[i] - rotors_[i];
         if (moved_by == 0) continue;
-        slip_[i] = effects_detail::dahl(slip_[i], moved_by, effects_.presliding);
-        rubs_[i] = effects_detail::dahl(rubs_[i], moved_by, kBrakePresliding);
+        slip_[i] = dahl(slip_[i], moved_by, effects_.presliding);
+        rubs_[i] = dahl(rubs_[i], moved_by, kBrakePresliding);
       }
       rotors_ = turned;
     }
@@ -218,5 +209,4 @@ class Plant {
   std::array<double, kMaxSensors> geared_{};  ///< far sides of geared sensors, as read
   Random random_;
 };
-
 }  // namespace truepose

@@ -5,13 +5,11 @@
 #include "truepose/estimation/linearise.hpp"
 
 namespace truepose {
-
 /// Computes the largest second derivative of every reading at a pose from rest, all motors at their
 /// torque limits: |H_x M⁻¹Kᵀ| τ + |H_x M⁻¹ g|. 0 if any motor has no limit.
 /// @return unreachable, singular
 inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     constexpr int n = kDof<K>;
     most.fill(0);
     Extended q_e;
@@ -46,5 +44,4 @@ inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most)
     return Outcome{};
   });
 }
-
 }  // namespace truepose

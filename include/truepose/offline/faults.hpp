@@ -8,7 +8,6 @@
 #include "truepose/model/robot.hpp"
 
 namespace truepose {
-
 /// Kinds of faulty readings. s is the healthy reading, including noise and quantization.
 enum class FaultKind : int {
   bias = 0,     ///< s + size
@@ -135,5 +134,4 @@ class FaultyReadings {
   double period_;
   std::vector<State> state_;
 };
-
 }  // namespace truepose

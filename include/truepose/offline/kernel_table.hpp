@@ -7,7 +7,6 @@
 #include "truepose/offline/model_error.hpp"
 
 namespace truepose {
-
 /// Generalised least squares at a pose, as Fusion, and the resulting weighted TEJ.
 struct Fused {
   PoseColumns gain;
@@ -40,7 +39,6 @@ struct Kernels {
 };
 
 namespace kernels_detail {
-
 /// Copies the used part of a matrix into one of another size.
 template <class From, class To>
 inline void copy(const From& from, int rows, int columns, To& to) {
@@ -79,7 +77,6 @@ Found estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, 
   copy(estimate.covariance, kDof<K>, kDof<K>, found.covariance);
   return found;
 }
-
 }  // namespace kernels_detail
 
 template <Mobility K, class Model>
@@ -98,12 +95,10 @@ constexpr Kernels kernels() {
 
 /// @param full  full level, where it is a separate model
 inline Kernels kernels(Mobility mobility, bool full) {
-  return with_mobility(mobility, [&](auto constant) {
-    constexpr Mobility K = constant();
+  return with_mobility(mobility, [&]<Mobility K>(Fixed<K>) {
     if constexpr (kRodByRod<K>)
       if (full) return kernels<K, FullModel>();
     return kernels<K, IdealModel>();
   });
 }
-
 }  // namespace truepose

@@ -7,7 +7,6 @@
 #include "truepose/offline/registration.hpp"
 
 namespace truepose {
-
 /// A row of readings, linearised: R δx = e - B δu in the upper n equations; those below contain no
 /// δx. In units of the readings' σ and, for u, of the knowledge's root: ξ = μ + S u.
 struct Line {
@@ -62,8 +61,7 @@ struct Influences {
   const double* pattern = nullptr;  ///< (n + r) × count: effect of one unit of each
 };
 
-/// Computes D of a row, in units of the readings' σ: of influences, then of nuisances at the pose.
-/// @param axes  as for left_out
+/// Computes D of a row, in σ of the readings: of influences, then of nuisances (as left_out).
 inline Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledge& axes,
                       const Pose& pose, const Influences& given, double* H_xi, RowMatrix& D) {
   const int readings = kernels.n + robot.r;
@@ -136,5 +134,4 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
       line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), known.count, line.e);
   return {determined ? Status::ok : Status::singular, -1};
 }
-
 }  // namespace truepose

@@ -18,7 +18,6 @@
 #include "truepose/offline/line.hpp"
 
 namespace truepose {
-
 /// Kinds of links between tool points p = D + R c.
 enum class LinkKind : int {
   plane = 0,     ///< p_z - h - a p_x - b p_y; other axes cyclically: x, y, z, x, …
@@ -261,5 +260,4 @@ inline void cross_validate(const Links& links, const LinkBlock& block, const Eig
     of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
   }
 }
-
 }  // namespace truepose

@@ -16,7 +16,6 @@
 #include "truepose/math/eliminate.hpp"
 
 namespace truepose {
-
 /// Cost of the residual of one pose's readings.
 enum class Loss : int {
   squares = 0,  ///< d²: normal errors
@@ -92,5 +91,4 @@ class LineLoss {
   double tuning_;
   std::array<double, kMaxRows + 1> a_, b_;
 };
-
 }  // namespace truepose

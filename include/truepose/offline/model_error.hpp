@@ -4,7 +4,6 @@
 #include "truepose/full/linearise.hpp"
 
 namespace truepose {
-
 /// Computes D of the model error of the ideal level. Axes that deviate from nominal tilt the
 /// platform and turn its bars; readings then differ by D η to first order, with
 /// D = H_ξ(full) - H_ξ(ideal). η, the axis errors, are nuisance parameters.
@@ -25,5 +24,4 @@ Outcome left_out(const Robot& robot, const Knowledge& known, const Pose& pose, d
   gather(robot, known, H_xi, rows, D.data());
   return outcome;
 }
-
 }  // namespace truepose

@@ -7,7 +7,6 @@
 #include "truepose/full/rkm.hpp"
 
 namespace truepose {
-
 /// State of the plant: pose and free twist. Its Robot is the true one.
 struct PlantState {
   Pose pose;
@@ -77,6 +76,12 @@ inline Outcome advance(const Robot& truth, const Joint& torque, double period, i
   return {};
 }
 
+/// Computes the torques that hold a robot at a pose against its weight.
+template <Mobility K>
+inline Outcome hold(const Robot& robot, const Pose& pose, Joint& torque) {
+  return inverse_dynamics<K>(robot, pose, Coordinates{}, Coordinates{}, torque);
+}
+
 /// Random generator of the readings' noise, reproducible by seed.
 using Random = std::mt19937_64;
 
@@ -93,8 +98,7 @@ inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
     q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
 }
 
-/// Computes readings without noise and quantization, at the robot's level.
-/// @param rest  as for ikm_full
+/// Readings without noise and quantization, at the robot's level. @param rest  as for ikm_full
 template <Mobility K>
 inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e,
                               Parasitic& rest) {
@@ -115,5 +119,4 @@ inline Outcome measure(const Robot& truth, const Pose& pose, Random& random, Ext
   if (outcome) spoil(truth, random, q_e);
   return outcome;
 }
-
 }  // namespace truepose

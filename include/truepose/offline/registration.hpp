@@ -19,7 +19,6 @@
 #include "truepose/math/eliminate.hpp"
 
 namespace truepose {
-
 /// Position and orientation of one frame in another.
 struct Frame {
   Vec3 t = Vec3::Zero();
@@ -41,11 +40,6 @@ inline Registration moved(const Registration& from, const double* step) {
           {from.marker.t + at(6), exp_so3(at(9)) * from.marker.R}};
 }
 
-/// Number of position coordinates, which come first.
-constexpr int positions_of(Mobility mobility) {
-  return mobility == Mobility::planar || mobility == Mobility::planar_translation ? 2 : 3;
-}
-
 /// Expected measured coordinates at a pose, and their derivatives.
 struct Seen {
   Vec3 p;
@@ -56,9 +50,7 @@ struct Seen {
 };
 
 namespace registration_detail {
-
-/// Enters the derivatives of the marker's turn about `about`, in the tracker's frame.
-/// @param turn  platform to tracker
+/// Enters derivatives of the marker's turn about `about`. @param turn  platform to tracker
 inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn,
                        const Vec3& about, int i, Seen& to) {
   free_columns(mobility, Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
@@ -66,7 +58,6 @@ inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& tu
   const Vec3 own = turn.transpose() * about;
   std::copy_n(own.data(), 3, to.H[i].begin() + 9);
 }
-
 }  // namespace registration_detail
 
 /// θ is the angle of the marker's x axis about the tracker's z, less certain the nearer the two
@@ -155,7 +146,6 @@ inline Mat3 nearest_rotation(const Mat3& A) {
 }
 
 namespace registration_detail {
-
 /// A marker's place by the robot and as measured at a row.
 struct Pair {
   Vec3 from, to;
@@ -181,7 +171,6 @@ inline Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
   }
   return sum.norm() > 0 ? nearest_rotation(sum) : known;
 }
-
 }  // namespace registration_detail
 
 /// Computes an initial registration from roughly known poses; measurements may contain gross errors
@@ -255,5 +244,4 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
                                                        pairs, pose, measured);
   return result;
 }
-
 }  // namespace truepose

@@ -10,7 +10,6 @@
 #include "truepose/offline/faults.hpp"
 
 namespace truepose {
-
 /// A run: a straight quintic move, then a hold at its end.
 struct Run {
   Coordinates from{}, to{};
@@ -178,5 +177,4 @@ inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlS
                         const Extras& extras = {}) {
   return Loop<K>(nominal, truth, settings, start, run.seed, extras).move(run, write);
 }
-
 }  // namespace truepose

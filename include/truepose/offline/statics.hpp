@@ -8,10 +8,8 @@
 #include "truepose/offline/plant.hpp"
 
 namespace truepose {
-
 /// Settings of the static equilibrium kp ê_q + τ_ff(x_d) = τ_hold(x), nominal feed-forward against
-/// true weight; M_q(x_d) kp ê_q with inertia-shaped gains. Without gravity or with integral action,
-/// ê_q = 0.
+/// true weight; M_q(x_d) kp ê_q with inertia-shaped gains. Without gravity, ê_q = 0.
 struct StaticsSettings {
   ControlSettings control;
   bool gravity = false;  ///< false: ê_q = 0
@@ -21,13 +19,6 @@ inline constexpr int kSettleIterations = 100;
 inline constexpr double kMostAmplified = 100;  ///< largest fault gain at a stable equilibrium
 
 namespace statics_detail {
-
-/// Computes the torques that hold a robot at a pose against its weight.
-template <Mobility K>
-inline Outcome hold(const Robot& robot, const Pose& pose, Joint& torque) {
-  return inverse_dynamics<K>(robot, pose, Coordinates{}, Coordinates{}, torque);
-}
-
 /// A PD controller at x_d under load: feed-forward, compliance, and the load's change.
 template <Mobility K>
 class Loaded {
@@ -83,7 +74,6 @@ class Loaded {
   Joint feed_{};
   Square yield_, newton_;
 };
-
 }  // namespace statics_detail
 
 /// Computes the true robot's steady-state pose under the nominal controller at x_d, with
@@ -123,7 +113,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     Extended q_e{};
     Joint load{};
     outcome = exact_readings<K>(truth, pose, q_e, standing);
-    if (outcome && settings.gravity) outcome = statics_detail::hold<K>(truth, pose, load);
+    if (outcome && settings.gravity) outcome = hold<K>(truth, pose, load);
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
     for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
@@ -192,5 +182,4 @@ inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseCo
   }
   return {};
 }
-
 }  // namespace truepose

@@ -18,7 +18,6 @@
 #include "truepose/offline/kernel_table.hpp"
 
 namespace truepose {
-
 /// Load on a robot's rods, in addition to its weight.
 struct Load {
   Vec3 force = Vec3::Zero();  ///< on the platform's reference point, N, base frame
@@ -39,17 +38,12 @@ struct Pull {
   Joint rate{};        ///< ∂position/∂q of its motor
 };
 
-namespace stretch_detail {
-
-/// Computes the smallest tensions that hold w. @param G  of unit tensions, one column per rod
-/// @return whether the rods hold every load
+/// Computes the smallest tensions T that hold w, G T = -w. @return whether every load can be held
 inline bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::VectorXd& T) {
   const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> rods(G);
   T = rods.solve(-w);
   return rods.rank() == G.rows() && T.allFinite();
 }
-
-}  // namespace stretch_detail
 
 /// Ideal level. @return singular where the rods hold nothing along some freedom
 template <Mobility K>
@@ -71,7 +65,7 @@ Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& p
     jx_row<K>(at.carried, chain.v, chain.lever, row);
     G.col(i) = Eigen::Map<const Eigen::VectorXd>(row.data(), n) / chain.v.norm();
   }
-  if (!stretch_detail::held(G, w, T)) return {Status::singular, -1};
+  if (!held(G, w, T)) return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
     pull.tension[i] = std::isnan(load.tension[i]) ? T[i] : load.tension[i];
     pull.length[i] = pull.tension[i] * at.chain[i].v.norm();
@@ -109,7 +103,7 @@ Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pul
     if (together) row[6] += row[7];
     G.col(rod) = Eigen::Map<const Eigen::VectorXd>(row.data(), G.rows()) / at.v[rod].norm();
   }
-  if (!stretch_detail::held(G, w.head(G.rows()), T)) return {Status::singular, -1};
+  if (!held(G, w.head(G.rows()), T)) return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
     Real of[2] = {T[2 * i], T[2 * i + 1]}, sum = of[0] + of[1];
     if (!std::isnan(load.tension[i])) {
@@ -128,14 +122,12 @@ Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pul
 /// At a pose held by the motors, at either level.
 inline Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by) {
   if (!robot.finished) return {Status::unfinished, -1};
-  return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) -> Outcome {
     if constexpr (kRodByRod<K>) {
       if (full && robot.full.own()) {
         FullClosure<K> at;
-        const FullResult result = ikm_full<K>(robot, pose, at);
-        if (!result) return {result.status, result.chain};
-        return pull<K>(robot, at, load, by);
+        const Outcome outcome = ikm_full<K>(robot, pose, at);
+        return outcome ? pull<K>(robot, at, load, by) : outcome;
       }
     }
     Closure<K> at;
@@ -189,5 +181,4 @@ inline Outcome under_load(const Robot& robot, const Kernels& model, bool full, c
   }
   return outcome;
 }
-
 }  // namespace truepose

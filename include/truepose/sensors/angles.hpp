@@ -4,46 +4,34 @@
 #include "truepose/sensors/sensed.hpp"
 
 namespace truepose {
-
-/// Frame (forward, side, axis), base frame, in which a joint sees its rod ρ. Base side: of a
-/// revolute chain the arm, u × arm and u; of any other e, u × e and u, fixed in the base. Platform
-/// side: the sensor's own (normal, direction × normal, direction), carried by platform or bar.
-/// @param p     P to B
-/// @param body  orientation of the body that carries A
-struct RodFrame {
-  Vec3 forward, side, axis;
-};
-inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const Vec3& p,
-                          const Mat3& body) {
-  Vec3 forward = chain.zero(), axis = chain.axis();
-  if (sensor.at_nacelle) {
-    forward = body * sensor.normal();
-    axis = body * sensor.direction();
-  } else if (chain.actuator == Actuator::revolute) {
-    forward = p / chain.arm;
-  }
-  return {forward, axis.cross(forward), axis};
-}
-
 /// Direction of the rod ρ = A - B in the frame's plane, from `forward`, positive about `axis` (as
 /// q): atan2(side·ρ, forward·ρ); or out of it, positive along `axis`: atan2(axis·ρ, √((forward·ρ)²
 /// + (side·ρ)²)). Turning rod and frame together changes nothing, so ∂s/∂frame = ∂s/∂ρ × ρ.
-/// @param v  A to B
-inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Vec3& p,
-                              const Vec3& v, const Mat3& body) {
+///
+/// The frame (forward, side, axis), base frame: at the base side of a revolute chain the arm,
+/// u × arm and u; of any other e, u × e and u, fixed in the base. At the platform's side the
+/// sensor's own (normal, direction × normal, direction), carried by platform or bar.
+inline Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
   Sensed s;
-  const RodFrame frame = rod_frame(sensor, chain, p, body);
-  const Vec3 rod = -v;
-  const Real f = frame.forward.dot(rod), w = frame.side.dot(rod), a = frame.axis.dot(rod);
+  const Mat3& body = seen.body;
+  Vec3 forward = seen.chain.zero(), axis = seen.chain.axis();
+  if (sensor.at_nacelle) {
+    forward = body * sensor.normal();
+    axis = body * sensor.direction();
+  } else if (seen.chain.actuator == Actuator::revolute) {
+    forward = seen.p / seen.chain.arm;
+  }
+  const Vec3 side = axis.cross(forward);
+  const Vec3 rod = -seen.v;
+  const Real f = forward.dot(rod), w = side.dot(rod), a = axis.dot(rod);
   const Real plane2 = f * f + w * w;
   if (sensor.kind == SensorKind::rod_in_plane) {
     s.value = std::atan2(w, f);
-    s.rod = (f * frame.side - w * frame.forward) / plane2;
+    s.rod = (f * side - w * forward) / plane2;
   } else {
     const Real plane = std::sqrt(plane2);
     s.value = std::atan2(a, plane);
-    s.rod =
-        (plane * frame.axis - a / plane * (f * frame.forward + w * frame.side)) / (plane2 + a * a);
+    s.rod = (plane * axis - a / plane * (f * forward + w * side)) / (plane2 + a * a);
   }
   s.frame = s.rod.cross(rod);
   if (sensor.at_nacelle) {  // its mounting: f, w and a differentiated in the body's own axes
@@ -63,10 +51,10 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ve
 }
 
 inline Sensed sense(Is<SensorKind::rod_in_plane>, const Sensor& sensor, const SeenChain& seen) {
-  return sense_rod_angle(sensor, seen.chain, seen.p, seen.v, seen.body);
+  return sense_rod_angle(sensor, seen);
 }
 inline Sensed sense(Is<SensorKind::rod_lateral>, const Sensor& sensor, const SeenChain& seen) {
-  return sense_rod_angle(sensor, seen.chain, seen.p, seen.v, seen.body);
+  return sense_rod_angle(sensor, seen);
 }
 
 /// The motor's position on the load side: the arm's angle, not the motor encoder's reading.
@@ -76,5 +64,4 @@ inline Sensed sense(Is<SensorKind::motor_encoder>, const Sensor&, const SeenChai
   s.motor = 1;
   return s;
 }
-
 }  // namespace truepose

@@ -4,7 +4,6 @@
 #include "truepose/sensors/sensed.hpp"
 
 namespace truepose {
-
 /// Telemeter along the line o + s w, fixed, to the plane of the platform through D + R t with
 /// normal R m: (R m)·(D + R t - o - s w) = 0.
 inline Sensed sense(Is<SensorKind::plane_distance>, const Sensor& sensor, const Pose& pose) {
@@ -44,5 +43,4 @@ inline Sensed sense(Is<SensorKind::rod_length>, const Sensor&, const SeenChain& 
   s.rod = -seen.v / s.value;
   return s;
 }
-
 }  // namespace truepose

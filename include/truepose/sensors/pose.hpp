@@ -4,7 +4,6 @@
 #include "truepose/sensors/sensed.hpp"
 
 namespace truepose {
-
 inline Sensed sense(Is<SensorKind::platform_angle>, const Sensor&, const Pose& pose) {
   Sensed s;
   s.value = pose.theta;
@@ -57,5 +56,4 @@ inline Sensed sense(Is<SensorKind::rotation>, const Sensor& sensor, const Pose& 
   s.direction = w;
   return s;
 }
-
 }  // namespace truepose

@@ -4,7 +4,6 @@
 #include "truepose/sensors/sensor.hpp"
 
 namespace truepose {
-
 /// r = RKM(x) and J_r = ∂r/∂x (r rows of n) at a closed pose.
 /// @return not_finite: no reading (telemeter along its own plane, rod across its joint's plane), or
 /// no derivative (draw-wire of zero length)
@@ -20,8 +19,7 @@ inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& value
 }
 
 inline Outcome rkm(const Robot& robot, const Coordinates& x, Reading& values) {
-  return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
-    constexpr Mobility K = mobility();
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) -> Outcome {
     Closure<K> closure;
     Matrix<kMaxSensors, kDof<K>> jr;
     const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
@@ -54,5 +52,4 @@ inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
   if (outcome) extend<K>(robot, closure.q(), values, q_e);
   return outcome;
 }
-
 }  // namespace truepose

@@ -4,7 +4,6 @@
 #include "truepose/kinematics/ikm.hpp"
 
 namespace truepose {
-
 /// s and its derivatives, without gain and offset; zero for what a kind does not depend on.
 struct Sensed {
   Real value = 0;
@@ -27,5 +26,4 @@ struct SeenChain {
   const Vec3& v;  ///< A to B, the sensor's rod
   Mat3 body;      ///< orientation of the body that carries A
 };
-
 }  // namespace truepose

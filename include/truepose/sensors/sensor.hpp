@@ -7,7 +7,6 @@
 #include "truepose/sensors/pose.hpp"
 
 namespace truepose {
-
 /// Whether a sensor is an encoder on a turning shaft.
 inline bool rotary(const Sensor& sensor) { return properties(sensor.kind).shaft; }
 
@@ -144,5 +143,4 @@ inline Real read(const Robot& robot, const Sensor& sensor, const Closure<K>& clo
 inline Real quantized(Real value, Real step) {
   return step > 0 ? step * std::nearbyint(value / step) : value;
 }
-
 }  // namespace truepose

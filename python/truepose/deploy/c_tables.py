@@ -143,13 +143,13 @@ def _description(name: str, robot: Robot) -> str:
     axes = zip(robot.spec.passive_axis, tables["axis"], strict=True)
     shown = [(f"axis {axis.name}", _rows(listed, "    ")) for axis, (_, listed) in axes]
     parts.append(_parts(shown or [("axis none", "    {0.0}, {0.0}, 0.0, 0.0,")]))
+    counts, listed = tables["head"]
     return (
         f"static const truepose_description {name} = {{\n"
         f"  TRUEPOSE_ABI, sizeof(truepose_description),\n"
-        f"  {_whole(tables['counts'])}, /* mobility, chains, motors, sensors, bodies, bar_joint, "
+        f"  {_whole(counts)}, /* mobility, chains, motors, sensors, bodies, bar_joint, "
         "level */\n"
-        f"  {_numbers(tables['gravity'])}, /* gravity */\n"
-        f"  {_numbers(tables['home'])}, /* home */\n" + ",\n".join(parts) + "\n};\n"
+        f"{_rows(listed, '  ')}\n" + ",\n".join(parts) + "\n};\n"
     )
 
 

@@ -1,0 +1,161 @@
+// One cycle of the fault monitor: its readings, and tests of them that change no state.
+#pragma once
+
+#include "truepose/control/fault_monitor_state.hpp"
+#include "truepose/control/multirate.hpp"
+#include "truepose/control/parity.hpp"
+
+namespace truepose::watch_detail {
+/// Inputs, intermediate results and tests of one cycle.
+template <Mobility K>
+struct MonitoredCycle {
+  static constexpr int n = kDof<K>;
+
+  const Robot& robot_;
+  const FaultMonitorSettings& settings_;
+  const Weighing& weighing_;
+  const Joint& desired_;
+  Extended q_e_;  ///< readings; delayed ones extrapolated to now
+  FaultMonitor& watch_;
+  Extended& believed_;
+  Multirate* late_;  ///< slow and delayed sensors; nullptr: none
+
+  int r_ = robot_.r, rows_ = n + r_;
+  bool settled_ = watch_.cycle - watch_.began > kSettling;
+  Parity<K> parity_;
+  Extended noise_{};               ///< variances of the readings' own errors
+  Extended unknown_{};             ///< of unknown errors
+  int left_out_ = 0;               ///< their number
+  Extended innovation_{};          ///< of each reading's own tracker
+  std::uint32_t symptomatic_ = 0;  ///< extrapolated readings
+  std::uint32_t without_ = 0;      ///< excluded readings
+  std::uint32_t held_ = 0;         ///< candidate motors held at their setpoints
+
+  // Not an aggregate: that would be filled with zeros first.
+  MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
+                 const Joint& desired, const Extended& q_e, FaultMonitor& watch, Extended& believed,
+                 Multirate* late)
+      : robot_(robot),
+        settings_(settings),
+        weighing_(weighing),
+        desired_(desired),
+        q_e_(q_e),
+        watch_(watch),
+        believed_(believed),
+        late_(late) {
+    for (int c = 0; c < rows_; ++c) noise_[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
+  }
+
+  /// False also where later numbers would overflow.
+  static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
+
+  bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
+  int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
+
+  /// Whether no motor's reading has failed.
+  bool motors_valid() const {
+    return std::none_of(watch_.reading.begin(), watch_.reading.begin() + n,
+                        [](const auto& motor) { return motor.health == Health::failed; });
+  }
+
+  Symptom symptom_of(int c) const {
+    const MonitoredReading& reading = watch_.reading[c];
+    const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
+    if (!number(raw)) return Symptom::missing;
+    if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
+    const bool followed = watch_.cycle - watch_.began > kFollowed;
+    if (!followed || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
+    // m missing cycles allow another m(m + 3)/2 of an acceleration. A reading that jumped must
+    // return to its prediction.
+    const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
+    const Real way = settings_.period * settings_.period * settings_.fastest[c] *
+                     (settings_.own.acceleration + 0.5 * m * (m + 3));
+    const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
+    return std::fabs(innovation_[c]) > way + chance ? Symptom::too_fast : Symptom::none;
+  }
+
+  /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
+  bool covariance(Real gain, Real share, ReadingCovariance& V) const {
+    Extended variance{};
+    for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
+    parity_.covariance(r_, variance, watch_.geometry, watch_.known ? share : 0, V);
+    return V.factor(r_);
+  }
+
+  /// σ of the geometry's error in the parity tracker's innovation, as a share of the whole error.
+  /// That error is a function of the pose: an acceleration changes it as far as the pose, a
+  /// velocity by its square.
+  Real bending() const {
+    Real way2 = 0, bend2 = 0;
+    for (int i = 0; i < n; ++i) {
+      const Real bend = watch_.motion[i] - watch_.last[i];
+      way2 += watch_.motion[i] * watch_.motion[i];
+      bend2 += bend * bend;
+    }
+    const Real per = 1 / settings_.correlation;
+    return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
+  }
+
+  /// Unchanged cycles after which a reading stands still.
+  static constexpr int kStill = 3;
+  /// Share of `moved` above which a reading that stands still during an alarm is isolated.
+  static constexpr Real kStoodBy = 0.4;
+  /// σ by which a motor may deviate from its usual following error.
+  static constexpr Real kStrays = 8;
+
+  bool leaves_track(int c, Real innovation) const {
+    const Real spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
+    return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
+  }
+
+  /// Whether a motor left its track since a delayed sample was taken, which shows it only now.
+  bool motor_left(int c) const {
+    bool any = false;
+    for (int i = 0; late(c) && i < n; ++i)
+      any =
+          any || watch_.cycle - watch_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
+    return any;
+  }
+
+  Real model(int c) const {
+    if (late(c)) return late_->then[c - n];
+    // At the motors' pose; `expected` is at the pose from which that was found.
+    return c < n ? desired_[c] : parity_.read[c] - parity_.value[c - n];
+  }
+
+  /// Value whose changes show that a reading moves: of a delayed sensor its last sample.
+  Real raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
+
+  /// Largest model motion while a reading stands still. A motor that oscillates about its path, for
+  /// example by a law with a delayed sensor, stands still at its turning points while its setpoint
+  /// moves on: its usual deviation counts.
+  Real much(int c, Real share) const {
+    const MonitoredReading& reading = watch_.reading[c];
+    return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
+  }
+
+  /// Model motion beyond noise since the reading changed last: the smaller of that and of its
+  /// distance from the motor, so that motion towards the motor does not count.
+  Real stood(int c) const {
+    const MonitoredReading& reading = watch_.reading[c];
+    const Real by = model(c) - reading.model + reading.way;
+    return std::min(std::fabs(by), std::fabs(by + reading.off)) -
+           settings_.sigmas * parity_.expectation_noise(noise_, c);
+  }
+
+  /// Whether b̂ may drive a motor: its σ², and its variance from the readings' own errors, Σ_b²
+  /// gᵀV⁻¹ V_s V⁻¹g, which is new in every cycle and shakes the velocity loop.
+  /// @param left  variance of b̂ @param g  signature of the reading, whitened by V @param own  V_s
+  bool replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
+                   const ReadingCovariance& own) const {
+    if (!(left < settings_.replaceable * settings_.replaceable)) return false;
+    const Real most = settings_.shaken[c];
+    if (!(most > 0)) return true;
+    V.colour(r_, g.data());
+    Real sum = 0;
+    for (int k = 0; k < r_; ++k)
+      for (int l = 0; l < r_; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
+    return unknown_[c] * unknown_[c] * sum < most * most;
+  }
+};
+}  // namespace truepose::watch_detail
