@@ -41,13 +41,13 @@ void kinematics(const std::string& name, const Inputs<K>& in, std::vector<bench:
     bench::keep(jacobian(in.robot, in.x[i], J));
     bench::keep(J);
   });
-  add(kPivots<K> ? "FKM from 10 mrad" : "FKM from 1 mm, 1 mrad", [&](int i) {
+  add(kRotational<K> ? "FKM from 10 mrad" : "FKM from 1 mm, 1 mrad", [&](int i) {
     Coordinates x = in.near[i];
     bench::keep(fkm(in.robot, in.q[i], x));
     bench::keep(x);
   });
-  add(kPivots<K> ? "FKM from neutral" : "FKM from home", [&](int i) {
-    Coordinates x = kPivots<K> ? Coordinates{} : in.robot.home;
+  add(kRotational<K> ? "FKM from neutral" : "FKM from home", [&](int i) {
+    Coordinates x = kRotational<K> ? Coordinates{} : in.robot.home;
     bench::keep(fkm(in.robot, in.q[i], x));
     bench::keep(x);
   });
@@ -220,8 +220,8 @@ int main(int argc, char** argv) {
     rows.push_back(row);
   }
   kinematics<Mobility::spatial>("6-UPS", ups, rows);
-  kinematics<Mobility::pivot_2>("G1 ankle", Inputs<Mobility::pivot_2>(pivots_tested::g1_ankle()),
-                                rows);
+  kinematics<Mobility::rotational_2>(
+      "G1 ankle", Inputs<Mobility::rotational_2>(pivots_tested::g1_ankle()), rows);
 
   if (argc > 1 && std::strcmp(argv[1], "--json") == 0) {
     bench::print_json(rows);

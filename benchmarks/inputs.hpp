@@ -33,11 +33,12 @@ struct Inputs {
     for (int i = 0; i < kPoses; ++i) {
       x[i] = mechanisms::random_pose(mechanism, random);
       // An ankle's cranks cannot follow to every corner.
-      while (kPivots<K> && !ikm(robot, x[i], q[i]))
+      while (kRotational<K> && !ikm(robot, x[i], q[i]))
         x[i] = mechanisms::random_pose(mechanism, random);
       const Pose pose = to_pose<K>(x[i]);
       R[i] = pose.R;
-      near[i] = to_coordinates<K>(mechanisms::nearby<K>(pose, random, kPivots<K> ? 1e-2 : 1e-3));
+      near[i] =
+          to_coordinates<K>(mechanisms::nearby<K>(pose, random, kRotational<K> ? 1e-2 : 1e-3));
       setpoint[i].x = x[i];
       setpoint[i].rate = mechanisms::random_joint(random, 0.5);
       setpoint[i].acceleration = mechanisms::random_joint(random, 5);

@@ -328,7 +328,7 @@ void count_ups() {
 }
 
 void count_ankle() {
-  const Inputs<Mobility::pivot_2> ankle(pivots_tested::g1_ankle());
+  const Inputs<Mobility::rotational_2> ankle(pivots_tested::g1_ankle());
   Joint q{};
   JointMatrix J;
   for (int i = 0; i < kCounted; ++i) {

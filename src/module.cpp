@@ -101,7 +101,7 @@ void bind_tables(nb::module_& m) {
 void bind_parts(nb::module_& m) {
   enumeration<Mobility>(m, "Mobility",
                         {"planar_translation", "planar", "translation", "schoenflies", "spatial",
-                         "pivot_1", "pivot_2", "pivot_3"});
+                         "rotational_1", "rotational_2", "rotational_3"});
   enumeration<Actuator>(m, "Actuator", {"revolute", "prismatic", "telescopic"});
   enumeration<BarJoint>(m, "BarJoint", {"pivots", "four_bar"});
   enumeration<Level>(m, "Level", {"ideal", "full"});

@@ -26,8 +26,7 @@ struct Listed {
   }
 };
 
-nb::tuple listed(const auto& c, const auto& core) {
-  Listed all;
+nb::tuple listed(const auto& c, const auto& core, Listed all = {}) {
   c::fields(c, core, all);
   if (nb::len(all.whole) % 2) all.whole.append(0);  // `unused`
   return nb::make_tuple(all.whole, all.rows);
@@ -54,7 +53,9 @@ template <class C, class Core>
 nb::tuple settings(const Core& core) {
   C of;
   c::describe(core, of);
-  return listed(of, core);
+  Listed all;
+  all.whole.append(of.size);
+  return listed(of, core, all);
 }
 
 /// Bytes of a struct, for programs on the same kind of machine.

@@ -74,7 +74,7 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
       Pose pose;
       pose.D = Vec3(D.data() + 3 * i), pose.R = Rows33(R.data() + 9 * i);
       pose.theta = theta_of(pose.R, 0);
-      if constexpr (kPivots<mobility()>) {
+      if constexpr (kRotational<mobility()>) {
         Pose angles = to_pose<mobility()>(robot.home);
         angles_of<mobility()>(robot, pose, angles);
         pose = angles;

@@ -156,7 +156,7 @@ def tried(site: Site, tests: Tests, tools: Tools) -> tuple[str, str, str]:
                 ast.parse((tree / file).read_text("utf-8"))
                 passed = tools.python(set(asked), tree)
             else:
-                mobility = "pivot_2" if Path(file).stem in PIVOTS else "schoenflies"
+                mobility = "rotational_2" if Path(file).stem in PIVOTS else "schoenflies"
                 passed = all(tools.cpp({test}, mobility, tree) for test in asked)
         except (SyntaxError, VerdictError) as why:
             return room, "noticed" if str(why) == "HANGS" else "invalid", f"{said} ({why})"

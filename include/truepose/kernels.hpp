@@ -62,17 +62,17 @@
   TRUEPOSE_KERNELS(PREFIX, Mobility::schoenflies)      \
   TRUEPOSE_FULL_KERNELS(PREFIX, Mobility::translation) \
   TRUEPOSE_FULL_KERNELS(PREFIX, Mobility::schoenflies)
-#ifdef TRUEPOSE_NO_PIVOTS
-#define TRUEPOSE_PIVOT_KERNELS(PREFIX)
+#ifdef TRUEPOSE_NO_ROTATIONAL
+#define TRUEPOSE_ROTATIONAL_KERNELS(PREFIX)
 #else
-#define TRUEPOSE_PIVOT_KERNELS(PREFIX)        \
-  TRUEPOSE_KERNELS(PREFIX, Mobility::pivot_1) \
-  TRUEPOSE_KERNELS(PREFIX, Mobility::pivot_2) \
-  TRUEPOSE_KERNELS(PREFIX, Mobility::pivot_3)
+#define TRUEPOSE_ROTATIONAL_KERNELS(PREFIX)        \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::rotational_1) \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::rotational_2) \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::rotational_3)
 #endif
 
 namespace truepose {
 TRUEPOSE_PLANE_AND_SPACE_KERNELS(extern)
 TRUEPOSE_PAIRED_KERNELS(extern)
-TRUEPOSE_PIVOT_KERNELS(extern)
+TRUEPOSE_ROTATIONAL_KERNELS(extern)
 }  // namespace truepose

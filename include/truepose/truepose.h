@@ -34,7 +34,7 @@ extern "C" {
 #endif
 
 /** Version of the tables and functions below. A library loads only tables of its own version. */
-#define TRUEPOSE_ABI 3
+#define TRUEPOSE_ABI 4
 
 /** Type of every number. Single-precision libraries and their callers are compiled with
  * TRUEPOSE_SINGLE; a table of the other precision is TRUEPOSE_OTHER_VERSION. */
@@ -98,9 +98,9 @@ typedef enum truepose_mobility {
   TRUEPOSE_TRANSLATION = 2,        /**< x, y, z */
   TRUEPOSE_SCHOENFLIES = 3,        /**< x, y, z, theta about z */
   TRUEPOSE_SPATIAL = 4,            /**< x, y, z, rotation vector */
-  TRUEPOSE_PIVOT_1 = 5,            /**< rotational platform on one passive axis: its angle */
-  TRUEPOSE_PIVOT_2 = 6,            /**< on two: their angles, the base's first */
-  TRUEPOSE_PIVOT_3 = 7             /**< on three */
+  TRUEPOSE_ROTATIONAL_1 = 5,       /**< rotational platform on one passive axis: its angle */
+  TRUEPOSE_ROTATIONAL_2 = 6,       /**< on two: their angles, the base's first */
+  TRUEPOSE_ROTATIONAL_3 = 7        /**< on three */
 } truepose_mobility;
 
 typedef enum truepose_actuator {
@@ -453,10 +453,12 @@ TRUEPOSE_API truepose_outcome truepose_motor_command(const truepose_model* model
 
 /** Constant while a controller runs. Start from truepose_control_defaults(). */
 typedef struct truepose_control_settings {
+  uint32_t size;        /**< sizeof(truepose_control_settings); smaller: the rest has defaults */
   int32_t law;          /**< a truepose_law */
   int32_t gains;        /**< 0: torques per motor; 1: accelerations, shaped by the joint inertia */
   int32_t feed_forward; /**< 0 none, 1 gravity, 2 full dynamics */
   int32_t sigma_scale;  /**< factor on the readings' own sigma in laws that weigh; 0 is 1 */
+  int32_t unused;       /**< 0 */
   truepose_real period; /**< s */
   truepose_real velocity_bandwidth; /**< of the velocity tracking loops, rad/s */
   truepose_real damped_below;       /**< conditioning below which J is damped (0: never) */
@@ -484,8 +486,9 @@ typedef union truepose_controller {
 } truepose_controller;
 TRUEPOSE_API size_t truepose_controller_size(void);
 
-/** Starts or restarts a controller. @return NO_SUCH_PART of law, gains or feed-forward,
- * NO_SUCH_VALUE (a period or bandwidth that is not positive), NOT_FINITE, TOO_SMALL */
+/** Starts or restarts a controller. @return OTHER_VERSION (size), NO_SUCH_PART of law, gains or
+ * feed-forward, NO_SUCH_VALUE (a period or bandwidth that is not positive), NOT_FINITE, TOO_SMALL
+ */
 TRUEPOSE_API truepose_outcome truepose_controller_init(truepose_controller* controller, size_t size,
                                                        const truepose_control_settings* settings);
 /** Changes the law from the next cycle on, without a step of the torque. @return NO_SUCH_PART */
@@ -514,11 +517,11 @@ TRUEPOSE_API truepose_outcome truepose_control(const truepose_model* model,
 
 /** Constant while a monitor runs: `truepose export c` writes it for a robot and its gains. */
 typedef struct truepose_fault_monitor_settings {
+  uint32_t size;             /**< sizeof(truepose_fault_monitor_settings); see the controller's */
   int32_t refresh;           /**< cycles at most between updates of the geometry's covariance */
   int32_t coast;             /**< cycles of extrapolation before a reading has failed */
   int32_t decide;            /**< cycles of undecided disagreement before the robot stops */
   int32_t spikes, within;    /**< so many extrapolated faults (1 to 8) in so many cycles: failed */
-  int32_t unused;            /**< 0 */
   truepose_real period;      /**< s */
   truepose_real false_alarm; /**< probability per cycle, 0 to 0.1 */
   truepose_real replaceable; /**< largest sigma of a motor's virtual reading, rad or m */
@@ -567,7 +570,7 @@ typedef union truepose_fault_monitor {
 } truepose_fault_monitor;
 TRUEPOSE_API size_t truepose_fault_monitor_size(void);
 
-/** Starts or restarts a monitor. @return NO_SUCH_VALUE, NOT_FINITE, TOO_SMALL */
+/** Starts or restarts a monitor. @return OTHER_VERSION, NO_SUCH_VALUE, NOT_FINITE, TOO_SMALL */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_init(
     truepose_fault_monitor* monitor, size_t size, const truepose_fault_monitor_settings* settings);
 

@@ -1,5 +1,6 @@
 // Laws, controllers and fault-tolerant controllers for C.
 #include <bit>
+#include <cstddef>
 
 #include "description.hpp"
 #include "model.hpp"
@@ -28,6 +29,15 @@ ControlSettings of_c(const truepose_control_settings& from) {
   fields(from, settings, Copy<true>{});
   settings.sigma_scale = std::max(settings.sigma_scale, 1);
   return settings;
+}
+
+/// Reads settings that an earlier release may have made: members they lack have their defaults.
+template <class C, class Core>
+Status take(const C& given, const Core& defaults, C& all) {
+  describe(defaults, all);
+  if (given.size < offsetof(C, period) || given.size > sizeof all) return Status::other_version;
+  std::memcpy(&all, &given, given.size);
+  return Status::ok;
 }
 
 Status status_of(const truepose_control_settings& s) {
@@ -122,7 +132,7 @@ truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    if constexpr (!pivots(Mobility::pivot_1)) return c::kNoPivots;
+    if constexpr (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
     if (cap < 1 || cap > kFkmCap) return {Status::no_such_value, -1};
     auto found = std::bit_cast<AxisState>(*joints);
     const Outcome outcome = joint_state(robot, std::bit_cast<AxisState>(*motors), cap, found);
@@ -137,7 +147,7 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
                                         const truepose_axis_command* joint_command,
                                         truepose_axis_command* motor_command_) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    if constexpr (!pivots(Mobility::pivot_1)) return c::kNoPivots;
+    if constexpr (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
     AxisCommand given;
     const Outcome outcome =
         motor_command(robot, std::bit_cast<AxisState>(*motors), std::bit_cast<AxisState>(*joints),
@@ -168,11 +178,13 @@ size_t truepose_controller_size(void) { return sizeof(c::Controller); }
 
 truepose_outcome truepose_controller_init(truepose_controller* controller, size_t size,
                                           const truepose_control_settings* settings) {
-  const Status status = c::status_of(*settings);
+  truepose_control_settings all;
+  Status status = c::take(*settings, ControlSettings{}, all);
+  if (status == Status::ok) status = c::status_of(all);
   if (status != Status::ok) return c::answer({status, -1});
   c::Controller* made = c::Controller::make(controller, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
-  made->settings = c::of_c(*settings);
+  made->settings = c::of_c(all);
   return c::answer({});
 }
 
@@ -228,11 +240,13 @@ size_t truepose_fault_monitor_size(void) { return sizeof(c::FaultTolerantSetup);
 
 truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* guard, size_t size,
                                              const truepose_fault_monitor_settings* settings) {
-  const Status status = c::status_of(*settings);
+  truepose_fault_monitor_settings all;
+  Status status = c::take(*settings, FaultTolerantSettings{}, all);
+  if (status == Status::ok) status = c::status_of(all);
   if (status != Status::ok) return c::answer({status, -1});
   c::FaultTolerantSetup* made = c::FaultTolerantSetup::make(guard, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
-  c::fields(*settings, made->settings, c::Copy<true>{});
+  c::fields(all, made->settings, c::Copy<true>{});
   prepare(made->settings.watch);
   return c::answer({});
 }

@@ -98,9 +98,9 @@ template <class C>
 void describe(const auto& core, C& of) {
   of = C{};
   fields(of, core, Copy<false>{});
+  of.size = sizeof of;
   if constexpr (std::is_same_v<C, truepose_description>) {
     of.abi = TRUEPOSE_ABI;
-    of.size = sizeof of;
     parts(of, core, [](auto& c, const auto& part) { fields(c, part, Copy<false>{}); });
   }
 }

@@ -47,7 +47,7 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
   }
   const Coordinates found = with_mobility(robot.mobility, [&](auto mobility) {
-    if constexpr (kPivots<mobility()>) {
+    if constexpr (kRotational<mobility()>) {
       Pose angles = to_pose<mobility()>(all_finite(x, robot.motors) ? x : robot.home);
       angles_of<mobility()>(robot, at, angles);
       return to_coordinates<mobility()>(angles);
@@ -97,7 +97,7 @@ void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
 /// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
 Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
                bool to_joints, truepose_real* to) {
-  if constexpr (!pivots(Mobility::pivot_1)) return kNoPivots;
+  if constexpr (!is_rotational(Mobility::rotational_1)) return kNotRotational;
   auto given = values<Coordinates>(from);
   const int n = robot.motors;
   if (!all_finite(given, n)) return {Status::not_finite, -1};

@@ -51,7 +51,7 @@ truepose_outcome asked(const truepose_model* model, F&& f) {
 }
 
 /// Outcome of torques at the joints in a build for small machines, whose caller has J.
-inline constexpr Outcome kNoPivots{Status::not_compiled, -1};
+inline constexpr Outcome kNotRotational{Status::not_compiled, -1};
 
 /// Copies a C array to the core's array.
 template <class Values>

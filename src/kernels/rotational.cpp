@@ -2,5 +2,5 @@
 #include "truepose/kernels.hpp"
 
 namespace truepose {
-TRUEPOSE_PIVOT_KERNELS()
+TRUEPOSE_ROTATIONAL_KERNELS()
 }

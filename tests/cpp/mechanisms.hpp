@@ -352,7 +352,7 @@ void for_each(F&& f) {
     if (mechanism.robot.mobility == K) f(mechanism, std::integral_constant<Mobility, K>{});
 #else
     with_mobility(mechanism.robot.mobility, [&](auto mobility) {
-      if constexpr (!kPivots<mobility()>) f(mechanism, mobility);  // theirs: rotational.hpp
+      if constexpr (!kRotational<mobility()>) f(mechanism, mobility);  // theirs: rotational.hpp
     });
 #endif
   }

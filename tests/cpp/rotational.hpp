@@ -51,7 +51,7 @@ inline void give_foot(Mechanism& mechanism) {
 inline Mechanism g1_ankle() {
   Mechanism mechanism{"G1 ankle", {}, {0.69813, 0.2618}};
   Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::pivot_2;
+  robot.mobility = Mobility::rotational_2;
   const Vec3 roll(0, 0, -0.01756);
   robot.axis[0].direction = Vec3::UnitY();
   robot.axis[1].origin = roll;
@@ -69,7 +69,7 @@ inline Mechanism g1_ankle() {
 inline Mechanism x1_ankle() {
   Mechanism mechanism{"X1 ankle", {}, {0.6, 0.35}};
   Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::pivot_2;
+  robot.mobility = Mobility::rotational_2;
   robot.axis[0].direction = Vec3::UnitY();
   robot.axis[1].direction = Vec3::UnitX();
   const double rods[]{0.195, 0.14};
@@ -92,7 +92,7 @@ inline Mechanism x1_ankle() {
 inline Mechanism neck() {
   Mechanism mechanism{"neck", {}, {0.3, 0.25, 0.25}};
   Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::pivot_3;
+  robot.mobility = Mobility::rotational_3;
   const Vec3 directions[]{{0.05, -0.02, 1}, {0.03, 1, 0.04}, {1, -0.05, 0.02}};
   const Vec3 origins[]{{0.002, 0.001, 0}, {0.004, -0.003, 0.03}, {-0.002, 0.005, 0.012}};
   Vec3 last = Vec3::Zero();
@@ -122,7 +122,7 @@ inline Mechanism neck() {
 inline Mechanism lever() {
   Mechanism mechanism{"lever", {}, {0.5}};
   Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::pivot_1;
+  robot.mobility = Mobility::rotational_1;
   robot.axis[0].origin = Vec3(0.01, 0, 0.02);
   robot.axis[0].direction = Vec3(0.1, 1, -0.05).normalized();
   robot.chain[0] =
@@ -145,7 +145,7 @@ void for_each_pivot(F&& f) {
   for (const Mechanism& mechanism : all) {
     check::state().scene = mechanism.name;
     const auto run = [&](auto K) {
-      if constexpr (kPivots<K()>) f(mechanism, K);
+      if constexpr (kRotational<K()>) f(mechanism, K);
     };
     with_mobility(mechanism.robot.mobility, run);
   }

@@ -568,6 +568,14 @@ TEST("settings that no controller or watch can have are refused") {
     return truepose_controller_init(&controller, sizeof controller, &settings).status;
   };
   CHECK(begun([](auto&) {}) == TRUEPOSE_OK);
+  CHECK(begun([](auto& s) { s.size = 0; }) == TRUEPOSE_OTHER_VERSION);
+  CHECK(begun([](auto& s) { ++s.size; }) == TRUEPOSE_OTHER_VERSION);
+  // Of an earlier release, without `ki`: its default, 0, in place of what the memory holds.
+  CHECK(begun([](auto& s) { s.ki[0] = NAN; }) == TRUEPOSE_NOT_FINITE);
+  CHECK(begun([](auto& s) {
+          s.size = offsetof(truepose_control_settings, ki);
+          s.ki[0] = NAN;
+        }) == TRUEPOSE_OK);
   CHECK(begun([](auto& s) { s.law = 5; }) == TRUEPOSE_NO_SUCH_PART);
   CHECK(begun([](auto& s) { s.sigma_scale = 0; }) == TRUEPOSE_OK);
   CHECK(begun([](auto& s) { s.sigma_scale = -1; }) == TRUEPOSE_NO_SUCH_VALUE);
@@ -583,6 +591,7 @@ TEST("settings that no controller or watch can have are refused") {
     return truepose_fault_monitor_init(&guard, sizeof guard, &settings).status;
   };
   CHECK(watched([](auto&) {}) == TRUEPOSE_OK);
+  CHECK(watched([](auto& s) { s.size = 8; }) == TRUEPOSE_OTHER_VERSION);
   CHECK(watched([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(watched([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(watched([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);

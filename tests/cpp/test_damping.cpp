@@ -44,7 +44,7 @@ void for_each_crossing(F&& f) {
   for (const Crossing& crossing : all) {
     check::state().scene = crossing.mechanism.name;
     with_mobility(crossing.mechanism.robot.mobility, [&](auto mobility) {
-      if constexpr (!kPivots<mobility()>) f(crossing, mobility);  // none of these is one
+      if constexpr (!kRotational<mobility()>) f(crossing, mobility);  // none of these is one
     });
   }
 }

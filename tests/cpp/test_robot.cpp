@@ -202,7 +202,7 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
   const Status part = Status::no_such_part, square = Status::not_square;
   const Wrong wrongs[]{
       {"mobility 8", part, [](Robot& r) { r.mobility = wild<Mobility>(kMobilities); }},
-      {"a pivot of four chains", square, [](Robot& r) { r.mobility = Mobility::pivot_2; }},
+      {"a pivot of four chains", square, [](Robot& r) { r.mobility = Mobility::rotational_2; }},
       {"mobility -1", part, [](Robot& r) { r.mobility = wild<Mobility>(-1); }},
       {"chains -1", part, [](Robot& r) { r.chains = -1; }},
       {"chains 7", part, [](Robot& r) { r.chains = kMaxChains + 1; }},

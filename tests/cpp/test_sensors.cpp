@@ -17,7 +17,7 @@ bool fits(SensorKind kind, Mobility mobility) {
       return mobility == Mobility::planar || mobility == Mobility::schoenflies;
     case SensorKind::inclinometer:
     case SensorKind::rotation: return mobility == Mobility::spatial;
-    case SensorKind::axis_angle: return pivots(mobility);
+    case SensorKind::axis_angle: return is_rotational(mobility);
     case SensorKind::rod_lateral:
       return mobility != Mobility::planar && mobility != Mobility::planar_translation;
     default: return true;

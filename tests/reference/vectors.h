@@ -12,8 +12,8 @@
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 3
-#error These tables are of version 3 of truepose.h
+#if TRUEPOSE_ABI != 4
+#error These tables are of version 4 of truepose.h
 #endif
 
 static const truepose_description five_bar = {
@@ -106,7 +106,7 @@ static const truepose_description five_bar = {
 };
 
 static const truepose_control_settings five_bar_control = {
-  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
+  sizeof(truepose_control_settings), 0, 1, 2, 1, 0, /* size, law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -128,8 +128,8 @@ static const truepose_control_settings five_bar_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 3
-#error These tables are of version 3 of truepose.h
+#if TRUEPOSE_ABI != 4
+#error These tables are of version 4 of truepose.h
 #endif
 
 static const truepose_description robot_3rrr = {
@@ -252,7 +252,7 @@ static const truepose_description robot_3rrr = {
 };
 
 static const truepose_control_settings robot_3rrr_control = {
-  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
+  sizeof(truepose_control_settings), 0, 1, 2, 1, 0, /* size, law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -274,8 +274,8 @@ static const truepose_control_settings robot_3rrr_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 3
-#error These tables are of version 3 of truepose.h
+#if TRUEPOSE_ABI != 4
+#error These tables are of version 4 of truepose.h
 #endif
 
 static const truepose_description linear_delta = {
@@ -397,7 +397,7 @@ static const truepose_description linear_delta = {
 };
 
 static const truepose_control_settings linear_delta_control = {
-  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
+  sizeof(truepose_control_settings), 0, 1, 2, 1, 0, /* size, law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -419,8 +419,8 @@ static const truepose_control_settings linear_delta_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 3
-#error These tables are of version 3 of truepose.h
+#if TRUEPOSE_ABI != 4
+#error These tables are of version 4 of truepose.h
 #endif
 
 static const truepose_description h4 = {
@@ -1099,7 +1099,7 @@ static const truepose_knowledge h4_knowledge = {
 };
 
 static const truepose_control_settings h4_control = {
-  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
+  sizeof(truepose_control_settings), 0, 1, 2, 1, 0, /* size, law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -1110,7 +1110,7 @@ static const truepose_control_settings h4_control = {
 };
 
 static const truepose_fault_monitor_settings h4_fault_monitor = {
-  64, 5, 20, 3, 1000, 0, /* refresh, coast, decide, spikes, within */
+  sizeof(truepose_fault_monitor_settings), 64, 5, 20, 3, 1000, /* size, refresh, coast, decide, spikes, within */
   0.001, /* period */
   2.7777777777777777e-10, /* false_alarm */
   0.003, /* replaceable */
@@ -1140,8 +1140,8 @@ static const truepose_fault_monitor_settings h4_fault_monitor = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 3
-#error These tables are of version 3 of truepose.h
+#if TRUEPOSE_ABI != 4
+#error These tables are of version 4 of truepose.h
 #endif
 
 static const truepose_description stewart = {
@@ -1351,7 +1351,7 @@ static const truepose_description stewart = {
 };
 
 static const truepose_control_settings stewart_control = {
-  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
+  sizeof(truepose_control_settings), 0, 1, 2, 1, 0, /* size, law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -1373,8 +1373,8 @@ static const truepose_control_settings stewart_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 3
-#error These tables are of version 3 of truepose.h
+#if TRUEPOSE_ABI != 4
+#error These tables are of version 4 of truepose.h
 #endif
 
 static const truepose_description g1_ankle = {
@@ -1552,7 +1552,7 @@ static const truepose_knowledge g1_ankle_knowledge = {
 };
 
 static const truepose_control_settings g1_ankle_control = {
-  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
+  sizeof(truepose_control_settings), 0, 1, 2, 1, 0, /* size, law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -1563,7 +1563,7 @@ static const truepose_control_settings g1_ankle_control = {
 };
 
 static const truepose_fault_monitor_settings g1_ankle_fault_monitor = {
-  64, 5, 20, 3, 1000, 0, /* refresh, coast, decide, spikes, within */
+  sizeof(truepose_fault_monitor_settings), 64, 5, 20, 3, 1000, /* size, refresh, coast, decide, spikes, within */
   0.001, /* period */
   2.7777777777777777e-10, /* false_alarm */
   0.003, /* replaceable */

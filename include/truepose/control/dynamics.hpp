@@ -24,7 +24,7 @@ struct DynamicModel {
 /// ω × l for the angular velocities that the mobility allows.
 template <Mobility K>
 inline Vec3 turning(const Vec3& omega, const Vec3& l) {
-  if constexpr (K == Mobility::spatial || kPivots<K>)
+  if constexpr (K == Mobility::spatial || kRotational<K>)
     return omega.cross(l);
   else if constexpr (kTurnsAboutZ<K>)
     return Vec3(-omega.z() * l.y(), omega.z() * l.x(), 0);
@@ -38,7 +38,7 @@ template <Mobility K>
 inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
                       [[maybe_unused]] const Coordinates& rate) {
   Twist drift;
-  if constexpr (kPivots<K>) {
+  if constexpr (kRotational<K>) {
     constexpr int n = kDof<K>;
     std::array<Vec3, n> swept;  // velocity of D relative to p_j, by the axes from j on
     Vec3 after = Vec3::Zero();
@@ -82,7 +82,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   const auto hang = [&](Real m, const Vec3& l, const Vec3& f) {
     mass += m;
     first += m * l;
-    if constexpr (K == Mobility::spatial || kPivots<K>) {
+    if constexpr (K == Mobility::spatial || kRotational<K>) {
       second += m * (l.squaredNorm() * Mat3::Identity() - l * l.transpose());
     } else if constexpr (kTurnsAboutZ<K>) {
       second(2, 2) += m * (l.x() * l.x() + l.y() * l.y());
@@ -112,7 +112,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     // Second derivative of the closure: q̈ = k ẍ + h. aA, aB: accelerations of A and B at ẍ = 0.
     const Vec3 swing = turning<K>(twist.omega, at.lever);
     Vec3 centripetal = turning<K>(twist.omega, swing);  // acceleration of A at ẍ = 0
-    if constexpr (kPivots<K>) centripetal += drift.velocity + drift.omega.cross(at.lever);
+    if constexpr (kRotational<K>) centripetal += drift.velocity + drift.omega.cross(at.lever);
     const Vec3 stretch = dB * qd - twist.velocity - swing;  // v̇
     Vec3 aB = Vec3::Zero();
     Real right = at.v.dot(centripetal) - stretch.squaredNorm();
@@ -148,13 +148,13 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     const Mat3& R = closure.placed().R;
     const Vec3 l = turned<K>(R, body.pivot());
     Vec3 centripetal = turning<K>(twist.omega, turning<K>(twist.omega, l));
-    if constexpr (kPivots<K>) centripetal += drift.velocity + drift.omega.cross(l);
+    if constexpr (kRotational<K>) centripetal += drift.velocity + drift.omega.cross(l);
     hang(body.mass, l, body.mass * (centripetal - g));
-    if constexpr (K == Mobility::spatial || kPivots<K>) {
+    if constexpr (K == Mobility::spatial || kRotational<K>) {
       const Mat3 inertia = R * body.inertia() * R.transpose();
       second += inertia;
       moment += twist.omega.cross(inertia * twist.omega);
-      if constexpr (kPivots<K>) moment += inertia * drift.omega;
+      if constexpr (kRotational<K>) moment += inertia * drift.omega;
     } else if constexpr (kTurnsAboutZ<K>) {
       second(2, 2) += body.inertia()(2, 2);
     }
@@ -167,7 +167,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   cross << 0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0;
   for (int row = 0; row < n; ++row) {
     model.bias[row] += wrench[row];
-    if constexpr (kPivots<K>) {  // Tᵀ of all this T
+    if constexpr (kRotational<K>) {  // Tᵀ of all this T
       const Vec3 &linear = twists.linear[row], &turn = twists.axis[row];
       const Vec3 pushed = mass * linear + turn.cross(first);
       const Vec3 twisted = first.cross(linear) + second * turn;

@@ -78,10 +78,10 @@ inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joi
   }
   place<K>(robot, at);
   [[maybe_unused]] Pose angles = to_pose<K>(robot.home);
-  if constexpr (kPivots<K>) angles_of<K>(robot, {pose.D, pose.R, 0}, angles);
+  if constexpr (kRotational<K>) angles_of<K>(robot, {pose.D, pose.R, 0}, angles);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    const bool of_axis = kPivots<K> && sensor.kind == SensorKind::axis_angle;
+    const bool of_axis = kRotational<K> && sensor.kind == SensorKind::axis_angle;
     const Sensed s = of_axis ? sense_axis(sensor, angles) : sense_full<K>(robot, sensor, at);
     q_e[kDof<K> + k] = sensor.gain * s.value - sensor.offset;
   }

@@ -11,7 +11,7 @@ inline constexpr int kAngleSteps = 20;
 /// Finds the axis angles next to those of `pose` that bring the platform closest to `seen` (D, R),
 /// by Newton's steps from there: least squares of the remaining D and turn times the rods' length.
 template <Mobility K>
-  requires kPivots<K>
+  requires kRotational<K>
 inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
   constexpr int n = kDof<K>;
   const Real unit = (robot.chain[0].base() - robot.axis[0].origin()).norm();

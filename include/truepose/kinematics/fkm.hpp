@@ -108,7 +108,7 @@ inline constexpr Real kDependent = 1e-4;
 template <Mobility K>
 inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kDof<K>>& driven) {
   constexpr int n = kDof<K>;
-  constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial || kPivots<K>;
+  constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial || kRotational<K>;
   if constexpr (K == Mobility::translation) {
     Vec3 D;
     const Vec3 side = to_pose<K>(robot.home).D;

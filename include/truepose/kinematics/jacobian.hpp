@@ -10,7 +10,7 @@ namespace truepose {
 template <Mobility K, class Vector, class Row>
 inline void jx_row([[maybe_unused]] const Carried<K>& carried, const Vector& v, const Vector& lever,
                    Row& row) {
-  if constexpr (kPivots<K>) {
+  if constexpr (kRotational<K>) {
     const auto mx = lever.y() * v.z() - lever.z() * v.y();
     const auto my = lever.z() * v.x() - lever.x() * v.z();
     const auto mz = lever.x() * v.y() - lever.y() * v.x();
@@ -38,7 +38,7 @@ inline std::array<Real, kDof<K>> column_sizes([[maybe_unused]] const Carried<K>&
                                               const Lanes<kDof<K>>& v2,
                                               const Points<kDof<K>>& lever) {
   std::array<Real, kDof<K>> sizes;
-  if constexpr (kPivots<K>) {
+  if constexpr (kRotational<K>) {
     for (int j = 0; j < kDof<K>; ++j) {
       const Vec3& arm = carried.arm[j];
       const Points<kDof<K>> from{lever.px + arm.x(), lever.py + arm.y(), lever.pz + arm.z()};

@@ -68,7 +68,7 @@ class RodLoops {
 /// and p·R y = p·d d·y + cos x (p - p·d d)·y + sin x (p × d)·y for any p. The 3ⁿ coefficients are
 /// summed once per search; a step then costs a tenth of evaluating the chain of frames.
 template <Mobility K>
-class PivotLoops {
+class RotationalLoops {
  public:
   static constexpr int n = kDof<K>;
   using Columns = std::array<Lanes<n>, n>;
@@ -82,7 +82,7 @@ class PivotLoops {
     Real cost, residual;
   };
 
-  PivotLoops(const Robot& robot, const std::array<Driven, n>& driven)
+  RotationalLoops(const Robot& robot, const std::array<Driven, n>& driven)
       : robot_(robot),
         B_(points<n>([&](int i) -> Vec3 { return robot.chain[i].base() + driven[i].p; })) {
     const auto c = points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); });
@@ -193,5 +193,5 @@ class PivotLoops {
 
 /// The loops of a mobility.
 template <Mobility K>
-using Loops = std::conditional_t<kPivots<K>, PivotLoops<K>, RodLoops<K>>;
+using Loops = std::conditional_t<kRotational<K>, RotationalLoops<K>, RodLoops<K>>;
 }  // namespace truepose

@@ -103,7 +103,7 @@ inline Outcome within_limits(const Robot& robot, const Joint& q) {
 template <Mobility K>
 inline Outcome within_limits(const Robot& robot, [[maybe_unused]] const Pose& pose,
                              const Joint& q) {
-  if constexpr (kPivots<K>)
+  if constexpr (kRotational<K>)
     for (int j = 0; j < kDof<K> && robot.limited; ++j)
       if (!(pose.D[j] >= robot.axis[j].low && pose.D[j] <= robot.axis[j].high))
         return {Status::joint_limit, -1};

@@ -243,7 +243,7 @@ inline void axis_columns([[maybe_unused]] const Robot& robot,
                          [[maybe_unused]] const Closure<K>& closure,
                          [[maybe_unused]] const std::array<Sensed, kMaxSensors>& sensed,
                          [[maybe_unused]] Real* H) {
-  if constexpr (kPivots<K>) {
+  if constexpr (kRotational<K>) {
     constexpr int n = kDof<K>;
     const int width = parameter_count(robot);
     Mat3 R = Mat3::Identity();  // of the preceding axis

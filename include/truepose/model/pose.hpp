@@ -31,18 +31,18 @@ struct Freedom {
 template <Mobility K>
 inline constexpr int kDof = dof(K);
 template <Mobility K>
-inline constexpr bool kPivots = pivots(K);
+inline constexpr bool kRotational = is_rotational(K);
 template <Mobility K>
 inline constexpr bool kTurnsAboutZ = K == Mobility::planar || K == Mobility::schoenflies;
 
 /// Number of coordinates that D holds, which come first.
 template <Mobility K>
-inline constexpr int kPositions = kPivots<K> ? kDof<K> : positions_of(K);
+inline constexpr int kPositions = kRotational<K> ? kDof<K> : positions_of(K);
 
 /// R l for each of N vectors, without products that are zero for the mobility.
 template <Mobility K, int N>
 inline Points<N> turned(const Mat3& R, const Points<N>& l) {
-  if constexpr (K == Mobility::spatial || kPivots<K>)
+  if constexpr (K == Mobility::spatial || kRotational<K>)
     return {R(0, 0) * l.px + R(0, 1) * l.py + R(0, 2) * l.pz,
             R(1, 0) * l.px + R(1, 1) * l.py + R(1, 2) * l.pz,
             R(2, 0) * l.px + R(2, 1) * l.py + R(2, 2) * l.pz};
@@ -55,7 +55,7 @@ inline Points<N> turned(const Mat3& R, const Points<N>& l) {
 /// R l, without products that are zero for the mobility.
 template <Mobility K>
 inline Vec3 turned(const Mat3& R, const Vec3& l) {
-  if constexpr (K == Mobility::spatial || kPivots<K>)
+  if constexpr (K == Mobility::spatial || kRotational<K>)
     return R * l;
   else if constexpr (kTurnsAboutZ<K>)
     return Vec3(R(0, 0) * l.x() + R(0, 1) * l.y(), R(1, 0) * l.x() + R(1, 1) * l.y(), l.z());
@@ -137,7 +137,7 @@ struct CarriedByAxes {
 struct NotCarried {};
 /// The data of passive axes, where the mobility has them.
 template <Mobility K>
-using Carried = std::conditional_t<kPivots<K>, CarriedByAxes<K>, NotCarried>;
+using Carried = std::conditional_t<kRotational<K>, CarriedByAxes<K>, NotCarried>;
 
 /// cos x and sin x of an angle.
 inline void turn_to(Real angle, Real& cosine, Real& sine) {
@@ -160,7 +160,7 @@ inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
 /// Evaluates the chain of frames: p_j = p_{j-1} + R o_j, a_j = R d_j, R ← R exp(x_j d_j); the
 /// platform is on the last axis, D = p_n. @param cosine, sine  of x_j
 template <Mobility K>
-  requires kPivots<K>
+  requires kRotational<K>
 TRUEPOSE_FLATTEN inline Carried<K> carry(const Robot& robot,
                                          const std::array<Real, kDof<K>>& cosine,
                                          const std::array<Real, kDof<K>>& sine) {
@@ -189,7 +189,7 @@ TRUEPOSE_FLATTEN inline Carried<K> carry(const Robot& robot,
 }
 template <Mobility K>
 inline Carried<K> carry([[maybe_unused]] const Robot& robot, [[maybe_unused]] const Pose& pose) {
-  if constexpr (kPivots<K>) {
+  if constexpr (kRotational<K>) {
     std::array<Real, kDof<K>> cosine, sine;
     for (int j = 0; j < kDof<K>; ++j) turn_to(pose.D[j], cosine[j], sine[j]);
     return carry<K>(robot, cosine, sine);
@@ -201,7 +201,7 @@ inline Carried<K> carry([[maybe_unused]] const Robot& robot, [[maybe_unused]] co
 /// D and R of the platform.
 template <Mobility K>
 inline const Pose& placed(const Pose& pose, [[maybe_unused]] const Carried<K>& carried) {
-  if constexpr (kPivots<K>)
+  if constexpr (kRotational<K>)
     return carried.pose;
   else
     return pose;
@@ -218,7 +218,7 @@ struct Twist {
 };
 template <Mobility K>
 inline Twist to_twist([[maybe_unused]] const Carried<K>& carried, const Coordinates& rate) {
-  if constexpr (kPivots<K>) {
+  if constexpr (kRotational<K>) {
     Twist twist;
     for (int j = 0; j < kDof<K>; ++j) {
       twist.velocity += rate[j] * carried.linear[j];
@@ -237,7 +237,7 @@ template <Mobility K>
 inline void free_columns([[maybe_unused]] const Carried<K>& carried, const Vec3& linear,
                          const Vec3& angular, Real* row) {
   for (int j = 0; j < kDof<K>; ++j)
-    if constexpr (kPivots<K>) {
+    if constexpr (kRotational<K>) {
       row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
     } else {
       const int column = Freedom<K>::columns[j];
@@ -261,9 +261,9 @@ inline Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) 
 }
 /// (Not for rotational platforms, whose columns depend on the pose.)
 inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, Real* row) {
-  assert(!pivots(mobility));
+  assert(!is_rotational(mobility));
   with_mobility(mobility, [&](auto K) {
-    if constexpr (!kPivots<K()>) free_columns<K()>({}, linear, angular, row);
+    if constexpr (!kRotational<K()>) free_columns<K()>({}, linear, angular, row);
   });
 }
 }  // namespace truepose

@@ -36,21 +36,22 @@ enum class Mobility : int {
   translation = 2,         ///< x, y, z
   schoenflies = 3,         ///< x, y, z, θ about z
   spatial = 4,             ///< x, y, z, rotation vector
-  pivot_1 = 5,             ///< the angle of the one passive axis that carries the platform
-  pivot_2 = 6,             ///< the angles of two passive axes, the first at the base
-  pivot_3 = 7,             ///< the angles of three
+  rotational_1 = 5,        ///< the angle of the one passive axis that carries the platform
+  rotational_2 = 6,        ///< the angles of two passive axes, the first at the base
+  rotational_3 = 7,        ///< the angles of three
 };
 
 // For small machines, identical in all units of a program (cmake: TRUEPOSE_MOBILITY,
-// TRUEPOSE_PIVOTS, TRUEPOSE_IDEAL_ONLY, TRUEPOSE_UNWEIGHED). -DTRUEPOSE_ONLY_MOBILITY=schoenflies,
-// or another Mobility, omits all others, whose robots finish() refuses; -DTRUEPOSE_NO_PIVOTS omits
-// passive axes, -DTRUEPOSE_IDEAL_ONLY the full level, -DTRUEPOSE_UNWEIGHED the weighted laws.
+// TRUEPOSE_ROTATIONAL, TRUEPOSE_IDEAL_ONLY, TRUEPOSE_UNWEIGHED).
+// -DTRUEPOSE_ONLY_MOBILITY=schoenflies, or another Mobility, omits all others, whose robots
+// finish() refuses; -DTRUEPOSE_NO_ROTATIONAL omits passive axes, -DTRUEPOSE_IDEAL_ONLY the full
+// level, -DTRUEPOSE_UNWEIGHED the weighted laws.
 
 /// Whether the build supports a mobility.
 constexpr bool compiled([[maybe_unused]] Mobility mobility) {
 #ifdef TRUEPOSE_ONLY_MOBILITY
   return mobility == Mobility::TRUEPOSE_ONLY_MOBILITY;
-#elif defined(TRUEPOSE_NO_PIVOTS)
+#elif defined(TRUEPOSE_NO_ROTATIONAL)
   return mobility <= Mobility::spatial;
 #else
   return true;
@@ -231,16 +232,18 @@ constexpr int dof(Mobility mobility) {
 }
 
 /// Whether passive axes carry the platform: x are their angles. (False where the build omits them.)
-constexpr bool pivots([[maybe_unused]] Mobility mobility) {
-#ifdef TRUEPOSE_NO_PIVOTS
+constexpr bool is_rotational([[maybe_unused]] Mobility mobility) {
+#ifdef TRUEPOSE_NO_ROTATIONAL
   return false;
 #else
-  return mobility == Mobility::pivot_1 || mobility == Mobility::pivot_2 ||
-         mobility == Mobility::pivot_3;
+  return mobility == Mobility::rotational_1 || mobility == Mobility::rotational_2 ||
+         mobility == Mobility::rotational_3;
 #endif
 }
 /// Number of passive axes.
-constexpr int passive_axes(Mobility mobility) { return pivots(mobility) ? dof(mobility) : 0; }
+constexpr int passive_axes(Mobility mobility) {
+  return is_rotational(mobility) ? dof(mobility) : 0;
+}
 
 /// Numbers of parts in outcomes: chain i is i; sensors, bodies and axes start at these.
 inline constexpr int kSensorPart = kMaxChains, kBodyPart = kSensorPart + kMaxSensors,
@@ -271,7 +274,7 @@ inline Outcome parts_exist(const Robot& robot) {
     const bool chain =
         properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
     // Checked also where the build omits passive axes, which finish() reports.
-    const int axes = robot.mobility < Mobility::pivot_1 ? 0 : dof(robot.mobility);
+    const int axes = robot.mobility < Mobility::rotational_1 ? 0 : dof(robot.mobility);
     const bool axis = sensor.kind != SensorKind::axis_angle || below(sensor.axis, axes);
     if (!chain || !axis || !sign(sensor.rod) || !bar(sensor.bar)) return missing(kSensorPart + k);
   }
@@ -315,10 +318,10 @@ constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
     case Mobility::planar: return f(Fixed<Mobility::planar>{});
     case Mobility::translation: return f(Fixed<Mobility::translation>{});
     case Mobility::spatial: return f(Fixed<Mobility::spatial>{});
-#ifndef TRUEPOSE_NO_PIVOTS
-    case Mobility::pivot_1: return f(Fixed<Mobility::pivot_1>{});
-    case Mobility::pivot_2: return f(Fixed<Mobility::pivot_2>{});
-    case Mobility::pivot_3: return f(Fixed<Mobility::pivot_3>{});
+#ifndef TRUEPOSE_NO_ROTATIONAL
+    case Mobility::rotational_1: return f(Fixed<Mobility::rotational_1>{});
+    case Mobility::rotational_2: return f(Fixed<Mobility::rotational_2>{});
+    case Mobility::rotational_3: return f(Fixed<Mobility::rotational_3>{});
 #endif
     default: return f(Fixed<Mobility::schoenflies>{});
   }

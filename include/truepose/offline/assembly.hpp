@@ -39,7 +39,7 @@ inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int c
   const Pose home = to_pose(robot.mobility, robot.home);
   std::vector<Pose> starts(static_cast<std::size_t>(count) + 1, home);
   for (auto start = starts.begin() + 1; start != starts.end(); ++start) {
-    if (pivots(mobility)) {  // angles, uniform over a whole turn
+    if (is_rotational(mobility)) {  // angles, uniform over a whole turn
       for (int axis = 0; axis < dof(mobility); ++axis)
         start->D[axis] = std::numbers::pi * (2 * uniform() - 1);
       continue;
@@ -71,7 +71,7 @@ inline bool closes(const FkmResult& result) {
 /// The distinct modes among the poses of searches, nearest to home first. A sorted projection makes
 /// this as fast with few repeated poses as with many.
 inline std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<Pose> found) {
-  if (pivots(robot.mobility))
+  if (is_rotational(robot.mobility))
     for (Pose& pose : found)
       for (int axis = 0; axis < dof(robot.mobility); ++axis)
         pose.D[axis] = std::remainder(pose.D[axis], 2 * std::numbers::pi);

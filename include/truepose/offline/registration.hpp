@@ -63,7 +63,7 @@ inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& tu
 /// θ is the angle of the marker's x axis about the tracker's z, less certain the nearer the two
 /// are. Rotations differ by a rotation vector in the tracker's frame.
 inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
-  if (pivots(mobility)) {
+  if (is_rotational(mobility)) {
     Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
     for (int i = 0; i < dof(mobility); ++i) angles.H_x[i][i] = 1;
     return angles;
@@ -185,7 +185,7 @@ inline Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
 inline Registration registered(Mobility mobility, const Registration& known, bool movable,
                                bool turning, int count, const Pose* pose, const Status* status,
                                const double* measured) {
-  if (pivots(mobility)) return known;
+  if (is_rotational(mobility)) return known;
   std::vector<registration_detail::Pair> pairs;
   Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
   for (int k = 0; k < count; ++k) {

@@ -77,7 +77,7 @@ inline Sensed sense_axis(const Sensor& sensor, const Pose& angles) {
 /// Value and gradients of any sensor at a closed pose.
 template <Mobility K>
 inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
-  if constexpr (kPivots<K>)
+  if constexpr (kRotational<K>)
     if (sensor.kind == SensorKind::axis_angle) return sense_axis(sensor, closure.pose);
   if (!on_chain(sensor)) return sense_pose(sensor, closure.placed());
   const Chain& chain = robot.chain[sensor.chain];
@@ -100,7 +100,7 @@ inline Real by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, 
 template <Mobility K>
 inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
                        const Sensed& s, Real* row) {
-  if constexpr (kPivots<K>)
+  if constexpr (kRotational<K>)
     if (sensor.kind == SensorKind::axis_angle) {
       for (int j = 0; j < kDof<K>; ++j) row[j] = j == sensor.axis ? s.slope : 0;
       return;

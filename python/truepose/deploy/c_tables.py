@@ -72,11 +72,11 @@ def to_c(
     parts += [_knowledge(name, robot)] if robot.r else []
     if controller is not None:
         control = _core.c_control(controller.settings(robot, robot.home))
-        about = "law, gains, feed_forward, sigma_scale"
+        about = "size, law, gains, feed_forward, sigma_scale"
         parts.append(_settings(name, "control", about, *control))
         if robot.r and watch is not None:
             monitor = _core.c_watch(watch.guarding(robot, controller))
-            about = "refresh, coast, decide, spikes, within"
+            about = "size, refresh, coast, decide, spikes, within"
             parts.append(_settings(name, "fault_monitor", about, *monitor))
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
@@ -171,6 +171,6 @@ def _knowledge(name: str, robot: Robot) -> str:
 def _settings(name: str, kind: str, about: str, counts: Sequence[int], listed: Listed) -> str:
     return (
         f"static const truepose_{kind}_settings {name}_{kind} = {{\n"
-        f"  {_whole(counts)}, /* {about} */\n"
+        f"  sizeof(truepose_{kind}_settings), {_whole(counts[1:])}, /* {about} */\n"
         f"{_rows(listed, '  ')}\n}};\n"
     )

@@ -151,7 +151,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
 def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file: nominal, axes at zero yaw and tilt."""
     robot = _core.Robot()
-    mobility = f"pivot_{spec.n}" if spec.mobility == "rotational" else spec.mobility
+    mobility = f"rotational_{spec.n}" if spec.mobility == "rotational" else spec.mobility
     robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)

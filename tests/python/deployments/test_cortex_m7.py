@@ -63,7 +63,7 @@ def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_
 
 
 def test_an_ankle_answers_there_as_elsewhere_and_costs_less_than_an_h4(said, tmp_path):
-    ankle = board(tmp_path, "ROBOT=g1_ankle", "MOBILITY=pivot_2")
+    ankle = board(tmp_path, "ROBOT=g1_ankle", "MOBILITY=rotational_2")
     assert "FAILED" not in ankle
     for entry in ("IKM", "FKM, from the last cycle's pose", "control, TEJ", "estimate"):
         assert row(ankle, entry)[0] < row(said, entry)[0]
