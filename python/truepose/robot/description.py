@@ -40,27 +40,34 @@ class Description:
 
     core: _core.Robot
     core_drawn: _core.Robot
+    #: Attributes that do not depend on the parameters' values.
+    _OF_FILE = ("_spec", "_nominal", "core_drawn", "_columns", "_priors")
 
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
         self._nominal = drawn(spec)
-        self._values = self._nominal | spec.parameters | (values or {})
         most = min(_core.max_sensors, _core.max_readings - spec.n)
         if len(spec.sensors) > most:
             raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self.core_drawn = build(spec)
         self.core_drawn.level = getattr(_core.Level, self.level)
         self.core_drawn.finish()
+        self._columns = columns(spec)
+        self._take(self._nominal | spec.parameters | (values or {}))
+        if self.level == "full" and not self.full:
+            raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
+
+    def _take(self, values: dict[str, float]) -> None:
+        """Take over the values of all parameters, and build the core's robot with them."""
+        self._values = values
         xi = np.asarray(self.core_drawn.drawn_parameters())
-        for name, column in columns(spec):
-            xi[column] = self._values.get(name, xi[column])
+        for name, column in self._columns:
+            xi[column] = values.get(name, xi[column])
         self.core = self.core_drawn.with_parameters(xi)
         status, chain = self.core.finish()
         if status:
-            why = explain.at_home(self.core, spec, (status, chain))
-            raise RobotFileError(f"{spec.name}: {why}")
-        if self.level == "full" and not self.full:
-            raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
+            why = explain.at_home(self.core, self._spec, (status, chain))
+            raise RobotFileError(f"{self._spec.name}: {why}")
 
     def __repr__(self) -> str:
         sensors = ", ".join(self._spec.sensors) or "no sensor"
@@ -224,6 +231,12 @@ class Description:
 
     @functools.cached_property
     def _parameters(self) -> dict[str, Parameter]:
+        priors = self._priors
+        return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
+
+    @functools.cached_property
+    def _priors(self) -> dict[str, tuple[float, float]]:
+        """Prior mean and σ of every parameter."""
         learnt = self._spec.calibration
         known = (
             zip(learnt.parameters, learnt.mean, learnt.sigma.values(), strict=True)
@@ -232,9 +245,10 @@ class Description:
         )
         priors = {name: (mean, sigma) for name, mean, sigma in known}
         for name, nominal in self._nominal.items():
-            tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
-            priors.setdefault(name, (nominal + tolerance.mean, tolerance.deviation))
-        return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
+            if name not in priors:
+                tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
+                priors[name] = (nominal + tolerance.mean, tolerance.deviation)
+        return priors
 
     @functools.cached_property
     def compliance(self) -> Array:
@@ -272,7 +286,12 @@ class Description:
                 raise InputError(f"{name} = {value!r}: must be a finite number")
             if wrong := robotfile.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
-        return type(self)(self._spec, self._values | {k: float(v) for k, v in values.items()})
+        # The file's part is shared: studies replace parameters at every pose.
+        found = type(self).__new__(type(self))
+        own = self.__dict__
+        found.__dict__.update((name, own[name]) for name in self._OF_FILE if name in own)
+        found._take(self._values | {k: float(v) for k, v in values.items()})
+        return found
 
     def expected(self) -> Self:
         """Return the robot with every parameter at its prior mean.

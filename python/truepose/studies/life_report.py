@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.robot.robot import Robot
 from truepose.show.table import Cell, Table, number
-from truepose.studies.life import SCENARIOS, Life, LifeCycle
+from truepose.studies.life import LifeCycle
+from truepose.studies.life_events import SCENARIOS
+from truepose.studies.life_rates import Life
 from truepose.studies.study import Study, monte_carlo
 
 #: Sensors of the study on the H4, by label.
@@ -33,6 +36,8 @@ LAWS = {
     "new calibration": "new_mm",
     "bound": "bound_mm",
 }
+#: Share of a change's error that no law removes, from which it is partly or not observable.
+PARTLY, UNOBSERVABLE = 0.2, 0.5
 
 
 def run(
@@ -58,16 +63,46 @@ def run(
     )
 
 
-def spread(study: Study, sensors: str, scenario: str, column: str) -> tuple[float, float, float]:
-    """Return median and 95 % interval over the robots, mm; NaN without an answer."""
+def _answers(study: Study, sensors: str, scenario: str, column: str) -> Array:
+    """Return one column's finite numbers of one row of the table."""
     columns = study.columns
     these = (columns["sensors"] == sensors) & (columns["scenario"] == scenario) & ~study.failed
     values = columns[column][these].astype(float)
-    values = values[np.isfinite(values)]
+    return np.asarray(values[np.isfinite(values)])
+
+
+def spread(study: Study, sensors: str, scenario: str, column: str) -> tuple[float, float, float]:
+    """Return median and 95 % interval over the robots, mm; NaN without an answer."""
+    values = _answers(study, sensors, scenario, column)
     if not len(values):
         return (np.nan, np.nan, np.nan)
     low, median, high = np.percentile(values, (2.5, 50, 97.5))
     return float(median), float(low), float(high)
+
+
+def rms(study: Study, sensors: str, scenario: str, column: str) -> float:
+    """Return the rms over the robots, mm; NaN without an answer."""
+    values = _answers(study, sensors, scenario, column)
+    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
+
+
+def observability(study: Study, sensors: str, scenario: str) -> Cell:
+    """Say whether readings determine a change, from the null space of the sensors.
+
+    As data: the share of the change's error that no law can remove, and the number of independent
+    directions of the change that the readings determine, and of all.
+    """
+    of = {name: _answers(study, sensors, scenario, name) for name in ("seen", "directions", "left")}
+    seen, directions, left = (float(np.median(v)) if len(v) else np.nan for v in of.values())
+    data = {"seen": seen, "directions": directions, "left": left}
+    if not directions > 0:
+        return Cell("–", data)
+    counted = f"{seen:.0f} of {directions:.0f}"
+    if not np.isfinite(left):
+        return Cell(f"{counted}; platform not moved", data)
+    if left >= UNOBSERVABLE:
+        return Cell(f"{counted}: not observable", data)
+    return Cell(f"{counted}: partly" if left >= PARTLY else counted, data)
 
 
 def table(study: Study) -> Table:
@@ -79,13 +114,14 @@ def table(study: Study) -> Table:
             for column in LAWS.values():
                 values = spread(study, sensors, scenario, column)
                 told = dict(zip(("median", "low", "high"), values, strict=True))
+                told["rms"] = rms(study, sensors, scenario, column)
                 key = column.removesuffix("_mm")
                 data = {f"{key}_{part}_mm": v for part, v in told.items()}
                 median = told["median"]
                 cells.append(Cell(number(median if np.isfinite(median) else None, 2), data))
-            rows.append([label, scenario, *cells])
+            rows.append([label, scenario, *cells, observability(study, sensors, scenario)])
     title = "Position error after a change and 100 poses of work, median over the robots (mm)"
-    return Table("life", title, ["sensors", "change", *LAWS], rows)
+    return Table("life", title, ["sensors", "change", *LAWS, "directions seen"], rows)
 
 
 def draw(figure: Any, study: Study) -> None:
@@ -102,6 +138,7 @@ def draw(figure: Any, study: Study) -> None:
         told = [spread(study, sensors, s, LAWS["bound"])[0] for s in SCENARIOS]
         axes.plot(np.arange(len(SCENARIOS)), told, "k_", ms=14, label="bound")
         axes.set(title=label, yscale="log")
+        axes.yaxis.set_major_formatter("{x:g}")
         axes.grid(axis="y", color="0.9")
         axes.set_xticks(range(len(SCENARIOS)), list(SCENARIOS), rotation=60, ha="right")
     for axes in panels[::2]:

@@ -165,7 +165,7 @@ def monte_carlo(
     cases = Cases(
         tuple(load(r) if isinstance(r, str) else r for r in kinds), dict(grid or {}), seed
     )
-    require_keys(asked, cases.grid)
+    require_keys(asked, cases.grid, cases.robots)
     for name, value in (("count", count), ("chunk", chunk)):
         if value < 1:
             raise InputError(f"study: {name} = {value}: must be at least 1")
