@@ -179,6 +179,21 @@ def test_a_robot_that_never_changes_stays_accurate(known, true):
     assert error(adaptive.robot, true) < 1.1 * error(known, true)
 
 
+def test_an_exchanged_sensor_is_learned_anew_and_nothing_else(robot, true):
+    robot, true = robot.with_sensors("theta"), robot.with_sensors("theta").sample(5)
+    known = life._commissioned(robot, true, 0.003, np.random.default_rng(6))
+    other = moved(true.at_highest_level, {"theta.offset": 7e-4})
+    adaptive = tp.control.AdaptiveCalibrator(known)
+    adaptive.exchanged("theta")
+    adaptive.observe(other.read(VISITED, seed=1))
+    off = adaptive.robot.parameters["theta.offset"].mean - other.parameters["theta.offset"].value
+    assert abs(off) < 3e-4
+    assert not any(window.changed for window in adaptive.windows)
+    assert error(adaptive.robot, other) < 1.1 * error(known, other)
+    with pytest.raises(tp.InputError, match="unknown sensor 'rust'"):
+        adaptive.exchanged("rust")
+
+
 def test_a_few_gross_errors_are_left_out(known, true):
     rows = true.read(VISITED[:50], seed=1)
     rows[[7, 31], 4] += 0.05

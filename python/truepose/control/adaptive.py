@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array, Errors, require
 from truepose.calibration.learnt import calibration_of, chi2_quantile
 from truepose.control import evidence
-from truepose.control.changes import OFTEN, Change, changes
+from truepose.control.changes import OFTEN, Change, changes, reading_offsets
 from truepose.control.evidence import Chosen, Equations, Posterior, Windows
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
@@ -148,6 +148,10 @@ class AdaptiveCalibrator:
         self.robot = self.robot.at_highest_level
         self._names = knowledge.uncertain(self.robot)
         self._kinds = changes(self.robot) if self.kinds is None else list(self.kinds)
+        self._fixed = [
+            change.root(self._names)[None] if type(change).roots is Change.roots else None
+            for change in self._kinds
+        ]
         self._base = self.robot  # before the rows of `_kept`
         self._kept: list[tuple[Array, Array]] = []  # rows and factors of their σ
         self._rows: list[Array] = []
@@ -182,6 +186,41 @@ class AdaptiveCalibrator:
             if len(self._rows) == self.window:
                 self._learn(np.array(self._rows))
                 self._rows = []
+
+    def exchanged(self, *sensors: str) -> None:
+        """Forget the mounting of sensors that were exchanged; it is learned anew.
+
+        Rows of an unfinished window are dropped. Call it for a motor's encoder, too: "q1".
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> from truepose.paper import article
+        >>> h4 = tp.load("h4")
+        >>> known = tp.calibrate(h4, h4.expected().read(article.table2())).robot
+        >>> adaptive = tp.control.AdaptiveCalibrator(known)
+        >>> adaptive.exchanged("theta")
+        >>> new, old = (robot.parameters["theta.offset"].sigma for robot in (adaptive.robot, known))
+        >>> bool(new > old)
+        True
+        """
+        offsets = dict(zip(self.robot.readings, reading_offsets(self.robot), strict=True))
+        fresh: list[str] = []
+        for sensor in sensors:
+            if sensor not in offsets:
+                raise InputError(choose("sensor", sensor, offsets))
+            own = f"{sensor}." if sensor in self.robot.sensors else offsets[sensor]
+            fresh += [name for name in self._names if name.startswith(own)]
+        known, file = self.robot.parameters, self.robot.with_calibration(None).parameters
+        root = knowledge.root(self.robot, self._names)
+        at = [self._names.index(name) for name in fresh]
+        root[at] = 0.0
+        new = np.zeros((len(root), len(at)))
+        new[at, range(len(at))] = [file[name].sigma for name in fresh]
+        step = np.array([(file[n].mean - known[n].value) * (n in fresh) for n in self._names])
+        plain = with_noise(self.robot, knowledge.reading_sigma(self._base))
+        self._base = self._calibrated(plain, step, knowledge.triangular(np.hstack([root, new])))
+        self.robot, self._kept, self._rows = self._base, [], []
 
     @property
     def monitored(self) -> Robot:
@@ -229,7 +268,13 @@ class AdaptiveCalibrator:
 
     def _roots(self, x: Array) -> list[Array]:
         own = knowledge.root(self._base, self._names)[None]
-        return [own, *(change.roots(self._names, x) for change in self._kinds)]
+        return [
+            own,
+            *(
+                fixed if fixed is not None else self._kinds[k].roots(self._names, x)
+                for k, fixed in enumerate(self._fixed)
+            ),
+        ]
 
     def _equations(self, rows: Array, factors: Array) -> tuple[Equations, Array, Array]:
         robot, noise = self.robot, factors * knowledge.reading_sigma(self._base)
@@ -364,7 +409,7 @@ class AdaptiveCalibrator:
             for k, share in enumerate(explained.probabilities(len(self._kinds)))
             if share > REPORTED and (k, first) in explained.best.chosen
         }
-        if certain:  # from now on part of what is not known of the geometry
+        if certain:  # from now on part of the geometry's uncertainty
             constant = self._constant(self._equations(*self._kept[0])[2])
             own = knowledge.root(self._base, self._names)
             more = [constant(k)[0] for k in sorted(certain)]

@@ -41,7 +41,7 @@ class Description:
     core: _core.Robot
     core_drawn: _core.Robot
     #: Attributes that do not depend on the parameters' values.
-    _OF_FILE = ("_spec", "_nominal", "core_drawn", "_columns", "_priors")
+    _OF_FILE = ("_spec", "_nominal", "core_drawn", "_columns", "_tolerated", "_priors")
 
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
@@ -243,12 +243,16 @@ class Description:
             if learnt
             else ()
         )
-        priors = {name: (mean, sigma) for name, mean, sigma in known}
+        return self._tolerated | {name: (mean, sigma) for name, mean, sigma in known}
+
+    @functools.cached_property
+    def _tolerated(self) -> dict[str, tuple[float, float]]:
+        """Mean and σ of every parameter by the tolerances."""
+        found = {}
         for name, nominal in self._nominal.items():
-            if name not in priors:
-                tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
-                priors[name] = (nominal + tolerance.mean, tolerance.deviation)
-        return priors
+            tolerance = self._spec.tolerance(name) or Tolerance(sigma=0.0)
+            found[name] = (nominal + tolerance.mean, tolerance.deviation)
+        return found
 
     @functools.cached_property
     def compliance(self) -> Array:
@@ -286,11 +290,20 @@ class Description:
                 raise InputError(f"{name} = {value!r}: must be a finite number")
             if wrong := robotfile.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
-        # The file's part is shared: studies replace parameters at every pose.
+        return self._like(self._values | {k: float(v) for k, v in values.items()})
+
+    def _like(self, values: dict[str, float], spec: RobotFile | None = None) -> Self:
+        """Return a robot with other values, and perhaps another calibration.
+
+        It shares what depends on the rest of the file: studies need many.
+        """
         found = type(self).__new__(type(self))
         own = self.__dict__
         found.__dict__.update((name, own[name]) for name in self._OF_FILE if name in own)
-        found._take(self._values | {k: float(v) for k, v in values.items()})
+        if spec is not None:
+            found._spec = spec
+            found.__dict__.pop("_priors", None)
+        found._take(values)
         return found
 
     def expected(self) -> Self:
@@ -336,7 +349,10 @@ class Description:
             require(calibration, CalibrationSection, "calibration", "fit.robot has one")
         learnt = calibration and zip(calibration.parameters, calibration.mean, strict=True)
         spec = self._spec.model_copy(update={"calibration": calibration})
-        return type(self)(spec, self._values | dict(learnt or ()))
+        values = self._values | dict(learnt or ())
+        if spec.stretches != self._spec.stretches:  # then compliances are among the parameters
+            return type(self)(spec, values)
+        return self._like(values, spec)
 
     def with_sensors(self, *names: str) -> Self:
         """Return a copy that uses these sensors, in this order: names, globs, "all" or "none".

@@ -64,9 +64,9 @@ class LifeCycle:
         default the robot's sensors in use and a warm day. Beside the laws on the frozen
         commissioning: ``allowed`` is the weighted law whose covariance allows for a warm-up,
         ``online`` the estimated law on :class:`OnlineCalibrator` with the growth of a warm-up,
-        ``adaptive`` on :class:`AdaptiveCalibrator`, ``new`` on a calibration from the last 100
-        poses alone, and ``bound`` that of an observer told which change happened, with what it
-        cannot follow (:func:`truepose.studies.life_bound.bound`).
+        ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of exchanged sensors, ``new`` on
+        a calibration from the last 100 poses alone, and ``bound`` that of an observer told which
+        change happened, with what it cannot follow (:mod:`truepose.studies.life_bound`).
         """
         wanted = str(case.values.get("sensors", _joined(case.robot.sensors))).split("+")
         scenario = str(case.values.get("scenario", "warm day"))
@@ -82,7 +82,11 @@ class LifeCycle:
         drift = [{n: s / math.sqrt(VISITED) for n, s in mode.items()} for mode in growth]
         online = OnlineCalibrator(known, drift)
         adaptive = AdaptiveCalibrator(known, kinds=changes(known, known_effects(life, scenario)))
+        exchanged: tuple[str, ...] = ()
         for state, x in zip(states, visited, strict=True):
+            if state.exchanged != exchanged:
+                exchanged = state.exchanged
+                adaptive.exchanged(*exchanged)
             for block in np.split(x, VISITED // BLOCK):
                 there = state.true_at(true, block, rng, rest=False)
                 online.observe(_readings(online.robot, there, "estimated", rng), "nan")

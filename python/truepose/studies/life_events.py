@@ -36,6 +36,7 @@ class Event:
     told: tuple[Change, ...] = ()  #: kind and size of the changes, which an observer may know
     load: Payload | None = None
     sides: Steps = field(default_factory=dict)  #: half a backlash: on either side at each pose
+    exchanged: tuple[str, ...] = ()  #: sensors, of which the owner tells the calibrator
     factor: float = 1.0  #: σ of the sensors' readings over that of new ones
 
     @property
@@ -92,6 +93,7 @@ def together(events: Sequence[Event]) -> Event:
         told=tuple(change for event in events for change in event.told),
         load=loads[-1] if loads else None,
         sides=sides,
+        exchanged=tuple(sensor for event in events for sensor in event.exchanged),
         factor=math.prod(event.factor for event in events),
     )
 
@@ -178,9 +180,10 @@ def _exchanged(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     known = true.with_calibration(None).parameters
     own = [n for n in knowledge.uncertain(true) if n.partition(".")[0] in true.sensors]
     names = [name for name in own if name.startswith(f"{exchanged}.")]
-    steps = {name: known[name].sigma * rng.standard_normal() for name in names}
+    new = {name: known[name].mean + known[name].sigma * rng.standard_normal() for name in names}
+    steps = {name: value - true.parameters[name].value for name, value in new.items()}
     sizes = _one_of([{name: known[name].sigma} for name in own], true.r)
-    return Event(steps, _told("sensor", sizes))
+    return Event(steps, _told("sensor", sizes), exchanged=(exchanged,))
 
 
 def _homed(true: Robot, life: Life, rng: np.random.Generator) -> Event:
