@@ -98,7 +98,10 @@ def h4(finer: int = 1) -> Robot:
 
 def choose() -> None:
     """Print the smallest and the cheapest sets that reach the target, by counts and reference."""
-    names = [s.name for s in h4().spec.sensor if s.name != "pivot1"]  # pivot1 is theta's joint
+    # pivot1 is theta's joint; chains 2 and 4 mirror 1 and 3.
+    names = [s.name for s in h4().spec.sensor if s.name not in ("pivot1", "wire2")]
+    names = [name for name in names if not name.endswith(("2", "4")) or name == "pivot2"]
+    names.append("wire2")
     poses = article.table2()
     for dowel in (True, False):
         known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if dowel else {}

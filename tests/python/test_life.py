@@ -31,7 +31,7 @@ def true(robot) -> tp.Robot:
 
 @pytest.fixture(scope="module")
 def known(robot, true) -> tp.Robot:
-    return life._commissioned(robot, true, 0.003, np.random.default_rng(6))
+    return life.commissioned(robot, true, 0.003, np.random.default_rng(6))
 
 
 def error(robot, true) -> float:
@@ -103,7 +103,7 @@ def test_a_frozen_reading_is_no_wear(known, true, reading):
 def test_a_faulty_sensor_is_never_learned_as_wear(sensors, kind):
     robot = tp.load("h4").with_sensors(*sensors)
     true = robot.sample(5).at_highest_level
-    known = life._commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
     rows, column = true.read(VISITED, seed=1), robot.n
     rows[:, column] = {
         "stuck": np.full(100, rows[0, column]),
@@ -143,7 +143,7 @@ def test_the_fault_monitor_takes_no_slow_change_for_a_fault(known, true, scenari
 def test_a_reading_with_more_noise_is_named_and_counts_less():
     robot = tp.load("h4").with_sensors("theta", "elbow*")
     true = robot.sample(5).at_highest_level
-    known = life._commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
     rows, sigma = true.read(VISITED, seed=1), known.reading_sigma
     rows[:, 5] += 6 * sigma[5] * np.random.default_rng(1).standard_normal(100)
     adaptive = tp.control.AdaptiveCalibrator(known)
@@ -181,7 +181,7 @@ def test_a_robot_that_never_changes_stays_accurate(known, true):
 
 def test_an_exchanged_sensor_is_learned_anew_and_nothing_else(robot, true):
     robot, true = robot.with_sensors("theta"), robot.with_sensors("theta").sample(5)
-    known = life._commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
     other = moved(true.at_highest_level, {"theta.offset": 7e-4})
     adaptive = tp.control.AdaptiveCalibrator(known)
     adaptive.exchanged("theta")
@@ -287,7 +287,7 @@ def test_the_bound_is_that_of_accuracy(known, true):
 def test_what_no_sensor_shows_is_not_observable(true):
     """A shift of the whole base moves the platform, and no reading."""
     robot = tp.load("h4").with_sensors("theta")
-    known = life._commissioned(robot, robot.sample(5), 0.003, np.random.default_rng(6))
+    known = life.commissioned(robot, robot.sample(5), 0.003, np.random.default_rng(6))
     shift = {name: 1e-4 for name in known.parameters if name.endswith("base.x")}
     event = Event(shift, (life_bound_change(shift),))
     found = bound(known, event, VISITED, OTHERS)
@@ -327,6 +327,15 @@ def test_rates_that_mean_nothing_are_refused_in_one_line(tmp_path, text, says):
     with pytest.raises(tp.InputError, match=says) as refused:
         Life.read(path)
     assert "\n" not in str(refused.value)
+
+
+def test_the_null_space_of_the_sensors_is_reported():
+    cells = {row["change"]: row for row in life_report.unseen(tp.load("h4"), Life()).records()}
+    for shift in ("shift of the base along x", "shift of the tool along x"):
+        assert all(cells[shift][label] > 0.99 for label in ("θ", "θ + z", "θ + elbows"))
+    assert cells["all lengths grow alike"]["θ + elbows"] > 0.9  # angles do not show size
+    assert cells["all lengths grow alike"]["θ + z"] < 0.1
+    assert all(row["θ + three draw-wires"] < 0.05 for row in cells.values())
 
 
 def test_rates_have_their_units(tmp_path):

@@ -74,7 +74,7 @@ class LifeCycle:
         nominal = case.robot.with_sensors(*wanted)
         true = nominal.sample(case.seed).at_highest_level
         rng = np.random.default_rng([*case.seed.generate_state(2), list(SCENARIOS).index(scenario)])
-        known = _commissioned(nominal, true, life.commissioning, rng)
+        known = commissioned(nominal, true, life.commissioning, rng)
         states = stages(scenario, true, life, rng)
         poses = workspace_samples(nominal, JUDGED + VISITED * len(states), rng)
         judged, visited = poses[:JUDGED], np.split(poses[JUDGED:], len(states))
@@ -126,7 +126,7 @@ def _noises(readings: Sequence[str]) -> list[str]:
     return [f"noise of {name}" for name in readings]
 
 
-def _commissioned(nominal: Robot, true: Robot, share: float, rng: np.random.Generator) -> Robot:
+def commissioned(nominal: Robot, true: Robot, share: float, rng: np.random.Generator) -> Robot:
     """Return the robot calibrated before its life: each parameter to a share of its tolerance."""
     names = knowledge.uncertain(nominal)
     sigma = share * np.array([nominal.parameters[name].sigma for name in names])

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.control.changes import Change
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import workspace_samples
 from truepose.show.table import Cell, Table, number
-from truepose.studies.life import LifeCycle
-from truepose.studies.life_events import SCENARIOS
+from truepose.studies.life import JUDGED, VISITED, LifeCycle, commissioned
+from truepose.studies.life_bound import bound
+from truepose.studies.life_events import SCENARIOS, Event
 from truepose.studies.life_rates import Life
 from truepose.studies.study import Study, monte_carlo
 
@@ -122,6 +125,56 @@ def table(study: Study) -> Table:
             rows.append([label, scenario, *cells, observability(study, sensors, scenario)])
     title = "Position error after a change and 100 poses of work, median over the robots (mm)"
     return Table("life", title, ["sensors", "change", *LAWS, "directions seen"], rows)
+
+
+#: Patterns of change by name: the ends of the parameters that step, and the step, m or rad, or the
+#: share of their length.
+PATTERNS: dict[str, tuple[tuple[str, ...], float, bool]] = {
+    "shift of the base along x": ((".base.x",), 1e-4, False),
+    "shift of the base along y": ((".base.y",), 1e-4, False),
+    "shift of the base along z": ((".base.z",), 1e-4, False),
+    "shift of the tool along x": ((".anchor.x",), 1e-4, False),
+    "all lengths grow alike": (
+        ("base.x", "base.y", ".anchor.y", ".arm", ".rod", ".pivot"),
+        2e-4,
+        True,
+    ),
+    "base and arms grow, rods do not": ((".base.x", ".base.y", ".arm"), 2e-4, True),
+    "all rods": ((".rod",), 1e-4, False),
+    "pair of rods 1": (("chain1.rod",), 1e-4, False),
+    "pair of rods 3": (("chain3.rod",), 1e-4, False),
+    "arm 1": (("chain1.arm",), 1e-4, False),
+    "homing of motor 1": (("chain1.encoder_offset",), 1e-3, False),
+    "homing of motor 3": (("chain3.encoder_offset",), 1e-3, False),
+}
+
+
+def unseen(robot: Robot, rates: Life, seed: int = 0) -> Table:
+    """Return, for patterns of change and sensor sets, the share of the error that no law removes.
+
+    After 100 poses of work, for one sampled robot; 1 is the null space of the sensors.
+    """
+    rng = np.random.default_rng(seed)
+    poses = workspace_samples(robot, VISITED + JUDGED, rng)
+    known = {}
+    for label, sensors in SETS.items():
+        nominal = robot.with_sensors(*sensors.split("+"))
+        true = nominal.sample(seed)
+        known[label] = commissioned(nominal, true, rates.commissioning, rng)
+    rows: list[list[Any]] = []
+    for pattern, (ends, step, share) in PATTERNS.items():
+        cells = []
+        for commission in known.values():
+            steps = {
+                name: step * (p.mean if share else 1.0)
+                for name, p in commission.parameters.items()
+                if name.endswith(ends)
+            }
+            event = Event(steps, (Change(pattern, (steps,), 1.0),))
+            cells.append(number(bound(commission, event, poses[:VISITED], poses[VISITED:]).left, 2))
+        rows.append([pattern, *cells])
+    title = "Share of a change's position error that no law can remove after 100 poses"
+    return Table("life-unseen", title, ["change", *SETS], rows)
 
 
 def draw(figure: Any, study: Study) -> None:
