@@ -102,7 +102,7 @@ def _life(robots: int, seed: int, out: Path, rates: Path | None, how: Format) ->
     from truepose.show.results import figure_of
     from truepose.show.table import as_csv
     from truepose.studies import life_report
-    from truepose.studies.life import Life
+    from truepose.studies.life_rates import Life
 
     known = Life() if rates is None else Life.read(rates)
     stored = out / "life-study" if importlib.util.find_spec("pyarrow") else None
@@ -120,6 +120,9 @@ def _life(robots: int, seed: int, out: Path, rates: Path | None, how: Format) ->
     figure = figure_of(lambda figure: life_report.draw(figure, study))
     files.replace_file(out / "life.csv", as_csv(table.records()), "numbers", force=True)
     files.replace_file(out / "life.svg", files.picture(figure, ".svg"), "figure", force=True)
-    note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg."
-    few = table.columns(0, 1, 2, 3, 7, 8, 9, 11)  # a terminal's width; all laws are in the file
-    show([few if how is Format.table else table], how, [note])
+    unseen = life_report.unseen(load("h4"), known, seed)
+    files.replace_file(out / "life-unseen.csv", as_csv(unseen.records()), "numbers", force=True)
+    note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
+    note += "life-unseen.csv."
+    few = table.columns(0, 1, 2, 3, 5, 8, 9, 11, 12)  # a terminal's width; all laws are in the file
+    show([few if how is Format.table else table, unseen], how, [note])

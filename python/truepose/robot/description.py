@@ -29,6 +29,13 @@ class Parameter(NamedTuple):
     sigma: float  #: prior standard deviation
 
 
+#: Attributes that do not depend on the parameters' values.
+_OF_FILE = {
+    *("spec", "name", "n", "sensors", "r", "readings", "coordinates", "level"),
+    *("core_drawn", "_nominal", "_columns", "_tolerated", "_priors"),
+}
+
+
 class Description:
     """A robot and its sensors as data: what a :class:`truepose.Robot` is without a pose."""
 
@@ -47,23 +54,28 @@ class Description:
         #: Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`.
         self.level: Final[Level] = spec.level or "ideal"
         self._nominal = drawn(spec)
-        self._values = self._nominal | spec.parameters | (values or {})
         most = min(_core.max_sensors, _core.max_readings - spec.n)
         if len(spec.sensors) > most:
             raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self.core_drawn = build(spec)
         self.core_drawn.level = getattr(_core.Level, self.level)
         self.core_drawn.finish()
+        self._columns = columns(spec)
+        self._take(self._nominal | spec.parameters | (values or {}))
+
+    def _take(self, values: dict[str, float]) -> None:
+        """Take over the values of all parameters, and build the core's robot with them."""
+        self._values = values
         xi = np.asarray(self.core_drawn.drawn_parameters())
-        for name, column in columns(spec):
-            xi[column] = self._values.get(name, xi[column])
+        for name, column in self._columns:
+            xi[column] = values.get(name, xi[column])
         self.core = self.core_drawn.with_parameters(xi)
         status, chain = self.core.finish()
         if status:
-            why = explain.at_home(self.core, spec, (status, chain))
-            raise RobotFileError(f"{spec.name}: {why}")
+            why = explain.at_home(self.core, self.spec, (status, chain))
+            raise RobotFileError(f"{self.name}: {why}")
         if self.level == "full" and not self.full:
-            raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
+            raise RobotFileError(f"{self.name}: level = 'full': {self.full.reason}")
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in self.__dict__:
@@ -192,14 +204,26 @@ class Description:
 
     @functools.cached_property
     def _parameters(self) -> dict[str, Parameter]:
-        priors: dict[str, tuple[float, float]] = {}
-        if learnt := self.spec.calibration:
-            known = zip(learnt.mean, learnt.sigma.values(), strict=True)
-            priors = dict(zip(learnt.parameters, known, strict=True))
+        priors = self._priors
+        return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
+
+    @functools.cached_property
+    def _priors(self) -> dict[str, tuple[float, float]]:
+        """Prior mean and σ of every parameter."""
+        learnt = self.spec.calibration
+        if learnt is None:
+            return self._tolerated
+        known = zip(learnt.mean, learnt.sigma.values(), strict=True)
+        return self._tolerated | dict(zip(learnt.parameters, known, strict=True))
+
+    @functools.cached_property
+    def _tolerated(self) -> dict[str, tuple[float, float]]:
+        """Mean and σ of every parameter by the tolerances."""
+        found = {}
         for name, nominal in self._nominal.items():
             tolerance = self.spec.tolerance(name) or Tolerance(sigma=0.0)
-            priors.setdefault(name, (nominal + tolerance.mean, tolerance.deviation))
-        return {name: Parameter(value, *priors[name]) for name, value in self._values.items()}
+            found[name] = (nominal + tolerance.mean, tolerance.deviation)
+        return found
 
     @functools.cached_property
     def compliance(self) -> Array:
@@ -237,7 +261,21 @@ class Description:
                 raise InputError(f"{name} = {value!r}: must be a finite number")
             if wrong := robotfile.reading.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
-        return type(self)(self.spec, self._values | {k: float(v) for k, v in values.items()})
+        return self._like(self._values | {k: float(v) for k, v in values.items()})
+
+    def _like(self, values: dict[str, float], spec: RobotFile | None = None) -> Self:
+        """Return a robot with other values, and perhaps another calibration.
+
+        It shares what depends on the rest of the file: studies need many.
+        """
+        found = type(self).__new__(type(self))
+        shared = _OF_FILE if spec is None else _OF_FILE - {"spec", "_priors"}
+        own = self.__dict__
+        found.__dict__.update({name: own[name] for name in shared & own.keys()})
+        if spec is not None:
+            found.__dict__["spec"] = spec
+        found._take(values)
+        return found
 
     def expected(self) -> Self:
         """Return the robot with every parameter at its prior mean.
@@ -282,7 +320,10 @@ class Description:
             require(calibration, CalibrationSection, "calibration", "fit.robot has one")
         learnt = calibration and zip(calibration.parameters, calibration.mean, strict=True)
         spec = self.spec.model_copy(update={"calibration": calibration})
-        return type(self)(spec, self._values | dict(learnt or ()))
+        values = self._values | dict(learnt or ())
+        if spec.stretches != self.spec.stretches:  # then compliances are among the parameters
+            return type(self)(spec, values)
+        return self._like(values, spec)
 
     def with_sensors(self, *names: str) -> Self:
         """Return a copy that uses these sensors, in this order: names, globs, "all" or "none".

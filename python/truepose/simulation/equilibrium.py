@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -119,3 +120,18 @@ def steady_state(
         require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
     shape = (*lead, robot.n)
     return SteadyState(x.reshape(shape), robot=robot, x_d=rows.reshape(shape))
+
+
+def settling(robot: Robot, law: Law) -> Callable[[Robot, Array], Array]:
+    """Return a function (true robot, poses (N, n)) → steady-state poses, NaN where there is none.
+
+    For many true robots under one controller: what depends on the controller is built once.
+    """
+    gains = Controller(law=law).settings(robot, robot.home)
+    believed, known = knowledge.for_law(robot, law)
+
+    def settle(truth: Robot, x_d: Array) -> Array:
+        x, status, _, _ = _core.settle(believed.core, truth.core, gains, known, False, x_d)
+        return np.where(np.asarray(status)[:, None] == 0, x, np.nan)
+
+    return settle

@@ -54,8 +54,15 @@ def calibration(case: Case) -> dict[str, Answer]:
 READY: dict[str, Asked] = {"calibration": calibration, "life": LifeCycle(), "rest": rest}
 
 
-def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
+def require_keys(
+    function: Asked, grid: Mapping[str, Sequence[object]], robots: Sequence[Robot]
+) -> None:
     """Raise InputError for a grid key, or a value, that a built-in function cannot use."""
+    if isinstance(function, LifeCycle):
+        for key in grid:
+            if key not in ("sensors", "scenario"):
+                raise InputError(f"study life: grid: {choose('key', key, ['sensors', 'scenario'])}")
+        function.check(robots, grid)
     keys: dict[Asked, str] = {calibration: "poses", rest: "law"}
     if (known := keys.get(function)) is None:
         return

@@ -162,7 +162,7 @@ def monte_carlo(
     kinds = (robots,) if isinstance(robots, Robot | str) else robots
     loaded = tuple(load(r) if isinstance(r, str) else r for r in kinds)
     cases = Cases(loaded, dict(grid or {}), seed)
-    require_keys(asked, cases.grid)
+    require_keys(asked, cases.grid, cases.robots)
     for name, value in (("count", count), ("chunk", chunk)):
         if value < 1:
             raise InputError(f"study: {name} = {value}: must be at least 1")
