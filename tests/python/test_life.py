@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration.learnt import calibrated
 from truepose.control.changes import Change, changes
 from truepose.paper import article
 from truepose.studies import life, life_report
@@ -276,8 +277,7 @@ def test_the_bound_is_that_of_accuracy(known, true):
     homed = Life().homing / 2 * np.array([n.endswith("encoder_offset") for n in names])
     root = np.diag(np.hypot(own, homed))
     values = {n: known.parameters[n].mean for n in names}
-    told = known.with_calibration(life.calibration_of(values, root, "told"))
-    exact = known.with_calibration(life.calibration_of(values, 1e-4 * root, "exact"))
+    told, exact = (calibrated(known, values, share * root, "told") for share in (1.0, 1e-4))
     rms = [tp.accuracy(r, OTHERS, calibrated_on=VISITED).rms for r in (told, exact)]
     found = bound(known, event, VISITED, OTHERS)
     assert found.error == pytest.approx(np.sqrt(rms[0] ** 2 - rms[1] ** 2), rel=0.05)
