@@ -570,7 +570,7 @@ TEST("settings that no controller or watch can have are refused") {
   CHECK(begun([](auto&) {}) == TRUEPOSE_OK);
   CHECK(begun([](auto& s) { s.size = 0; }) == TRUEPOSE_OTHER_VERSION);
   CHECK(begun([](auto& s) { ++s.size; }) == TRUEPOSE_OTHER_VERSION);
-  // Of an earlier release, without `ki`: its default, 0, in place of what the memory holds.
+  // Settings of an earlier release, without `ki`: the default 0 is used, whatever the memory holds.
   CHECK(begun([](auto& s) { s.ki[0] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(begun([](auto& s) {
           s.size = offsetof(truepose_control_settings, ki);
