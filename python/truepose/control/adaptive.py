@@ -153,7 +153,7 @@ class AdaptiveCalibrator:
             for change in self._kinds
         ]
         self._base = self.robot  # before the rows of `_kept`
-        self._kept: list[tuple[Array, Array]] = []  # rows and factors of their σ
+        self._kept: list[tuple[Array, Array, Array]] = []  # rows, factors of their σ, poses
         self._rows: list[Array] = []
         self._observed = 0
 
@@ -236,11 +236,11 @@ class AdaptiveCalibrator:
     def _learn(self, rows: Array) -> None:
         """Learn one window."""
         factors = np.ones(self.robot.n + self.robot.r)
-        explained, used = self._without_outliers(rows, factors)
+        explained, used, x = self._without_outliers(rows, factors)
         fits, misfit = explained.fits()
         if not fits:
             factors = self._noise(rows)
-            explained, used = self._without_outliers(rows, factors)
+            explained, used, x = self._without_outliers(rows, factors)
             fits, misfit = explained.fits()
         fits = fits and len(rows) - len(used) <= int(OUTLIERS * len(rows))
         shares = explained.probabilities(len(self._kinds))
@@ -251,7 +251,7 @@ class AdaptiveCalibrator:
         suspects: tuple[str, ...] = ()
         learned = fits and sum(faults.values()) < 0.5
         if learned:
-            self._kept.append((rows[used], factors))
+            self._kept.append((rows[used], factors, x))
             explained = self._moved(self._followed(explained))
             shares = explained.probabilities(len(self._kinds))
             changed = tuple(self._kinds[k].name for k in np.flatnonzero(shares > REPORTED))
@@ -300,19 +300,19 @@ class AdaptiveCalibrator:
         return _Explained(model, weights, [model.posterior(c) for c in likely])
 
     def _before(self) -> list[Equations]:
-        return [self._equations(rows, factors)[0] for rows, factors in self._kept]
+        return [self._equations(rows, factors)[0] for rows, factors, _ in self._kept]
 
-    def _without_outliers(self, rows: Array, factors: Array) -> tuple[_Explained, Array]:
-        """Explain a window without its worst rows, as many as may be; return those used."""
+    def _without_outliers(self, rows: Array, factors: Array) -> tuple[_Explained, Array, Array]:
+        """Explain a window without its worst rows; return those used, and their poses."""
         most = int(OUTLIERS * len(rows))
         before = self._before()
-        equations, placed, _ = self._equations(rows, factors)
+        equations, placed, x = self._equations(rows, factors)
         at = np.flatnonzero(placed)
         used = np.arange(len(at))
         while True:
             explained = self._explain([*before, equations.rows(used)])
             if explained.fits()[0] or len(rows) - len(used) >= most or len(used) < 2:
-                return explained, at[used]
+                return explained, at[used], x[used]
             used = np.delete(used, np.argmax((explained.left() ** 2).sum(axis=1)))
 
     def _noise(self, rows: Array) -> Array:
@@ -366,7 +366,7 @@ class AdaptiveCalibrator:
         own = knowledge.root(self._base, self._names)
         for _ in range(RELINEARIZED):
             before = self.robot
-            x = np.vstack([self._equations(rows, f)[2] for rows, f in self._kept])
+            x = np.vstack([x for _, _, x in self._kept])
             mean, root = evidence.mixed(explained.posteriors, own, self._constant(x))
             self.robot = self._with(mean, root, self._kept[-1][1])
             known, was = self.robot.parameters, before.parameters
@@ -406,7 +406,7 @@ class AdaptiveCalibrator:
             if share > REPORTED and (k, first) in explained.best.chosen
         }
         if certain:  # from now on part of the geometry's uncertainty
-            constant = self._constant(self._equations(*self._kept[0])[2])
+            constant = self._constant(self._kept[0][2])
             own = knowledge.root(self._base, self._names)
             more = [constant(k)[0] for k in sorted(certain)]
             root = knowledge.triangular(np.hstack([own, *more]))
@@ -414,7 +414,7 @@ class AdaptiveCalibrator:
 
     def _collapse(self, explained: _Explained, first: int, shares: dict[Chosen, float]) -> None:
         """Make the windows before the one numbered `first` part of the base."""
-        known = [self._equations(rows, factors) for rows, factors in self._kept[:first]]
+        known = [self._equations(rows, factors) for rows, factors, _ in self._kept[:first]]
         model = Windows(
             [equations for equations, _, _ in known],
             explained.windows.parts,

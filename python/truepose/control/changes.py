@@ -36,7 +36,13 @@ class Change:
 
     def root(self, names: Sequence[str]) -> Array:
         """Return S of the steps' covariance S Sᵀ, (p, modes)."""
-        return np.array([[mode.get(name, 0.0) for mode in self.modes] for name in names])
+        found = np.zeros((len(names), len(self.modes)))
+        at = {name: row for row, name in enumerate(names)}
+        for column, mode in enumerate(self.modes):
+            for name, step in mode.items():
+                if name in at:
+                    found[at[name], column] = step
+        return found
 
     def roots(self, names: Sequence[str], x: Array) -> Array:
         """Return S at each of N poses, (N, p, modes) or (1, p, modes) if it is the same."""
