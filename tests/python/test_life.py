@@ -353,6 +353,7 @@ def test_the_report_has_a_median_and_an_interval_of_every_law(monkeypatch):
     study = life_report.run(tp.load("h4"), 3, 0, Life(), workers=0)
     (row,) = life_report.table(study).records()
     assert row["joint_low_mm"] < row["joint_median_mm"] < row["joint_high_mm"]
+    assert "| wear | " in life_report.page(study)
     from truepose.show.results import figure_of
 
     assert len(figure_of(lambda figure: life_report.draw(figure, study)).axes) == 4

@@ -120,9 +120,11 @@ def _life(robots: int, seed: int, out: Path, rates: Path | None, how: Format) ->
     figure = figure_of(lambda figure: life_report.draw(figure, study))
     files.replace_file(out / "life.csv", as_csv(table.records()), "numbers", force=True)
     files.replace_file(out / "life.svg", files.picture(figure, ".svg"), "figure", force=True)
+    page = life_report.page(study)
+    files.replace_file(out / "life.md", page, "tables", force=True)
     unseen = life_report.unseen(load("h4"), known, seed)
     files.replace_file(out / "life-unseen.csv", as_csv(unseen.records()), "numbers", force=True)
     note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
-    note += "life-unseen.csv."
+    note += "life.md, life-unseen.csv."
     few = table.columns(0, 1, 2, 3, 5, 8, 9, 11, 12)  # a terminal's width; all laws are in the file
     show([few if how is Format.table else table, unseen], how, [note])

@@ -127,6 +127,28 @@ def table(study: Study) -> Table:
     return Table("life", title, ["sensors", "change", *LAWS, "directions seen"], rows)
 
 
+#: Columns of the page's tables, besides two ratios.
+PAGE = ("frozen", "TEJ", "weighted", "estimated", "online", "adaptive", "bound", "directions seen")
+
+
+def page(study: Study) -> str:
+    """Return the tables of docs/life.md: medians, and two ratios of rms, in Markdown."""
+    found, lines = table(study), []
+    head = [*PAGE, "adaptive / frozen", "best / bound"]
+    for label, sensors in SETS.items():
+        lines += ["", "| " + " | ".join([label, *head]) + " |"]
+        lines.append("|---|" + "---:|" * 7 + "---|---:|---:|")
+        for row in found.rows:
+            if row[0] != label:
+                continue
+            cells = dict(zip(found.header, row, strict=True))
+            off = {law: rms(study, sensors, row[1], column) for law, column in LAWS.items()}
+            best = min(off[law] for law in LAWS if law not in ("new calibration", "bound"))
+            ratios = [f"{off['adaptive'] / off['frozen']:.2f}", f"{best / off['bound']:.2f}"]
+            lines.append("| " + " | ".join([row[1], *(cells[k] for k in PAGE), *ratios]) + " |")
+    return "\n".join(lines) + "\n"
+
+
 #: Patterns of change by name: the ends of the parameters that step, and the step, m or rad, or the
 #: share of their length.
 PATTERNS: dict[str, tuple[tuple[str, ...], float, bool]] = {
