@@ -305,9 +305,9 @@ inline void note_vertical(Robot& robot) {
 template <Mobility K>
 using Fixed = std::integral_constant<Mobility, K>;
 
-/// Calls f with the mobility as a compile-time constant, so that loops have known sizes:
-/// [&]<Mobility K>(Fixed<K>) {…}. (An unfinished robot's mobility, invalid or not compiled, maps to
-/// any: what f calls refuses it.)
+/// Calls f, a template over the mobility K with one parameter of type Fixed, so that loops have
+/// known sizes. (An unfinished robot's mobility, invalid or not compiled, maps to any: what f calls
+/// refuses it.)
 template <class F>
 constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
 #ifdef TRUEPOSE_ONLY_MOBILITY
