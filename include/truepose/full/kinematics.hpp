@@ -47,11 +47,11 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   Real scale = 0;
   for (int i = 0; i < kDof<K>; ++i) {
     if (!(at.driven[i].rod > 0.5 * std::fabs(robot.chain[i].rod_difference)))
-      return {Status::unreachable, i};  // a rod of no length
+      return {{Status::unreachable, i}};  // a rod of no length
     scale = std::max(scale, at.driven[i].rod);
   }
   open_loops<K>(robot, at);
-  if (!std::isfinite(at.cost)) return {Status::not_finite, -1};
+  if (!std::isfinite(at.cost)) return {{Status::not_finite, -1}};
 
   NewtonEnd end;
   if (!(closed && at.residual <= kRounding * scale)) {
@@ -223,12 +223,16 @@ inline bool other_full_mode(const Robot& robot, const FullClosure<K>& at) {
 template <class Own, class Same>
 inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
   using Result = decltype(same());
-  if (!robot.finished) return Result{Status::unfinished, -1};
+  Result none{};
+  none.chain = -1;
+  none.status = Status::unfinished;
+  if (!robot.finished) return none;
   if (robot.full.kind == FullKind::same) return same();
   return with_mobility(robot.mobility, [&](auto mobility) {
     if constexpr (kRodByRod<mobility()>)
       if (robot.full.own()) return own(mobility);
-    return Result{Status::no_full_level, -1};
+    none.status = Status::no_full_level;
+    return none;
   });
 }
 }  // namespace full_detail
@@ -238,11 +242,11 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
 template <Mobility K>
 FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure,
                     int cap = kFkmCap) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {{Status::unfinished, -1}};
   closure.pose = pose;
   closure.q = q;
   for (int i = 0; i < kDof<K>; ++i) {
-    if (!std::isfinite(q[i])) return {Status::not_finite, i};
+    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
     closure.driven[i] = drive(robot.chain[i], q[i]);
   }
   FullResult result = full_detail::newton<K>(robot, full_detail::Forward<K>{robot}, closure, false,

@@ -27,15 +27,15 @@ struct [[nodiscard]] FkmResult : Outcome {
 template <Mobility K>
 TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
                                   int most = kFkmIterations) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {{Status::unfinished, -1}};
   constexpr int n = kDof<K>;
   FkmResult result;
   std::array<Driven, n> driven;
   Real scale = 0;  // the longest rod
   for (int i = 0; i < n; ++i) {
     driven[i] = drive(robot.chain[i], q[i]);
-    if (!std::isfinite(q[i])) return {Status::not_finite, i};
-    if (!(driven[i].rod > 0)) return {Status::unreachable, i};  // a telescopic leg
+    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
+    if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
     scale = std::max(scale, driven[i].rod);
   }
   const Loops<K> loops(robot, driven);
@@ -43,7 +43,7 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   std::array<At, 2> iterates;
   At *current = &iterates[0], *trial = &iterates[1];
   loops.start(pose, *current);
-  if (!std::isfinite(current->cost)) return {Status::not_finite, -1};
+  if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
 
   struct Inverse {
     Matrix<n, n> rows;
@@ -182,7 +182,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
   Closure<K> home;
   int most = std::min(kFkmIterations, cap - first.iterations);
   if (most < 2 * kFkmStages) most = 0;  // a stage needs at least two steps
-  FkmResult second{Status::not_converged};
+  FkmResult second{{Status::not_converged}};
   if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
   Pose at = home.pose;
   int stage = 0, left = most;
