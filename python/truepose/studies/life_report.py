@@ -132,7 +132,7 @@ PAGE = ("frozen", "TEJ", "weighted", "estimated", "online", "adaptive", "bound",
 
 
 def page(study: Study) -> str:
-    """Return the tables of docs/life.md: medians, and two ratios of rms, in Markdown."""
+    """Return the tables of the life study's page: medians and two ratios of rms, in Markdown."""
     found, lines = table(study), []
     head = [*PAGE, "adaptive / frozen", "best / bound"]
     for label, sensors in SETS.items():
