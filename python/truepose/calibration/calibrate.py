@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,15 +14,20 @@ from truepose import logs
 from truepose.arguments import Level, require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
+from truepose.calibration.causes import search
+from truepose.calibration.causes.hypothesis import Case, Hypothesis
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import Loss, ModelError, fit_to
+from truepose.calibration.fitting import Loss, ModelError, inflated
 from truepose.calibration.influences import NuisanceParameter, homings
 from truepose.calibration.registration import KnownPose, Registration
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, choose
 from truepose.logs import Log
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
+
+CauseChoice = Literal["refuse", "apply", "ignore"]
+CHOICES: tuple[CauseChoice, ...] = ("refuse", "apply", "ignore")
 
 
 def calibrate(
@@ -42,6 +47,7 @@ def calibrate(
     influences: Sequence[NuisanceParameter] = (),
     homing: tuple[ArrayLike, ArrayLike] | None = None,
     loads: Payloads | None = None,
+    cause: CauseChoice = "refuse",
 ) -> Calibration:
     """Identify a robot's geometry from its own readings: maximum a posteriori, poses unknown.
 
@@ -99,12 +105,16 @@ def calibrate(
     loads : Payloads, optional
         Forces and measured tensions of each row, for robots whose file has compliances with
         tolerances; by default a table's columns load_x, … and q1_tension, ….
+    cause : {"refuse", "apply", "ignore"}
+        What to do with a log that a mistake explains decisively: a motor homed off, a wrong rod,
+        exchanged columns, a slipped encoder. Refuse it, calibrate with the mistake undone, or do
+        not search. ``causes`` has what was found.
 
     Raises
     ------
     InputError
-        Wrong shapes, no uncertain parameter, no reading beyond those that determine the poses; in
-        a table, missing columns, wrong units or signs, a stuck sensor.
+        Wrong shapes, no uncertain parameter, no reading beyond those that determine the poses; a
+        cause that explains the log better than its being correct.
     PoseError
         No row of the readings fits the robot, or the search does not converge.
 
@@ -125,35 +135,73 @@ def calibrate(
     require(robot, Robot, "robot", "truepose.load(name)")
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
-    table, notes = logs.is_table(readings), list[str]()
+    table, notes, refused = logs.is_table(readings), list[str](), list[str]()
     log = log_checks.log_of(robot, readings, known_pose is not None)
     if table:
         if not differences:
             Between().check(robot, log)
             differences = Between().of(robot, log)
         log, findings = log_checks.check(robot, log, measurements(differences))
-        notes = [finding.text for finding in findings]
-        if refused := [finding.text for finding in findings if finding.refused]:
-            raise InputError(f"readings: {'; '.join(refused)}")
+        notes = [finding.text for finding in findings if not finding.refused]
+        refused = [finding.text for finding in findings if finding.refused]
     if homing is not None:
         influences = [*influences, *homings(robot, *homing)]
     given: dict[str, Any] = {"measured": measured, "measured_sigma": measured_sigma, "loads": loads}
     log = replace(log, **{name: value for name, value in given.items() if value is not None})
-    fit = fit_to(
-        robot,
-        log,
-        known_pose=known_pose,
-        measured_angle_sigma=measured_angle_sigma,
-        registration=registration,
-        level=level,
-        loss=loss,
-        tuning=tuning,
-        model_error=model_error,
-        differences=differences,
-        influences=influences,
-    )
-    notes += review(fit, log) if table else left_out(fit, log)
+    settings: dict[str, Any] = {
+        "known_pose": known_pose,
+        "measured_angle_sigma": measured_angle_sigma,
+        "registration": registration,
+        "level": level,
+        "loss": loss,
+        "tuning": tuning,
+        "model_error": model_error,
+        "differences": differences,
+        "influences": influences,
+    }
+    fit, of = explained(robot, log, settings, cause, refused)
+    notes += review(fit, of.log) if table else left_out(fit, of.log)
     return replace(fit, notes=(*notes, *fit.notes))
+
+
+def explained(
+    robot: Robot,
+    log: Log,
+    settings: dict[str, Any],
+    cause: CauseChoice = "refuse",
+    refused: Sequence[str] = (),
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[Calibration, Hypothesis]:
+    """Calibrate by a checked log, after a search for what is wrong with it.
+
+    `settings` are those of :func:`fitting.fit_to`; `refused` are a check's reasons against a fit.
+    The hypothesis is that under which the robot is calibrated. Raises InputError for a decisive
+    cause that is not applied, for undecided ones, and for `refused` without a cause.
+    """
+    if cause not in CHOICES:
+        raise InputError(choose("cause", cause, CHOICES))
+    case = Case(robot, log, settings)
+    none = case.nothing()
+    if cause == "ignore" or not len(log.readings):
+        if refused:
+            raise InputError(f"readings: {'; '.join(refused)}")
+        return case.fitted(none), none
+    causes, found, base = search(robot, log, settings, always=bool(refused), progress=progress)
+    squares = settings.get("loss", "squares") == "squares"
+    if not squares and causes.found and causes.found[0].kind == "gross errors":
+        causes = replace(causes, verdict="none")  # the loss is for these
+    if causes.verdict == "decisive" and cause == "apply":
+        of, fit = found[0].of, found[0].fit
+        fit = fit if squares else case.fitted(of)
+        return replace(fit, causes=causes, notes=(f"undone: {causes.text}", *fit.notes)), of
+    if causes.verdict in ("decisive", "undecided"):
+        raise InputError(f"readings: {causes.text}")
+    if refused:
+        raise InputError(f"readings: {'; '.join(refused)}")
+    fit = base if squares and base is not None else case.fitted(none)
+    if causes.verdict == "unexplained":
+        fit = inflated(fit, causes.text)
+    return replace(fit, causes=causes), none
 
 
 def left_out(fit: Calibration, log: Log) -> list[str]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration import learnt
+from truepose.calibration.cause import NO_CAUSE, Causes
 from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import VERDICTS, Departure, Learnt, chi2_quantile, departure
 from truepose.calibration.registration import Registered
@@ -54,6 +55,7 @@ class Calibration(Shown):
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
+    loss: str  #: squares, huber or student
     guarded: bool  #: whether the ideal level's omitted errors were nuisances
     registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were
@@ -61,6 +63,7 @@ class Calibration(Shown):
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     #: (k, p + k) covariance of differences' unknowns, then of influences' amounts, with the
     #: parameters, then with each other
+    causes: Causes = NO_CAUSE  #: what was found to be wrong with log or robot
     notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
 
     def __repr__(self) -> str:

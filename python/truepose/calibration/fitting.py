@@ -151,6 +151,7 @@ def fit_to(
         status=np.array([_core.describe(int(s)) for s in answer.lines[told]]),
         iterations=answer.iterations,
         cost=answer.cost,
+        loss=loss,
         guarded=guarded,
         registration=answer.registered(geometry, moved, frames) if lines.tracked else None,
         differences=found,
@@ -300,6 +301,37 @@ def _calibrated(
     source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
     error = knowledge.model_error(robot) if guarded else None
     return calibrated(robot, values, root, source, error)
+
+
+def misfit(fit: Calibration) -> float:
+    """Return the factor by which a fit's σ are too small, at least 1.
+
+    The least cost is χ² with f freedoms, f the number of equations. If σ of noise and tolerances
+    are known up to a common factor, its posterior mean square is cost / (f - 2). With a robust loss
+    the rows' median χ² replaces the cost.
+    """
+    rows = (fit.weights >= 0.1) & (fit.redundancy > 0)
+    f = float(fit.redundancy[rows].sum())
+    if f <= 2:
+        return 1.0
+    ratio2 = fit.disagreement(rows) ** 2 if fit.loss != "squares" else fit.cost / f
+    return math.sqrt(max(ratio2 * f / (f - 2), 1.0))
+
+
+def inflated(fit: Calibration, why: str) -> Calibration:
+    """Return a calibration with all σ enlarged by :func:`misfit`, and a note."""
+    factor = misfit(fit)
+    learnt = fit.robot.spec.calibration
+    assert learnt is not None
+    root = tuple(tuple(factor * value for value in row) for row in learnt.root)
+    said = f"{why}: all σ are enlarged by {factor:.2g}"
+    return replace(
+        fit,
+        robot=fit.robot.with_calibration(learnt.model_copy(update={"root": root})),
+        covariance=factor**2 * fit.covariance,
+        beside=factor**2 * fit.beside,
+        notes=(said, *fit.notes),
+    )
 
 
 def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,14 +114,19 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     """
     moved = _moved(robot, sigma)
     zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
-    uncertain = set(knowledge.learnable(robot)) | {name for name, by in zeros.items() if by > 0}
+    return relaxed(robot, zeros, "homed anew")
+
+
+def relaxed(robot: Robot, sigma: Mapping[str, float], source: str) -> Robot:
+    """Return a robot with `sigma` added to the uncertainty of parameters by name (in squares)."""
+    uncertain = set(knowledge.learnable(robot)) | {name for name, by in sigma.items() if by > 0}
     names = [name for name in robot.parameters if name in uncertain]
     before = knowledge.root(robot, names)
     root = knowledge.triangular(
-        np.hstack([before, np.diag([zeros.get(name, 0) for name in names])])
+        np.hstack([before, np.diag([sigma.get(name, 0) for name in names])])
     )
     learnt = robot.spec.calibration
-    source = f"{learnt.source}; homed anew" if learnt else "homed anew"
+    source = f"{learnt.source}; {source}" if learnt else source
     values = {name: robot.parameters[name].mean for name in names}
     return calibrated(robot, values, root, source, knowledge.stated_error(robot))
 

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
+from truepose.calibration.causes.columns import DEGREES, MILLIMETRES, UNITS
 from truepose.calibration.expectation import expect, poses_of
-from truepose.calibration.log_faults import APART, DEGREES, MILLIMETRES, UNITS, apart
+from truepose.calibration.log_faults import APART, apart
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot import knowledge

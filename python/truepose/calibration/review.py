@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,10 +12,10 @@ from truepose.arguments import Array
 from truepose.calibration import learnt
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
-from truepose.calibration.calibrate import review
+from truepose.calibration.calibrate import CauseChoice, explained, review
+from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to
 from truepose.calibration.registration import Registered, sigmas
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
@@ -58,11 +58,14 @@ def assess(
     reference_pose: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
     between: Between | None = None,
+    cause: CauseChoice = "refuse",
+    refused: Sequence[str] = (),
     **settings: Any,
 ) -> Assessment:
     """Calibrate by a checked log, and again without every fifth row; predict the accuracy.
 
-    `progress` is called with each step's name; `settings` are those of :func:`truepose.calibrate`.
+    `progress` is called with each step's name; `settings` are those of :func:`truepose.calibrate`;
+    `refused` are the reasons of a check against a fit, unless a cause is found.
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
@@ -70,14 +73,13 @@ def assess(
         log = replace(log, measured_sigma=sigmas(robot, given, angle, len(log.lines)))
     between = between or Between()
 
-    def fitted(part: Log) -> Calibration:
-        return fit_to(robot, part, differences=between.of(robot, part), **settings)
-
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
         return expect(by, part.readings, part.measured, sigma, of, fit.level, part.loads)
 
-    fit = fitted(log)
+    settings |= {"differences": between.of(robot, log)}
+    fit, of = explained(robot, log, settings, cause, refused)
+    log = of.log
     progress("fit")
     model, seen = fit.prior.expected(), fit.registration
     before = expected(model, log, seen and seen.begun())
@@ -86,7 +88,8 @@ def assess(
     out = np.arange(len(log.lines)) % FOLD == FOLD - 1
     if out.any():
         try:
-            part = fitted(log.only(~out))
+            rest = between.of(robot, log.only(~out))
+            part = Case(robot, log, settings).fitted(of, np.flatnonzero(~out), differences=rest)
             held_out[out] = expected(part.robot, log.only(out), part.registration).residual
         except TrueposeError as error:
             notes = [*notes, f"held-out lines: {error}"]

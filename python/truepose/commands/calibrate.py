@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-import typer
 from typer import Argument, Option
 
 from truepose import logs
 from truepose.calibration import log_checks, rehomed, review
-from truepose.calibration.differences import Difference, measurements
+from truepose.calibration.calibrate import CauseChoice
+from truepose.calibration.differences import measurements
 from truepose.calibration.fitting import Loss, ModelError
 from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
@@ -53,6 +53,11 @@ def command(
         None, help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"
     ),
     model_error: ModelError = Option("on", help="Include the model error of the ideal level."),
+    cause: CauseChoice = Option(
+        "refuse",
+        help="A mistake that explains the log, as a motor homed off or exchanged columns: refuse "
+        "the log, apply the correction, or ignore the cause.",
+    ),
     measured_sigma: str | None = Option(
         None,
         help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
@@ -124,6 +129,7 @@ def command(
         "loss": loss,
         "tuning": tuning,
         "model_error": model_error,
+        "cause": cause,
         "measured_sigma": sigma,
         "measured_angle_sigma": angle_sigma,
         "registration": registration,
@@ -173,13 +179,18 @@ def _assess(
         table = logs.read(robot, where)
     done("log read")
     between = asked.between(robot, table, where)
-    table, notes = checked(robot, table, where, between.of(robot, table))
-    done("log looked over")
+    table, findings = log_checks.check(robot, table, measurements(between.of(robot, table)))
+    done("log checked")
+    notes = [finding.text for finding in findings if not finding.refused]
+    settings["refused"] = [finding.text for finding in findings if finding.refused]
     notes = notes if log else []  # one pose never identifies all parameters
     if table.unused:
         notes.insert(0, f"columns not used: {', '.join(table.unused)}")
     settings |= {"progress": done, "between": between, "known_pose": known}
-    return where, review.assess(robot, table, notes, **settings)
+    try:
+        return where, review.assess(robot, table, notes, **settings)
+    except InputError as error:
+        raise InputError(f"{where}: {str(error).removeprefix('readings: ')}") from None
 
 
 def furthest(table: Table) -> Table:
@@ -189,18 +200,6 @@ def furthest(table: Table) -> Table:
     rows = sorted(table.rows, key=lambda row: -abs(row[4].data))  # type: ignore[attr-defined]
     title = f"{table.title}: the {SHOWN} largest residuals of {len(rows)}"
     return Table(table.name, title, table.header, rows[:SHOWN])
-
-
-def checked(
-    robot: Robot, log: Log, where: Path, differences: Sequence[Difference]
-) -> tuple[Log, list[str]]:
-    """Return a log with its findings; exit where they forbid a fit."""
-    log, findings = log_checks.check(robot, log, measurements(differences))
-    if refused := [finding.text for finding in findings if finding.refused]:
-        for reason in refused:
-            say(f"truepose: error: {where}: {reason}", err=True)
-        raise typer.Exit(2)
-    return log, [finding.text for finding in findings]
 
 
 def _known(robot: Robot, path: Path | None) -> Log | None:

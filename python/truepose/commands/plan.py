@@ -8,14 +8,13 @@ import numpy as np
 from typer import Option
 
 from truepose import logs
-from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.commands import options
-from truepose.commands.calibrate import checked
 from truepose.design.candidates import COUNT, CandidatePoses, drawn
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
+from truepose.exceptions import InputError
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
@@ -99,16 +98,10 @@ def command(
 def fit_of(robot: Robot, path: Path) -> Calibration:
     """Calibrate on a log as `truepose calibrate` does; with contacts, without distances."""
     log = logs.read(robot, path)
-    differences = Between().of(robot, log)
-    log, _ = checked(robot, log, path, differences)
-    return calibrate(
-        robot,
-        log.readings,
-        measured=log.measured,
-        measured_sigma=log.measured_sigma,
-        loss="student",
-        differences=differences,
-    )
+    try:
+        return calibrate(robot, log, loss="student")
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix('readings: ')}") from None
 
 
 def notes(found: PosePlan) -> list[str]:

@@ -113,7 +113,7 @@ def _one(robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: i
     readings = taught.q_e[taught.status == "ok"]
     usual = plant.visit(robot, judge, joint)
     try:
-        believed = calibrate(effects.allowed_for(robot), readings, loss="squares").robot
+        believed = calibrate(effects.allowed_for(robot), readings, cause="ignore").robot
         calibrated = plant.visit(believed, judge, estimated)
     except PoseError:  # no calibration: every pose is excluded and counted
         nothing = np.full_like(usual.x, np.nan)

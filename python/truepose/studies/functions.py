@@ -44,7 +44,7 @@ def calibration(case: Case) -> dict[str, Answer]:
     robot, true, rng = case.robot, case.true, case.rng
     others, noise = workspace_samples(robot, ASKED, rng), rng.integers(2**31, size=2)
     learnt = workspace_samples(robot, case.values.get("poses", LEARNT), rng)
-    fit = calibrate(robot, true.read(learnt, int(noise[0])))
+    fit = calibrate(robot, true.read(learnt, int(noise[0])), cause="ignore")
     found = fit.robot.estimate(true.read(others, int(noise[1]))).x
     bound = accuracy(robot, others, calibrated_on=learnt)
     answer = _rms(robot, found - others, "calibrated")

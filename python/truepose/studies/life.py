@@ -92,9 +92,8 @@ class LifeCycle:
                 online.observe(_readings(online.robot, there, "estimated", rng), "nan")
                 adaptive.observe(_readings(adaptive.robot, there, "estimated", rng), "nan")
         last, x = states[-1], visited[-1]
-        fresh = calibrate(
-            nominal, _readings(known, last.true_at(true, x, rng, rest=False), "joint", rng)
-        )
+        new = _readings(known, last.true_at(true, x, rng, rest=False), "joint", rng)
+        fresh = calibrate(nominal, new, cause="ignore")
         told = bound(known, last, x, judged)
         at_rest = last.true_at(true, judged, rng, rest=True)
         laws: dict[str, tuple[Robot, Law]] = {law: (known, law) for law in FROZEN}

@@ -224,6 +224,7 @@ def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -
             -readings.steps * model.step,
             level="ideal",
             model_error="off",
+            cause="ignore",
             differences=differences(assumed, readings.heights, pairs, readings.distances),
         )
     except PoseError:  # its advice concerns other logs

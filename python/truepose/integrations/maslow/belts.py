@@ -215,7 +215,7 @@ def calibrate(lengths: Array, heights: Sequence[float], model: Model | None = No
                 f"{np.isnan(x[:, 0]).sum()} poses cannot be reached in a frame like that"
             )
         acting = influences(robot if sled is None else sled.fit.robot, x, model.tightened)
-        fit = fit_to(robot, lengths, loss="student", influences=acting)
+        fit = fit_to(robot, lengths, loss="student", influences=acting, cause="ignore")
         x = np.where(np.isfinite(fit.x), fit.x, x)
         sled = Sled(fit, lengths, model, sigma)
         sigma = float(np.clip(sigma * _disagreement(sled), 1e-6, 0.1))

@@ -1,0 +1,81 @@
+"""Causes that explain a log: a wrong part, a mistake in its columns or rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table
+
+Verdict = Literal["none", "decisive", "undecided", "unexplained"]
+
+
+class Cause(NamedTuple):
+    """One explanation of a log."""
+
+    kind: str  #: of the table of causes
+    text: str  #: what is wrong, with its size
+    log_odds: float  #: natural logarithm of its odds against no mistake
+    consistent: bool  #: whether the log agrees with the robot if this is so
+    size: float | None = None  #: m, rad or a factor, where it has one
+    sigma: float | None = None  #: of the size
+
+
+@dataclass(frozen=True, repr=False)
+class Causes(Shown):
+    """What explains a log best, most probable first.
+
+    A set that the log cannot tell apart, but that gives the same poses, is one explanation.
+    """
+
+    verdict: Verdict
+    found: tuple[Cause, ...] = ()
+    alike: int = 0  #: number of the first causes that give the same poses
+    near: int = 0  #: number of the first causes whose odds are too near to decide
+    separating: Array | None = None  #: (n,) pose that separates the first two explanations best
+
+    @property
+    def text(self) -> str:
+        """The finding in one line; empty where there is none."""
+        if self.verdict == "none":
+            return ""
+        first = " or ".join(cause.text for cause in self.found[: max(self.alike, 1)][:4])
+        if self.verdict == "unexplained":
+            return "no known cause explains the readings" + (f"; nearest: {first}" * bool(first))
+        odds = self.found[0].log_odds / np.log(10)
+        said = f"{first} (odds 10^{odds:.0f} against no mistake)"
+        if self.verdict == "decisive":
+            return said
+        others = " or ".join(cause.text for cause in self.found[self.alike : self.near][:3])
+        where = (
+            ""
+            if self.separating is None
+            else (
+                f"; readings at pose ({', '.join(f'{v:.3g}' for v in self.separating)}) separate them"
+            )
+        )
+        return f"{said}, or {others}{where}"
+
+    def __repr__(self) -> str:
+        return self.text or "no cause: readings and robot agree"
+
+    def table(self) -> Table:
+        """Return every cause with its size and odds."""
+        rows = [
+            [
+                cause.kind,
+                cause.text,
+                Cell(f"{cause.log_odds / np.log(10):.1f}", cause.log_odds),
+                "yes" if cause.consistent else "no",
+            ]
+            for cause in self.found
+        ]
+        header = ["cause", "what is wrong", "log10 odds", "explains the log"]
+        return Table("causes", "Causes that explain the readings", header, rows)
+
+
+NO_CAUSE = Causes("none")

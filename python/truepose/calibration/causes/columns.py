@@ -1,0 +1,167 @@
+"""Mistakes in a log's columns: unit, gain, sign, order, body of a sensor, a common constant."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
+from truepose.robot.units import angles, reading_units
+
+#: Factors of a column in another unit, and their messages, for a length (0) and an angle (1).
+DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
+UNITS = (
+    {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"},
+    {DEGREES: "in degrees, must be rad"},
+)
+#: σ of a gain's error; of a constant common to several sensors, m and rad (assumed).
+GAIN, COMMON = 0.3, {"m": 0.02, "rad": 0.1}
+#: Ratios of gears and counts that are easily mistaken.
+RATIOS = (2.0, 4.0, 0.5, 0.25)
+
+
+def _factors(case: Case) -> Array:
+    return np.array([unit == "rad" for unit in reading_units(case.robot)])
+
+
+def _scaled(case: Case, which: Collection[int], factor: float, text: str, among: int) -> Hypothesis:
+    """Return the hypothesis of columns that read `factor` times too much, one `among` several.
+
+    The density of a sensor's reading, given the motors', is that of the scaled one over the factor.
+    """
+    factors = np.ones(len(case.log.names))
+    factors[list(which)] = factor
+    names = ", ".join(case.log.names[k] for k in which)
+    read = np.isfinite(case.log.readings[:, [k for k in which if k >= case.robot.n]]).sum()
+    odds = LN_RATE - math.log(among) - float(read) * math.log(abs(factor))
+    return case.with_readings(case.log.readings / factors, text=f"{names}: {text}", log_odds=odds)
+
+
+def unit(case: Case) -> Iterator[Hypothesis]:
+    """A column, or several, in another unit."""
+    n, angle = case.robot.n, _factors(case)
+    groups = [some for size in range(n, 1, -1) for some in itertools.combinations(range(n), size)]
+    groups += [tuple(np.flatnonzero(angle == kind).tolist()) for kind in (True, False)]
+    groups += [(k,) for k in range(len(angle))]
+    groups = [of for of in dict.fromkeys(groups) if of and len(set(angle[list(of)])) == 1]
+    for which in groups:
+        for factor, text in UNITS[int(angle[which[0]])].items():
+            yield _scaled(case, which, factor, text, len(groups))
+            if len(which) == 1:
+                flipped = f"{text}, and its sign is flipped"
+                yield _scaled(case, which, -factor, flipped, 100 * len(groups))
+
+
+def sign(case: Case) -> Iterator[Hypothesis]:
+    """A column, or all motors, with the other sign."""
+    for k in range(len(case.log.names)):
+        yield _scaled(case, (k,), -1.0, "its sign is flipped", 1)
+    yield _scaled(case, range(case.robot.n), -1.0, "their signs are flipped", 1)
+
+
+def gain(case: Case) -> Iterator[Hypothesis]:
+    """A motor or sensor with another gain or gear: true = (1 - a) read."""
+    for k, name in enumerate(case.log.names):
+        read = np.nan_to_num(case.log.readings[:, k])
+        pattern = np.outer(read, np.eye(len(case.log.names))[k])
+        text = f"{name}: reads too much by a factor of"
+        count = int(np.isfinite(case.log.readings[:, k]).sum()) * (k >= case.robot.n)
+        yield case.with_pattern(pattern, GAIN, text=text, size=Size("", gain=count))
+        for ratio in RATIOS:
+            text = f"{ratio:g} times the true value: its gear or gain"
+            yield _scaled(case, (k,), ratio, text, len(RATIOS))
+
+
+def order(case: Case) -> Iterator[Hypothesis]:
+    """Columns of one kind in another order."""
+    n, names, angle = case.robot.n, case.log.names, _factors(case)
+    sensors = [n + np.flatnonzero(angle[n:] == kind) for kind in (True, False)]
+    for columns in (np.arange(n), *sensors):
+        orders = list(_orders(len(columns)))
+        for of in orders:
+            whole = np.arange(len(names))
+            whole[columns[list(of)]] = columns
+            text = _reordered([names[k] for k in columns], of)
+            readings = case.log.readings[:, whole]
+            yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(len(orders)))
+
+
+def _orders(count: int) -> Iterator[tuple[int, ...]]:
+    """Yield wrong orders: all of up to four columns, else rotations, reversal, 2- and 3-cycles."""
+    own = tuple(range(count))
+    if count <= 4:
+        yield from itertools.islice(itertools.permutations(own), 1, None)
+        return
+    found = {own[k:] + own[:k] for k in range(1, count)} | {own[::-1]}
+    for size in (2, 3):
+        for some in itertools.permutations(own, size):
+            other = list(own)
+            for at, held in zip(some, some[1:] + some[:1], strict=True):
+                other[at] = held
+            found.add(tuple(other))
+    yield from sorted(found)
+
+
+def _reordered(names: list[str], order: tuple[int, ...]) -> str:
+    moved = [k for k, held in enumerate(order) if k != held]
+    if len(moved) == 2:
+        return f"{names[moved[0]]} and {names[moved[1]]}: swapped"
+    said, held = (", ".join(names[k] for k in of) for of in (moved, [order[k] for k in moved]))
+    return f"{said}: in another order, they hold {held}"
+
+
+def outside(case: Case) -> Iterator[Hypothesis]:
+    """Externally measured coordinates of one unit, exchanged."""
+    if case.log.measured is None:
+        return
+    names, angle = [name for name, _ in case.robot.coordinates], angles(case.robot)
+    for kind in (True, False):
+        columns = np.flatnonzero(angle == kind)
+        orders = list(_orders(len(columns)))
+        for of in orders:
+            whole = np.arange(len(names))
+            whole[columns[list(of)]] = columns
+            text = _reordered([f"measured_{names[k]}" for k in columns], of)
+            log = replace(case.log, measured=case.log.measured[:, whole])
+            yield Hypothesis(
+                text=text, log=log, robot=case.robot, log_odds=LN_RATE - math.log(len(orders))
+            )
+
+
+def body(case: Case) -> Iterator[Hypothesis]:
+    """An encoder of θ that is read against another body: the base, or another bar."""
+    spec = case.robot.spec
+    bars = (None, *range(1, len(spec.bar) + 1))
+    for sensor in spec.used:
+        if sensor.kind != "platform_angle":
+            continue
+        for bar in bars:
+            if bar == sensor.bar:
+                continue
+            others = [s.model_copy(update={"bar": bar}) if s is sensor else s for s in spec.sensor]
+            where = "absolute" if bar is None else f"against bar {bar}"
+            robot = type(case.robot)(spec.model_copy(update={"sensor": others}))
+            text = f"{sensor.name}: read {where}, not as in the robot's file"
+            yield Hypothesis(
+                text=text, log=case.log, robot=robot, log_odds=LN_RATE - math.log(len(bars))
+            )
+
+
+def common(case: Case) -> Iterator[Hypothesis]:
+    """One constant common to all sensors of a kind, or to all motors."""
+    units = reading_units(case.robot)
+    kinds = ["motors"] * case.robot.n + [sensor.kind for sensor in case.robot.spec.used]
+    for kind in dict.fromkeys(kinds):
+        which = np.array([other == kind for other in kinds])
+        if which.sum() < 2:
+            continue
+        at = units[int(np.flatnonzero(which)[0])]
+        names = ", ".join(np.array(case.log.names)[which])
+        pattern = np.tile(which.astype(float), (len(case.log.readings), 1))
+        text = f"{names}: a common constant of"
+        yield case.with_pattern(pattern, COMMON[at], text=text, size=Size(at))

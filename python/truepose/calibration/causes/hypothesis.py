@@ -1,0 +1,118 @@
+"""A log, a robot, and one hypothesis about a mistake in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.fit import Calibration
+from truepose.calibration.fitting import fit_to
+from truepose.calibration.influences import NuisanceParameter, relaxed
+from truepose.exceptions import TrueposeError
+from truepose.logs import Log
+from truepose.robot.robot import Robot
+
+#: Assumed probability that a given part is wrong, or that a given mistake was made.
+RATE = 0.01
+LN_RATE = math.log(RATE)
+#: σ of a wrong part's parameter, over its tolerance.
+WIDE = 30.0
+#: Negative log probability of one row's gross error: RATE times its density, over that of noise.
+GROSS = 9.0
+
+
+class Size(NamedTuple):
+    """How a cause's amount is printed."""
+
+    unit: str  #: m or rad; "" for a factor
+    parameter: str = ""  #: relaxed parameter, else the amount of the first influence
+    gain: int | None = None  #: for an amount a, true = (1 - a) read, of so many sensor readings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hypothesis:
+    """One mistake, undone: the log and the robot as they would be without it."""
+
+    text: str  #: what is wrong; the size follows it
+    log: Log
+    robot: Robot
+    influences: tuple[NuisanceParameter, ...] = ()
+    size: Size | None = None
+    log_odds: float = LN_RATE  #: of it before any reading, against no mistake
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot and a log to explain, with the settings of :func:`fitting.fit_to`."""
+
+    robot: Robot
+    log: Log
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def fitted(self, of: Hypothesis, rows: Array | None = None, **more: Any) -> Calibration:
+        """Return the calibration under a hypothesis, to some rows; raise as `fit_to`."""
+        settings = {**self.settings, **more}
+        influences = [*settings.get("influences", ()), *of.influences]
+        log = of.log
+        if rows is not None:
+            log = log.only(rows)
+            influences = [replace(by, pattern=np.asarray(by.pattern)[rows]) for by in influences]
+        return fit_to(of.robot, log, **{**settings, "influences": influences})
+
+    def fit(self, of: Hypothesis, rows: Array | None = None) -> Calibration | None:
+        """Return the calibration as of :meth:`fitted`; None without an answer."""
+        try:
+            return self.fitted(of, rows)
+        except TrueposeError:
+            return None
+
+    def nothing(self) -> Hypothesis:
+        """Return the hypothesis that nothing is wrong."""
+        return Hypothesis(text="nothing", log=self.log, robot=self.robot, log_odds=0.0)
+
+    def with_readings(self, readings: Array, **of: Any) -> Hypothesis:
+        """Return a hypothesis with other readings."""
+        return Hypothesis(log=replace(self.log, readings=readings), robot=self.robot, **of)
+
+    def with_pattern(self, pattern: Array, sigma: float, **of: Any) -> Hypothesis:
+        """Return a hypothesis of an additive error of known pattern, (N, n + r)."""
+        acting = NuisanceParameter(name="cause", pattern=pattern, amount=(0.0, sigma))
+        return Hypothesis(log=self.log, robot=self.robot, influences=(acting,), **of)
+
+    def with_wide(self, names: tuple[str, ...], tolerances: Array, **of: Any) -> Hypothesis:
+        """Return a hypothesis of parameters far beyond their tolerances."""
+        wide = dict(zip(names, (WIDE * np.asarray(tolerances)).tolist(), strict=True))
+        return Hypothesis(log=self.log, robot=relaxed(self.robot, wide, "relaxed"), **of)
+
+
+def equations(fit: Calibration) -> int:
+    """Return the number of equations that a fit used."""
+    links = 0 if fit.differences is None else len(fit.differences.each)
+    return int(fit.redundancy[fit.status == "ok"].sum()) + links
+
+
+def lost(fit: Calibration) -> int:
+    """Return the number of rows that the calibrated geometry cannot reach, all motors read."""
+    return int(((fit.status != "ok") & (fit.status != "not finite")).sum())
+
+
+def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
+    """Return the log of prior odds and marginal likelihood, up to a constant (Laplace).
+
+    -cost/2 + ½ ln |Σ| - ½ ln |Σ₀| + ln odds, Σ and Σ₀ the covariances of all unknowns after and
+    before. Each of the `most` equations that the fit does not use counts as an average one, each
+    row that the geometry cannot reach as a gross error.
+    """
+    before = [amount.prior_sigma for amount in fit.others.values()]
+    prior = np.linalg.slogdet(fit.prior_covariance)[1] + 2 * np.log(before).sum()
+    after = np.linalg.slogdet(fit.joint_covariance)[1]
+    cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * lost(fit)
+    density = 0.0  # of readings, over that of the scaled ones
+    if of.size is not None and of.size.gain:
+        density = of.size.gain * math.log(abs(1 - fit.influences["cause"].value))
+    return float(-cost / 2 + (after - prior) / 2 + density + of.log_odds)

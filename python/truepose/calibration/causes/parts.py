@@ -1,0 +1,62 @@
+"""Wrong parts: a homing, rod, arm, joint or sensor far beyond its tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from truepose.calibration.causes.hypothesis import Case, Hypothesis, Size
+from truepose.robot.units import reading_units
+
+#: σ of the deviation of a part without a tolerance: m, rad.
+EXACT = {"m": 1e-3, "rad": 0.01}
+
+
+def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:
+    units = reading_units(case.robot)
+    for k in range(case.robot.n):
+        name = f"chain{k + 1}.{ending}"
+        if name in case.robot.parameters:
+            yield _wide(case, [name], text.format(chain=k + 1, motor=f"q{k + 1}"), unit or units[k])
+
+
+def _wide(case: Case, names: Sequence[str], text: str, unit: str) -> Hypothesis:
+    known = case.robot.parameters
+    tolerances = np.array([known[name].sigma or EXACT[unit] for name in names])
+    size = Size(unit, names[0]) if len(names) == 1 else None
+    return case.with_wide(tuple(names), tolerances, text=text, size=size)
+
+
+def homing(case: Case) -> Iterator[Hypothesis]:
+    """A motor that is homed off."""
+    return _chains(case, "encoder_offset", "{motor}: homed off by")
+
+
+def rod(case: Case) -> Iterator[Hypothesis]:
+    """A rod of another length."""
+    return _chains(case, "rod", "chain {chain}: rod of another length, by", "m")
+
+
+def arm(case: Case) -> Iterator[Hypothesis]:
+    """An arm of another length."""
+    return _chains(case, "arm", "chain {chain}: arm of another length, by", "m")
+
+
+def joint(case: Case) -> Iterator[Hypothesis]:
+    """A joint of base or platform that is mounted elsewhere."""
+    known = case.robot.parameters
+    for k in range(1, case.robot.n + 1):
+        for point, body in (("base", "base"), ("anchor", "platform")):
+            names = [name for name in known if name.startswith(f"chain{k}.{point}.")]
+            names = [name for name in names if known[name].sigma > 0]
+            if names:
+                yield _wide(case, names, f"chain {k}: its joint on the {body} is elsewhere", "m")
+
+
+def sensor_offset(case: Case) -> Iterator[Hypothesis]:
+    """A sensor's zero far beyond its tolerance."""
+    units = reading_units(case.robot)[case.robot.n :]
+    for name, unit in zip(case.robot.sensors, units, strict=True):
+        if f"{name}.offset" in case.robot.parameters:
+            yield _wide(case, [f"{name}.offset"], f"{name}: zero off by", unit)

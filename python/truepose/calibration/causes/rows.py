@@ -1,0 +1,154 @@
+"""Mistakes in a log's rows: shifted, stuck, slipped, gross errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
+from truepose.calibration.expectation import expect, poses_of
+from truepose.calibration.learnt import chi2_quantile
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+
+#: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
+SHIFTS, STUCK = 3, 5
+#: Largest share of rows with gross errors; probability that noise makes one.
+MOST, FALSE = 0.45, 1e-4
+#: Most fits of the search for gross errors.
+TRIMS = 16
+
+
+def shifted(case: Case) -> Iterator[Hypothesis]:
+    """The rows of one column shifted against the others."""
+    for k, name in enumerate(case.log.names):
+        for by in (*range(-SHIFTS, 0), *range(1, SHIFTS + 1)):
+            if abs(by) >= len(case.log.readings):
+                continue
+            readings = case.log.readings.copy()
+            readings[:, k] = np.roll(readings[:, k], -by)
+            readings[-by:, k] = readings[-by:, k] if by < 0 else np.nan
+            if by < 0:
+                readings[:-by, k] = np.nan
+            text = f"{name}: its rows are {abs(by)} too {'late' if by > 0 else 'early'}"
+            yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
+
+
+def runs(read: Array, step: float) -> list[Array]:
+    """Return runs of at least `STUCK` consecutive rows with one and the same reading."""
+    rows = np.flatnonzero(np.isfinite(read))
+    changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
+    starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
+    return [rows[a:b] for a, b in zip(starts, ends, strict=True) if b - a >= STUCK]
+
+
+def stuck(case: Case) -> Iterator[Hypothesis]:
+    """Readings of one column that are stuck for part of the log."""
+    steps = np.maximum(case.robot.resolution, 1e-9)
+    for k, name in enumerate(case.log.names):
+        if len(found := runs(case.log.readings[:, k], steps[k])) == 0:
+            continue
+        lost = np.concatenate(found)
+        if len(lost) > 0.7 * len(case.log.readings):
+            continue
+        readings = case.log.readings.copy()
+        value, readings[lost, k] = readings[lost[0], k], np.nan
+        where = case.log.at([lost[0]]), case.log.lines[lost[-1]]
+        text = f"{name}: stuck at {value:.6g} on {len(lost)} rows ({where[0]} to {where[1]})"
+        yield case.with_readings(readings, text=text)
+
+
+def slipped(case: Case) -> Iterator[Hypothesis]:
+    """A motor or sensor that slipped at a row; of each column the row that explains most.
+
+    The rows are compared to first order about the robot's expected geometry: with a step d of the
+    readings a row's equations are y = F u + A d + e, u and e of unit covariance.
+    """
+    count, width = case.log.readings.shape
+    model = case.robot.expected()
+    y, F, A, rows = parity(model, case.log.readings)
+    if count < 4 or len(rows) == 0:
+        return
+    stacked = F.reshape(-1, F.shape[-1])
+    half = np.linalg.cholesky(stacked.T @ stacked + np.eye(F.shape[-1]))
+    spans = np.nanmax(case.log.readings, axis=0) - np.nanmin(case.log.readings, axis=0)
+    for k in range(width):
+        d = A[None, :, :, k] * (rows >= np.arange(1, count)[:, None])[..., None]
+        d = d.reshape(count - 1, -1)
+        along = np.linalg.solve(half, (d @ stacked).T)
+        side = d @ y.ravel() - along.T @ np.linalg.solve(half, stacked.T @ y.ravel())
+        size = (d**2).sum(axis=1) - (along**2).sum(axis=0)
+        row = 1 + int(np.argmax(side**2 / np.maximum(size, 1e-9)))
+        pattern = np.outer(np.arange(count) >= row, np.eye(width)[k])
+        yield case.with_pattern(
+            pattern,
+            max(float(spans[k]) / 5, 1e-6),
+            text=f"{case.log.names[k]}: slipped before {case.log.at([row])}, by",
+            size=Size(reading_units(case.robot)[k]),
+            log_odds=LN_RATE - math.log(count),
+        )
+
+
+def parity(model: Robot, readings: Array) -> tuple[Array, Array, Array, Array]:
+    """Return y, F, A of the rows with a pose and every reading, and their numbers.
+
+    y, (N, r), are the sensors less their prediction by the motors, F, (N, r, p), of the geometry in
+    units of its uncertainty, A, (N, r, n + r), of the readings; all whitened.
+    """
+    n = model.n
+    x = poses_of(model, readings[:, :n])
+    rows = np.flatnonzero(np.isfinite(x).all(axis=1) & np.isfinite(readings).all(axis=1))
+    names = knowledge.uncertain(model)
+    H_x, H_xi = knowledge.linearized(model, x[rows], names, "nan")
+    J = np.linalg.inv(H_x[:, :n])
+    A = np.concatenate([-H_x[:, n:] @ J, np.tile(np.eye(model.r), (len(rows), 1, 1))], axis=2)
+    off = readings[rows] - model.extended_positions(x[rows])
+    L = np.linalg.cholesky((A * knowledge.reading_sigma(model) ** 2) @ A.swapaxes(1, 2))
+    F = A @ H_xi @ knowledge.root(model, names)
+    white = np.linalg.solve(L, np.concatenate([F, A, off[:, n:, None]], axis=2))
+    return white[..., -1], white[..., : len(names)], white[..., len(names) : -1], rows
+
+
+def gross(case: Case) -> Iterator[Hypothesis]:
+    """Gross errors in some rows: least trimmed squares, from the half that varies least.
+
+    Concentration steps: fit to the rows that are not excluded, predict the excluded ones, exclude
+    by χ² again, until nothing changes.
+    """
+    n, readings = case.robot.n, case.log.readings
+    count = np.isfinite(readings[:, n:]).sum(axis=1)
+    if not count.any():
+        return
+    limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
+    seen = expect(case.robot.expected(), readings)
+    off = np.nansum(
+        ((seen.residual - np.nanmedian(seen.residual, axis=0)) / seen.sigma) ** 2, axis=1
+    )
+    off = np.where((count > 0) & np.isfinite(seen.x).all(axis=1), off, np.inf)
+    trimmed = True
+    bad = (count > 0) & (off > np.median(off[count > 0]))
+    for _ in range(TRIMS):
+        kept = np.where(bad[:, None] & (np.arange(readings.shape[1]) >= n), np.nan, readings)
+        of = case.with_readings(kept, text="")
+        fit = case.fit(of)
+        if fit is None:
+            return
+        seen = expect(fit.robot, readings, level=fit.level)
+        off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
+        off = np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+        off = np.where(bad, off, np.nan_to_num(fit.chi2, nan=np.inf))
+        most = np.median(off[count > 0]) if trimmed else limit
+        before, bad = bad, (count > 0) & (off > most)
+        if (bad == before).all():
+            if not trimmed:
+                break
+            trimmed = False
+    which = np.flatnonzero(bad)
+    if 0 < len(which) <= MOST * len(readings):
+        text = f"gross errors in {len(which)} of {len(readings)} rows: {case.log.at(which)}"
+        yield replace(of, text=text, log_odds=-GROSS * len(which))

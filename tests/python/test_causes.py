@@ -1,0 +1,219 @@
+"""The search for the cause of a log's disagreement with a robot."""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.calibration import causes, log_checks
+from truepose.calibration.bound import accuracy
+from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations
+
+POSES = 60
+
+
+def read(robot, seed=3, **replaced):
+    """Return poses, their readings by a real robot, and the real robot."""
+    box = robot.spec.workspace
+    x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (POSES, robot.n))
+    true = robot.sample(seed=seed)
+    true = true.replace({name: true.parameters[name].value + by for name, by in replaced.items()})
+    return x, true.read(x, seed=seed + 1, level=robot.highest_level), true
+
+
+def search(robot, rows, **settings):
+    return causes.search(robot, log_checks.log_of(robot, rows), settings)
+
+
+@pytest.fixture(scope="module")
+def h4_z():
+    return tp.load("h4").with_sensors("theta", "z_telemeter")
+
+
+PARTS = [
+    ("h4", ("theta",), {"chain1.encoder_offset": 0.09}, "q1: homed off by 5."),
+    ("h4", ("theta",), {"chain2.rod": 0.1}, "chain 2: rod of another length, by"),
+    ("h4", ("theta",), {"chain3.arm": 0.008}, "chain 3: arm of another length, by"),
+    ("h4", ("theta", "z_telemeter"), {"theta.offset": 0.05}, "theta: zero off by"),
+    ("delta", ("elbow1", "elbow2", "elbow3"), {"chain2.encoder_offset": 0.05}, "q2: homed off"),
+    ("stewart", ("roll", "pitch", "z_telemeter"), {"chain4.encoder_offset": 0.01}, "q4: homed off"),
+    ("g1-ankle", ("foot_pitch", "foot_roll"), {"chain1.encoder_offset": 0.2}, "q1: homed off by"),
+]
+
+
+@pytest.mark.parametrize(("name", "sensors", "wrong", "said"), PARTS, ids=[p[3] for p in PARTS])
+def test_a_wrong_part_is_found_with_its_size(name, sensors, wrong, said):
+    robot = tp.load(name).with_sensors(*sensors)
+    _, rows, true = read(robot, **wrong)
+    found = search(robot, rows)
+    first = found.causes.found[: found.causes.alike]
+    assert found.causes.verdict == "decisive"
+    (cause,) = [cause for cause in first if said in cause.text]
+    ((parameter, _),) = wrong.items()
+    size = true.parameters[parameter].value - robot.parameters[parameter].mean
+    assert abs(cause.size - size) < 4 * cause.sigma < abs(size)
+
+
+def shifted(rows):
+    rows[:, 2] = np.roll(rows[:, 2], 1)
+    rows[0, 2] = np.nan
+
+
+def slipped(rows):
+    rows[30:, 0] += 0.03
+
+
+def gross(rows):
+    rows[::3, 4] += np.random.default_rng(1).normal(0, 0.3, 20)
+
+
+def stuck(rows):
+    rows[10:30, 5] = rows[10, 5]
+
+
+def scaled(column, factor):
+    def change(rows):
+        rows[:, column] *= factor
+
+    return change
+
+
+def exchanged(rows):
+    rows[:, [0, 2]] = rows[:, [2, 0]]
+
+
+MADE = [
+    (shifted, "q3: its rows are 1 too late"),
+    (slipped, "q1: slipped before row 31, by 1.7"),
+    (gross, "gross errors in 20 of 60 rows: rows 1, 4, 7, 10"),
+    (stuck, "z_telemeter: stuck at"),
+    (scaled(4, 4.0), "theta: 4 times the true value: its gear or gain"),
+    (scaled(0, 1.03), "q1: reads too much by a factor of 1.0"),
+    (scaled(1, -1.0), "q2: its sign is flipped"),
+    (scaled(5, 1000.0), "z_telemeter: in mm, must be m"),
+    (exchanged, "q1 and q3: swapped"),
+]
+
+
+@pytest.mark.parametrize(("make", "said"), MADE, ids=[said for _, said in MADE])
+def test_a_mistake_in_columns_or_rows_is_found(h4_z, make, said):
+    _, rows, _ = read(h4_z)
+    make(rows)
+    found = search(h4_z, rows).causes
+    assert found.verdict == "decisive", found.text
+    assert said in found.text
+
+
+def test_an_encoder_on_another_body_is_found():
+    robot = tp.load("h4")
+    wrong = [s.model_copy(update={"bar": None}) if s.name == "theta" else s for s in robot.spec.sensor]
+    elsewhere = type(robot)(robot.spec.model_copy(update={"sensor": wrong}))
+    _, rows, _ = read(elsewhere)
+    found = search(robot, rows).causes
+    assert found.verdict == "decisive"
+    assert found.found[0].text == "theta: read absolute, not as in the robot's file"
+
+
+def test_a_leaning_shank_and_a_common_constant_are_found():
+    ankle = tp.load("g1-ankle").with_sensors("foot_pitch", "foot_roll")
+    _, rows, _ = read(ankle)
+    rows[:, 2] += np.deg2rad(3)
+    text = search(ankle, rows).causes.text
+    assert "leans along" in text or "foot_pitch: zero off by" in text
+    hexapod = tp.load("stewart").with_sensors("u_joint1", "u_joint3", "u_joint5")
+    _, rows, _ = read(hexapod)
+    rows[:, 6:] += 0.02
+    assert "u_joint1, u_joint3, u_joint5: a common constant of 1.1" in search(hexapod, rows).causes.text
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_good_log_has_no_cause_and_is_fitted_as_before(h4_z, seed):
+    _, rows, _ = read(h4_z, seed)
+    fit, plain = tp.calibrate(h4_z, rows), tp.calibrate(h4_z, rows, cause="ignore")
+    assert fit.causes.verdict == "none" and fit.notes == plain.notes
+    np.testing.assert_array_equal(fit.covariance, plain.covariance)
+
+
+def test_the_least_cost_is_chi2_with_as_many_freedoms_as_equations(h4_z):
+    costs = []
+    for seed in range(30):
+        fit = tp.calibrate(h4_z, read(h4_z, seed)[1], cause="ignore")
+        costs.append(fit.cost)
+    assert equations(fit) == 2 * POSES
+    assert abs(np.mean(costs) - 2 * POSES) < 3 * np.sqrt(2 * 2 * POSES / len(costs))
+
+
+def test_a_decisive_cause_is_refused_applied_or_ignored(h4_z):
+    x, rows, _ = read(h4_z, **{"chain1.encoder_offset": 0.09})
+    with pytest.raises(tp.InputError, match=r"^readings: q1: homed off by 5\.\S+ ± \S+ °"):
+        tp.calibrate(h4_z, rows)
+    fit = tp.calibrate(h4_z, rows, cause="apply")
+    assert fit.causes.verdict == "decisive" and "undone: q1: homed off" in fit.notes[0]
+    off = fit.x - x
+    sigma = accuracy(fit.robot, x, level=fit.level)
+    white = np.einsum("ki,kij,kj->k", off, np.linalg.inv(sigma), off).mean() / 4
+    assert white < 3  # in units of the bound of a robot whose offset is known to be free
+    wrong = tp.calibrate(h4_z, rows, cause="ignore")
+    assert np.abs(wrong.x - x)[:, :3].max() > 3 * np.abs(off)[:, :3].max()
+
+
+def test_causes_that_no_pose_of_the_log_separates_are_all_named():
+    """A mirror image of the H4's motors turns θ as its flipped sign does."""
+    robot = tp.load("h4")
+    _, rows, _ = read(robot)
+    rows[:, 4] *= -1
+    with pytest.raises(tp.InputError, match=r"theta: its sign is flipped .*, or q1, q2, q3, q4: in"):
+        tp.calibrate(robot, rows)
+    found = search(robot, rows).causes
+    assert found.verdict == "undecided"
+    assert found.separating.shape == (4,) and "separate them" in found.text
+
+
+def test_a_misfit_that_no_cause_explains_enlarges_every_sigma(h4_z):
+    """Noise four times the stated one, on every reading."""
+    x, rows, _ = read(h4_z)
+    rows += 4 * h4_z.reading_sigma * np.random.default_rng(5).normal(size=rows.shape)
+    fit, plain = tp.calibrate(h4_z, rows), tp.calibrate(h4_z, rows, cause="ignore")
+    assert fit.causes.verdict == "unexplained"
+    f = equations(plain)
+    factor2 = plain.cost / (f - 2)
+    np.testing.assert_allclose(fit.covariance, factor2 * plain.covariance)
+    assert 3 < np.sqrt(factor2) < 5
+    known = fit.robot.parameters["chain1.arm"].sigma
+    assert known == pytest.approx(np.sqrt(factor2) * plain.robot.parameters["chain1.arm"].sigma)
+    assert f"all σ are enlarged by {np.sqrt(factor2):.2g}" in fit.notes[0]
+
+
+def test_a_long_log_is_searched_by_some_rows_and_fitted_by_all(h4_z):
+    box = h4_z.spec.workspace
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (400, 4))
+    true = h4_z.sample(seed=1).replace({"chain1.encoder_offset": 0.06})
+    fit = tp.calibrate(h4_z, true.read(x, seed=1, level="full"), cause="apply")
+    assert fit.causes.found[0].text.startswith("q1: homed off by 3.4")
+    assert len(fit.x) == 400
+
+
+def test_a_new_cause_is_a_function_and_an_entry(h4_z, monkeypatch):
+    """An encoder with one period per turn, which no other cause describes."""
+
+    def eccentric(case: Case):
+        pattern = np.zeros_like(case.log.readings)
+        pattern[:, 5] = np.sin(400 * case.log.readings[:, 5])
+        yield case.with_pattern(pattern, 0.01, text="z_telemeter: periodic error of")
+
+    _, rows, _ = read(h4_z)
+    rows[:, 5] += 0.003 * np.sin(400 * rows[:, 5])
+    assert search(h4_z, rows).causes.verdict == "unexplained"
+    monkeypatch.setitem(causes.CAUSES, "eccentric", eccentric)
+    monkeypatch.setattr(causes, "ALWAYS", (*causes.ALWAYS, "eccentric"))
+    assert search(h4_z, rows).causes.found[0].kind == "eccentric"
+
+
+def test_the_hypothesis_of_nothing_is_the_log_itself(h4_z):
+    log = log_checks.log_of(h4_z, read(h4_z)[1])
+    none = Case(h4_z, log).nothing()
+    assert isinstance(none, Hypothesis) and none.log is log and none.log_odds == 0
+
+
+def test_an_unknown_choice_is_refused(h4_z):
+    with pytest.raises(tp.InputError, match=r"cause 'guess' .*refuse, apply, ignore"):
+        tp.calibrate(h4_z, read(h4_z)[1], cause="guess")
