@@ -18,7 +18,7 @@ from truepose.calibration.causes import search
 from truepose.calibration.causes.hypothesis import Case, Hypothesis
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import Loss, ModelError, inflated
+from truepose.calibration.fitting import Loss, ModelError, inflated, misfit
 from truepose.calibration.influences import NuisanceParameter, homings
 from truepose.calibration.registration import KnownPose, Registration
 from truepose.exceptions import InputError, choose
@@ -27,6 +27,8 @@ from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 
 CauseChoice = Literal["refuse", "apply", "ignore"]
+#: Factor of the σ from which a misfit is notable.
+NOTABLE = 1.2
 CHOICES: tuple[CauseChoice, ...] = ("refuse", "apply", "ignore")
 
 
@@ -195,11 +197,11 @@ def explained(
         fit = fit if squares else case.fitted(of)
         return replace(fit, causes=causes, notes=(f"undone: {causes.text}", *fit.notes)), of
     if causes.verdict in ("decisive", "undecided"):
-        raise InputError(f"readings: {causes.text}")
+        raise InputError(f"readings: {causes.text}; cause='apply' undoes it")
     if refused:
         raise InputError(f"readings: {'; '.join(refused)}")
     fit = base if squares and base is not None else case.fitted(none)
-    if causes.verdict == "unexplained":
+    if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         fit = inflated(fit, causes.text)
     return replace(fit, causes=causes), none
 

@@ -45,20 +45,18 @@ class Causes(Shown):
             return ""
         first = " or ".join(cause.text for cause in self.found[: max(self.alike, 1)][:4])
         if self.verdict == "unexplained":
-            return "no known cause explains the readings" + (f"; nearest: {first}" * bool(first))
+            likely = bool(first) and self.found[0].log_odds > 0
+            return "no known cause explains the readings" + f"; nearest: {first}" * likely
         odds = self.found[0].log_odds / np.log(10)
         said = f"{first} (odds 10^{odds:.0f} against no mistake)"
         if self.verdict == "decisive":
             return said
         others = " or ".join(cause.text for cause in self.found[self.alike : self.near][:3])
-        where = (
-            ""
-            if self.separating is None
-            else (
-                f"; readings at pose ({', '.join(f'{v:.3g}' for v in self.separating)}) separate them"
-            )
-        )
-        return f"{said}, or {others}{where}"
+        said = f"{said}, or {others}"
+        if self.separating is None:
+            return said
+        pose = ", ".join(f"{v:.3g}" for v in self.separating)
+        return f"{said}; readings at pose ({pose}) separate them"
 
     def __repr__(self) -> str:
         return self.text or "no cause: readings and robot agree"

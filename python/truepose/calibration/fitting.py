@@ -330,7 +330,7 @@ def inflated(fit: Calibration, why: str) -> Calibration:
         robot=fit.robot.with_calibration(learnt.model_copy(update={"root": root})),
         covariance=factor**2 * fit.covariance,
         beside=factor**2 * fit.beside,
-        notes=(said, *fit.notes),
+        notes=(*fit.notes, said),
     )
 
 

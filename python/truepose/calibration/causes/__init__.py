@@ -26,6 +26,7 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "rod": parts.rod,
     "arm": parts.arm,
     "joint": parts.joint,
+    "tolerances": parts.tolerances,
     "sensor offset": parts.sensor_offset,
     "gain": columns.gain,
     "sign": columns.sign,
@@ -52,7 +53,7 @@ ROWS, BLOCK, AGAIN = 120, 12, 5
 #: Causes that are kept.
 SHOWN = 12
 #: Mistakes without a size that are always fitted.
-ALWAYS = ("stuck", "gross errors", "sensor body")
+ALWAYS = ("stuck", "gross errors", "sensor body", "tolerances")
 
 
 class Search(NamedTuple):
@@ -200,7 +201,7 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
     counts = {"alike": len(same), "near": len(near)}
-    if not causes[0].consistent:
+    if not causes[0].consistent or any(each.kind == "tolerances" for each in near):
         return Search(Causes("unexplained", causes, **counts), found, base)
     if not other:
         return Search(Causes("decisive", causes, **counts), found, base)

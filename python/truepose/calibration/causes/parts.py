@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from truepose.calibration.causes.hypothesis import Case, Hypothesis, Size
+from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
+from truepose.calibration.influences import relaxed
+from truepose.robot import knowledge
 from truepose.robot.units import reading_units
 
 #: σ of the deviation of a part without a tolerance: m, rad.
 EXACT = {"m": 1e-3, "rad": 0.01}
+#: Factors by which tolerances may be too small.
+FACTORS = (2.0, 4.0, 8.0, 30.0)
 
 
 def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:
@@ -52,6 +57,21 @@ def joint(case: Case) -> Iterator[Hypothesis]:
             names = [name for name in names if known[name].sigma > 0]
             if names:
                 yield _wide(case, names, f"chain {k}: its joint on the {body} is elsewhere", "m")
+
+
+def tolerances(case: Case) -> Iterator[Hypothesis]:
+    """All tolerances, or the last calibration's σ, too small by one factor."""
+    known = case.robot.parameters
+    names = knowledge.learnable(case.robot)
+    before = "the last calibration's σ" if case.robot.spec.calibration else "the tolerances"
+    for factor in FACTORS:
+        wide = {name: math.sqrt(factor**2 - 1) * known[name].sigma for name in names}
+        yield Hypothesis(
+            text=f"{before} seem too small by a factor of about {factor:g}",
+            log=case.log,
+            robot=relaxed(case.robot, wide, "relaxed"),
+            log_odds=LN_RATE - math.log(len(FACTORS)),
+        )
 
 
 def sensor_offset(case: Case) -> Iterator[Hypothesis]:

@@ -20,8 +20,8 @@ from truepose.robot.units import reading_units
 SHIFTS, STUCK = 3, 5
 #: Largest share of rows with gross errors; probability that noise makes one.
 MOST, FALSE = 0.45, 1e-4
-#: Most fits of the search for gross errors.
-TRIMS = 16
+#: Fits of the search for gross errors: to half of the rows; at most.
+HALVES, TRIMS = 3, 10
 
 
 def shifted(case: Case) -> Iterator[Hypothesis]:
@@ -130,9 +130,9 @@ def gross(case: Case) -> Iterator[Hypothesis]:
         ((seen.residual - np.nanmedian(seen.residual, axis=0)) / seen.sigma) ** 2, axis=1
     )
     off = np.where((count > 0) & np.isfinite(seen.x).all(axis=1), off, np.inf)
-    trimmed = True
+    median = float(np.median(chi2_quantile(0.5, count[count > 0])))
     bad = (count > 0) & (off > np.median(off[count > 0]))
-    for _ in range(TRIMS):
+    for step in range(TRIMS):
         kept = np.where(bad[:, None] & (np.arange(readings.shape[1]) >= n), np.nan, readings)
         of = case.with_readings(kept, text="")
         fit = case.fit(of)
@@ -142,12 +142,11 @@ def gross(case: Case) -> Iterator[Hypothesis]:
         off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
         off = np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
         off = np.where(bad, off, np.nan_to_num(fit.chi2, nan=np.inf))
-        most = np.median(off[count > 0]) if trimmed else limit
+        middle = np.median(off[count > 0])
+        most = middle if step < HALVES else limit * max(1.0, middle / median)
         before, bad = bad, (count > 0) & (off > most)
-        if (bad == before).all():
-            if not trimmed:
-                break
-            trimmed = False
+        if step > HALVES and (bad == before).all():
+            break
     which = np.flatnonzero(bad)
     if 0 < len(which) <= MOST * len(readings):
         text = f"gross errors in {len(which)} of {len(readings)} rows: {case.log.at(which)}"
