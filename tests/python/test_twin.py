@@ -1,5 +1,6 @@
 """The shipped twin against its README, and the search that found it."""
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -41,6 +42,14 @@ def test_the_twin_gives_the_tables_of_its_readme(runs):
         table = printed_tables.twin_table3(runs, "exact", reading)
         assert markdown(table) in readme
     assert markdown(printed_tables.twin_changes(runs, "exact")) in readme
+
+
+def test_excluded_poses_are_counted_beside_the_errors(runs):
+    status = runs["tej"].status.copy()
+    status[[3, 5, 8]] = "singular"
+    some = dataclasses.replace(runs["tej"], status=status)
+    table = printed_tables.twin_gains({"tej": some}, "exact")
+    assert table.header[-1] == "excluded" and table.rows[0][-1] == "3"
 
 
 def test_the_twin_is_close_to_the_printed_table(tables):

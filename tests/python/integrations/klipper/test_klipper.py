@@ -15,7 +15,14 @@ from truepose.integrations.klipper import figures, held_out, output, review
 from truepose.integrations.klipper.assessment import assess
 from truepose.integrations.klipper.config import SAVED_HEADER, Config, rewritten
 from truepose.integrations.klipper.criterion import errors, klipper, rms, weight
-from truepose.integrations.klipper.estimate import Assumed, estimate, prior, verdict
+from truepose.integrations.klipper.estimate import (
+    Assumed,
+    UnfitError,
+    estimate,
+    knowing,
+    prior,
+    verdict,
+)
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import judge
 from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of
@@ -371,6 +378,15 @@ def test_shipped_readings_name_their_source():
 def test_printers_as_drawn_reach_their_poses(kinematics):
     made = drawn(kinematics)
     assert all(np.isfinite(Model(made).steps(made.values, x)).all() for x in poses(made.radius))
+
+
+@pytest.mark.parametrize("tower", "abc")
+def test_a_printer_with_an_arm_that_is_too_short_is_no_robot(tower):
+    made, model, _ = made_printer()
+    p = prior(model, made, Assumed()).mean.copy()
+    p[model.names.index(f"arm_{tower}")] = 0.05
+    with pytest.raises(UnfitError, match="an arm does not reach"):
+        knowing(model, p, 1e-8 * np.eye(len(p)), "a test")
 
 
 def test_what_all_points_share_has_no_sigma():
