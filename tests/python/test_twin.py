@@ -10,7 +10,7 @@ import truepose as tp
 import twin_folder
 import twin_search
 from truepose import robotfile
-from truepose.paper import article, experiment, twin
+from truepose.paper import article, experiment, report, twin
 from truepose.paper import tables as printed_tables
 from truepose.show.table import markdown
 
@@ -100,6 +100,13 @@ def test_the_twin_lies_in_the_papers_ranges(h4, shipped):
             whole = f"chain{i}.{name}"
             off = shipped.truth.parameters[whole].value - h4.parameters[whole].value
             assert ranges[error][0] <= off <= ranges[error][1]
+
+
+def test_the_report_says_how_far_the_vision_frame_is_registered_off(shipped):
+    registration = (0.0, 0.0, np.radians(0.4), 1e-3, -2e-3, 2e-3)
+    setup = dataclasses.replace(shipped.setup, registration=registration)
+    said = report.describe(dataclasses.replace(shipped, setup=setup))
+    assert (said["shift"], said["turn"]) == pytest.approx((3.0, 0.4))  # mm, degrees
 
 
 def test_every_unknown_moves_what_it_says(h4):
