@@ -25,7 +25,7 @@ from truepose.integrations.klipper.estimate import (
 )
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import judge
-from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of
+from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of, probe_offset
 from truepose.integrations.klipper.prints import over_the_bed
 
 #: z rms that Klipper's parameters leave, mm.
@@ -378,6 +378,12 @@ def test_shipped_readings_name_their_source():
 def test_printers_as_drawn_reach_their_poses(kinematics):
     made = drawn(kinematics)
     assert all(np.isfinite(Model(made).steps(made.values, x)).all() for x in poses(made.radius))
+
+
+def test_a_probe_is_at_the_nozzle_where_the_file_gives_no_offset():
+    section, offset = probe_offset(Config.parse("[probe]\ny_offset: -20\nz_offset: 18.5\n"))
+    assert section == "probe" and offset == pytest.approx((0.0, -0.02, 0.0185))
+    assert probe_offset(Config.parse("[printer]\n")) is None
 
 
 @pytest.mark.parametrize("tower", "abc")
