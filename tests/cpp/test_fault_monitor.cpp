@@ -189,6 +189,113 @@ TEST("a motor that drops out is extrapolated with its following error") {
   });
 }
 
+TEST("a motor that returns is believed where its largest acceleration took it, but no farther") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr double fastest = 2000;
+    for (int missing = 0; missing < 5; ++missing)
+      for (const double share : {0.95, 1.05}) {
+        // Where a tracker predicts it that follows a constant acceleration, then nothing.
+        Tracker tracker;
+        int k = 0;
+        const auto way = [&] {
+          return 0.5 * fastest * kPeriod * kPeriod * k * k - tracker.predicted(kPeriod);
+        };
+        for (; k < 500; ++k) tracker.correct(kPeriod, kOwnPole, way());
+        for (int left = missing; left > 0; --left, ++k) tracker.correct(kPeriod, kOwnPole, 0);
+        Scene<K> scene(mechanism);
+        scene.settings.fastest = {fastest};  // of the first motor alone
+        Extended q_e = scene.read(0);
+        for (int i = 0; i < 100; ++i) CHECK(scene.cycle(0, q_e));
+        q_e[0] = NAN;
+        for (int i = 0; i < missing; ++i) CHECK(scene.cycle(0, q_e).chain == 0);
+        q_e[0] = scene.read(0)[0] + share * way();
+        Pose pose = to_pose<K>(scene.at(0));
+        CHECK(fkm<K>(scene.robot, motors_of<K>(q_e), pose).status == Status::ok);
+        CHECK(extended<K>(scene.robot, pose, q_e));
+        CHECK((scene.cycle(0, q_e).status == Status::ok) == (share < 1));
+        CHECK((scene.seen.reading[0].symptom == Symptom::too_fast) == (share > 1));
+      }
+  });
+}
+
+TEST("a disagreement is undecided once it has lasted as many cycles as set") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    for (const int decide : {7, 20}) {
+      Scene<mobility()> scene(mechanism);
+      scene.settings.decide = decide;
+      int doubtful = 0;
+      for (int k = 0; k < 100 && !scene.seen.undecided; ++k) {
+        Extended q_e = scene.read(k);
+        q_e[n] += 0.01;  // from the start on: each reading alone explains it
+        const bool alarm = scene.cycle(k, q_e).status == Status::disagree;
+        doubtful += alarm && !scene.seen.undecided;
+      }
+      CHECK(scene.seen.undecided);
+      CHECK(doubtful == decide);
+    }
+  });
+}
+
+TEST("a geometry's error leaves as much in a tracker's innovation as the limit of a change has") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Scene<K> scene(mechanism);
+    const double far = scene.settings.correlation;  // of an error sin(way/far), per cycle
+    const auto left = [&](const auto& way) {
+      Tracker tracker;
+      double most = 0;
+      for (int k = 0; k < 300; ++k) {
+        const double innovation = std::sin(way(k) / far) - tracker.predicted(1);
+        tracker.correct(1, kParityPole, innovation);
+        if (k > 60) most = std::max(most, std::fabs(innovation));
+      }
+      return most;
+    };
+    const double speed = 1e-3, acceleration = 1e-8;
+    FaultMonitor uniform, accelerated;
+    uniform.motion[1] = uniform.last[1] = speed;
+    accelerated.motion[0] = acceleration;
+    const auto bending = [&](FaultMonitor& watch) {
+      const Weighing weighing{&scene.known, nullptr};
+      const Joint desired{};
+      Extended q_e{};
+      return watch_detail::MonitoredCycle<K>(scene.robot, scene.settings, weighing, desired, q_e,
+                                             watch, q_e, nullptr)
+          .bending();
+    };
+    CHECK(std::fabs(bending(uniform) / left([=](int k) { return speed * k; }) - 1) < 0.01);
+    CHECK(std::fabs(bending(accelerated) / left([=](int k) { return 0.5 * acceleration * k * k; }) -
+                    1) < 0.01);
+  });
+}
+
+TEST("fast motion over an unknown geometry is no jump, and in slow motion a small jump is found") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Scene<K> fast(mechanism), slow(mechanism);
+    Prior prior(mechanism.robot);
+    prior.known().sigma.fill(1e-7);
+    Robot truth = mechanism.robot;
+    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
+    const auto cycle = [&](Scene<K>& scene, double rate, int k, double jump) {
+      Coordinates x = truth.home;
+      for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(rate * kPeriod * k * (3 + i));
+      Extended q_e{}, desired{};
+      CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+      CHECK(extended<K>(scene.robot, to_pose<K>(x), desired));
+      q_e[n] += jump;
+      return monitor_faults<K>(scene.robot, scene.settings, prior.weighing(), motors_of<K>(desired),
+                               q_e, scene.seen, scene.believed);
+    };
+    for (int k = 0; k < 1000; ++k) CHECK(cycle(fast, 10, k, 0).status == Status::ok);
+    for (int k = 0; k < 500; ++k) CHECK(cycle(slow, 0.3, k, 0).status == Status::ok);
+    CHECK(cycle(slow, 0.3, 500, 5e-6).status == Status::disagree);  // a hundredth of the geometry's
+  });
+}
+
 TEST("what stands for a failed sensor is what the motors say") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr int n = kDof<mobility()>;

@@ -169,6 +169,16 @@ def test_what_is_left_of_a_log_keeps_its_own_differences(tmp_path):
         assert whole["distance"].measured[at] == measured
 
 
+def test_a_print_has_its_drawn_size_unless_a_shrinkage_or_a_line_width_is_given(tmp_path):
+    _, table, distances = scene(1)
+    write(tmp_path / "distances.csv", ("from", "to", "distance"), distances)
+    log = logs.of(printer(), table)
+    given = {"distances": read(tmp_path / "distances.csv", log)}
+    for own in ({}, {"scale": 0.01}, {"width": 1e-4}):
+        print_ = Between(**given, **own).of(printer(), log)[-1]
+        assert (print_.scale, print_.width) == ((0, own.get("scale", 0)), (0, own.get("width", 0)))
+
+
 def test_held_out_lines_are_predicted_without_their_touches():
     """A touch that is wrong on a held-out line does not reach the fit that predicts this line."""
     robot = tp.load("stewart").with_sensors("roll", "pitch")

@@ -84,5 +84,7 @@ def test_a_robot_that_swings_is_no_robot_at_rest(h4):
     assert "does not come to rest" in status[0]
     assert np.isnan(x).all()
     assert np.isnan(q_e).all()
-    soft = Controller(law="joint", frequency=40, velocity_bandwidth=300)
+    soft = Controller(
+        law="joint", frequency=forgotten.FREQUENCY, velocity_bandwidth=forgotten.BANDWIDTH
+    )
     assert visit(h4, h4, [[0.05, 0, -0.4, 0.1]], soft, effects=tp.Effects())[2] == "ok"

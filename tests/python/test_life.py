@@ -64,6 +64,16 @@ def test_one_changed_part_is_named_and_followed(known, true, name, step):
     assert error(adaptive.robot, changed) < max(0.2 * error(known, changed), 0.02)
 
 
+def test_one_sensor_is_enough_to_follow_a_change():
+    robot = tp.load("h4").with_sensors("theta")
+    true = robot.sample(5).at_highest_level
+    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
+    changed = stepped(true, chain2__rod=-1e-3)
+    adaptive = tp.control.AdaptiveCalibrator(known)
+    adaptive.observe(changed.read(VISITED, seed=1))
+    assert error(adaptive.robot, changed) < 0.2 * error(known, changed)
+
+
 def test_two_parts_that_change_at_once_are_both_named(known, true):
     changed = stepped(true, chain1__rod=8e-4, chain4__encoder_offset=-3e-3)
     adaptive = tp.control.AdaptiveCalibrator(known)

@@ -306,6 +306,18 @@ def test_no_more_memory_is_taken_than_was_said():
     assert float(found.stdout) < 1.1
 
 
+def test_poses_far_from_the_workspace_are_not_plausible():
+    h4 = tp.load("h4")
+    home = np.array(h4.home)
+    q = h4.ikm(np.add(home, [[0, 0, 0, 0], [0.05, 0, 0, 0], [0, -0.05, 0, 0], [0, 0, 0, 0.3]]))
+    small = h4.spec.workspace.model_copy(
+        update={"minimum": tuple(home - 0.01), "maximum": tuple(home + 0.01)}
+    )
+    for workspace, share in ((h4.spec.workspace, 1), (None, 1), (small, 0.25)):
+        robot = tp.Robot(h4.spec.model_copy(update={"workspace": workspace}))
+        assert log_faults.plausible(robot, q) == share
+
+
 def test_much_memory_is_said_before_it_is_taken(cases, monkeypatch):
     robot, q_e = cases["h4"]
     said = r"h4: 100 lines of readings need about 0.0 GB of memory"

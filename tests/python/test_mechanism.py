@@ -8,6 +8,7 @@ import pytest
 import truepose as tp
 from truepose.commands import info
 from truepose.commands.robots import check
+from truepose.robot import explain
 
 PLANAR = """
 name = "crossed"
@@ -113,6 +114,12 @@ def test_too_few_and_too_many_chains(write, h4_text):
         tp.load(write(fewer))
     with pytest.raises(tp.RobotFileError, match="not 5; 1 too many: the platform would be"):
         tp.load(write(more))
+
+
+def test_a_motion_across_the_axes_is_told_as_a_direction():
+    """Its sign is that of the largest component, here of z."""
+    velocity = 1e-3 * np.array([0.48, 0.6, -0.64, 0, 0, 0])
+    assert explain._motion(velocity) == "moving along (-0.48, -0.6, 0.64)"
 
 
 def test_a_freedom_that_only_the_single_rods_show_is_told_by_check(write):

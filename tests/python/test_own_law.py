@@ -47,6 +47,11 @@ def test_it_moves_as_the_same_built_in_law_does(h4, own, built_in, gains):
     np.testing.assert_allclose(mine.error[-1], core.error[-1], atol=2e-6)
 
 
+def test_under_effects_it_has_the_gains_of_the_usual_law(h4):
+    run = tp.simulate(h4, controller=by_tej, effects=tp.Effects(), hold=0.5)
+    assert run.status == "ok"
+
+
 def test_over_many_robots_it_stands_beside_the_others_under_its_own_name(h4):
     found = tp.monte_carlo("rest", h4, 2, workers=0, grid={"law": ["tej", by_tej]}).columns
     assert found["law"].tolist() == ["tej", "by_tej"] * 2

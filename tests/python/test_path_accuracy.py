@@ -1,5 +1,7 @@
 """Path accuracy by ISO 9283, on runs made by hand and on simulated ones."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,15 @@ def test_a_constant_offset_is_all_accuracy_and_no_scatter(h4, path):
     assert found.tracking == pytest.approx(2e-3) == found.tracking_max
     assert max(found.RT, found.RT_angle) < 1e-12
     assert found.counts.all()
+
+
+def test_the_table_is_in_millimetres_degrees_and_percent(h4):
+    x = asked(h4, CIRCLE) + np.array([0, 0, 2e-3, np.radians(0.5)])
+    found = tp.simulation.PathAccuracy.of(h4, CIRCLE, [x, x])
+    rows = dataclasses.replace(found, saturated=0.25).table().rows
+    shown = {name: f"{value} {unit}" for name, value, unit in rows}
+    assert shown["path accuracy AT"] == "2.00 mm" and shown["AT, angle"] == "0.500 °"
+    assert shown["periods at a torque limit"] == "25.0 %"
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 import pickle
 import re
 import sys
@@ -18,6 +19,7 @@ from truepose.robot.units import label
 from truepose.show import terminal
 from truepose.show.table import Table, fixed, number
 from truepose.show.terminal import laid_out
+from truepose.show.units import measured
 
 
 def a_table(rng, rows=4) -> Table:
@@ -74,6 +76,19 @@ def test_accuracy_shows_the_figures_that_it_gives_programs(run, monkeypatch, rob
     for row in rows:
         (same,) = (r for r in tables[row["table"]] if r["sensors"] == row["sensors"])
         assert all(float(row[name]) == same[name] for name in list(same)[1:])
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [
+        (2e-3, "m", "2.00 mm"),
+        (math.pi / 6, "rad", "30.0°"),
+        (1.5, "", "1.50"),
+        (2e-6, "1/N", "2.00 µm/m/N"),
+    ],
+)
+def test_values_are_shown_in_millimetres_degrees_or_as_they_are(value, unit, shown):
+    assert measured(value, unit) == shown
 
 
 def test_info_gives_programs_si(run, h4):

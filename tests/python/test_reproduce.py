@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -284,6 +285,13 @@ def test_the_report_sets_faults_without_the_fault_monitor_beside_those_with_it(m
         assert healthy[f"{law}, position (mm)"] == healthy[f"{law}, watched position (mm)"]
     assert float(table["θ: stuck"]["tej, watched position (mm)"]) < 1
     assert "(1) → " in (made[1] / "report.html").read_text(encoding="utf-8")
+
+
+def test_gains_have_the_extremes_and_percentiles_over_the_robots():
+    squares = SimpleNamespace(ratio=lambda *_: np.arange(1.0, 102.0) ** 2)
+    table = tables.gains(SimpleNamespace(experiment=squares))
+    for _, *cells in table.rows[1::2]:  # of the norm's rms
+        assert [float(cell) for cell in cells] == [1, 6, 51, 96, 101]
 
 
 def test_statistics_have_every_path_and_speed_and_law(h4, monkeypatch):

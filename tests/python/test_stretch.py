@@ -10,6 +10,7 @@ from truepose import _core
 from truepose.design.candidates import CandidatePoses
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot import compliance
+from truepose.robotfile.schema import Compliance
 
 LEFT_OUT = "compliance and load are ignored\n"
 LEVELS = ("ideal", "full")
@@ -121,6 +122,14 @@ CASES = {
     "hexapod": ("stewart", ("roll", "pitch"), "ideal"),
     "rod by rod": ("h4", ("theta", "z_telemeter"), "full"),
 }
+
+
+def test_without_weight_and_load_compliant_rods_are_as_long_as_stiff_ones():
+    stiff = tp.load("delta")
+    section = {"compliance": Compliance(all_chains=1e-6), "gravity": (0.0, 0.0, 0.0)}
+    soft = tp.Robot(stiff.spec.model_copy(update=section))
+    assert soft.is_compliant
+    assert soft.ikm(soft.home) == pytest.approx(stiff.ikm(stiff.home), abs=1e-12)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -1,5 +1,6 @@
 """The shipped twin against its README, and the search that found it."""
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -9,7 +10,7 @@ import truepose as tp
 import twin_folder
 import twin_search
 from truepose import robotfile
-from truepose.paper import article, experiment, twin
+from truepose.paper import article, experiment, report, twin
 from truepose.paper import tables as printed_tables
 from truepose.show.table import markdown
 
@@ -41,6 +42,14 @@ def test_the_twin_gives_the_tables_of_its_readme(runs):
         table = printed_tables.twin_table3(runs, "exact", reading)
         assert markdown(table) in readme
     assert markdown(printed_tables.twin_changes(runs, "exact")) in readme
+
+
+def test_excluded_poses_are_counted_beside_the_errors(runs):
+    status = runs["tej"].status.copy()
+    status[[3, 5, 8]] = "singular"
+    some = dataclasses.replace(runs["tej"], status=status)
+    table = printed_tables.twin_gains({"tej": some}, "exact")
+    assert table.header[-1] == "excluded" and table.rows[0][-1] == "3"
 
 
 def test_the_twin_is_close_to_the_printed_table(tables):
@@ -91,6 +100,13 @@ def test_the_twin_lies_in_the_papers_ranges(h4, shipped):
             whole = f"chain{i}.{name}"
             off = shipped.truth.parameters[whole].value - h4.parameters[whole].value
             assert ranges[error][0] <= off <= ranges[error][1]
+
+
+def test_the_report_says_how_far_the_vision_frame_is_registered_off(shipped):
+    registration = (0.0, 0.0, np.radians(0.4), 1e-3, -2e-3, 2e-3)
+    setup = dataclasses.replace(shipped.setup, registration=registration)
+    said = report.describe(dataclasses.replace(shipped, setup=setup))
+    assert (said["shift"], said["turn"]) == pytest.approx((3.0, 0.4))  # mm, degrees
 
 
 def test_every_unknown_moves_what_it_says(h4):

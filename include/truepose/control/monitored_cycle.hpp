@@ -65,11 +65,12 @@ struct MonitoredCycle {
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
     const bool followed = watch_.cycle - watch_.began > kFollowed;
     if (!followed || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
-    // m missing cycles allow another m(m + 3)/2 of an acceleration. A reading that jumped must
-    // return to its prediction.
+    // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
+    // + m(m + 1)/2 of an acceleration. A reading that jumped must return to its prediction.
     const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
+    const Real missed = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
     const Real way = settings_.period * settings_.period * settings_.fastest[c] *
-                     (settings_.own.acceleration + 0.5 * m * (m + 3));
+                     (settings_.own.acceleration + missed);
     const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
     return std::fabs(innovation_[c]) > way + chance ? Symptom::too_fast : Symptom::none;
   }

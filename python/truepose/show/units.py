@@ -24,13 +24,13 @@ WRITTEN = {
 def printed(value: float, unit: str, form: str = ".2f") -> str:
     """Format a value with its printed unit: 30.00°, -400.00 mm."""
     factor, name = PRINT[unit]
-    return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
+    return f"{factor * value:{form}}{' ' * name[:1].isalpha()}{name}"
 
 
 def measured(value: float, unit: str) -> str:
     """Format a value with three digits and its printed unit."""
     factor, name = PRINT[unit]
-    return f"{number(factor * value)}{' ' * name.isalpha()}{name}"
+    return f"{number(factor * value)}{' ' * name[:1].isalpha()}{name}"
 
 
 def named(what: str, name: str, unit: str) -> Cell:

@@ -405,3 +405,5 @@ def test_a_leg_of_a_model_reads_its_slide(model, sign):
     for tilt in (-0.3, 0.0, 0.4):
         length = np.hypot(0.1 * np.cos(tilt) - 0.1, 0.3 - 0.1 * np.sin(tilt))
         assert robot.ikm([tilt])[0] == pytest.approx(sign * (length - 0.3), abs=1e-12)
+    ball = 1000 * 4 / 3 * np.pi * 0.01**3  # that slides
+    assert robot.spec.chain[0].drive_inertia == pytest.approx(ball)

@@ -15,10 +15,17 @@ from truepose.integrations.klipper import figures, held_out, output, review
 from truepose.integrations.klipper.assessment import assess
 from truepose.integrations.klipper.config import SAVED_HEADER, Config, rewritten
 from truepose.integrations.klipper.criterion import errors, klipper, rms, weight
-from truepose.integrations.klipper.estimate import Assumed, estimate, prior, verdict
+from truepose.integrations.klipper.estimate import (
+    Assumed,
+    UnfitError,
+    estimate,
+    knowing,
+    prior,
+    verdict,
+)
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import judge
-from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of
+from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of, probe_offset
 from truepose.integrations.klipper.prints import over_the_bed
 
 #: z rms that Klipper's parameters leave, mm.
@@ -371,6 +378,21 @@ def test_shipped_readings_name_their_source():
 def test_printers_as_drawn_reach_their_poses(kinematics):
     made = drawn(kinematics)
     assert all(np.isfinite(Model(made).steps(made.values, x)).all() for x in poses(made.radius))
+
+
+def test_a_probe_is_at_the_nozzle_where_the_file_gives_no_offset():
+    section, offset = probe_offset(Config.parse("[probe]\ny_offset: -20\nz_offset: 18.5\n"))
+    assert section == "probe" and offset == pytest.approx((0.0, -0.02, 0.0185))
+    assert probe_offset(Config.parse("[printer]\n")) is None
+
+
+@pytest.mark.parametrize("tower", "abc")
+def test_a_printer_with_an_arm_that_is_too_short_is_no_robot(tower):
+    made, model, _ = made_printer()
+    p = prior(model, made, Assumed()).mean.copy()
+    p[model.names.index(f"arm_{tower}")] = 0.05
+    with pytest.raises(UnfitError, match="an arm does not reach"):
+        knowing(model, p, 1e-8 * np.eye(len(p)), "a test")
 
 
 def test_what_all_points_share_has_no_sigma():

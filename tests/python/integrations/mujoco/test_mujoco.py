@@ -158,6 +158,16 @@ def test_every_robot_stands_closed_at_home(name, rng):
     assert body.model.nu == truth.n
 
 
+def test_an_upright_leg_stands_closed_at_home():
+    """Its direction is the chain's axis, so these two span no plane."""
+    robot = tp.load("stewart")
+    end = robot.home[:2] + np.array(robot.spec.chain[0].anchor[:2])
+    truth = robot.replace(dict(zip(("chain1.base.x", "chain1.base.y"), end, strict=True)))
+    body = Body(truth)
+    assert body.gap() < 1e-12
+    assert body.coordinates() == pytest.approx(truth.home, abs=1e-12)
+
+
 def test_both_rods_of_a_pair_are_there(h4):
     truth = h4.replace({"chain2.rod_difference": 1e-3})
     ends = [Body(truth).model.site(f"rod2{side}.end").pos[0] for side in "+-"]
