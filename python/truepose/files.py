@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, TrueposeError, choose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +40,20 @@ def contents(path: Path, most: int = -1) -> bytes:
         raise OSError(0, "it is not a regular file", str(path))
     with path.open("rb") as file:
         return file.read(most)
+
+
+def text(
+    path: Path, most: int = 1 << 30, name: str = "", error: type[TrueposeError] = InputError
+) -> str:
+    """Read a text file of at most `most` bytes; an error of one line where that fails."""
+    try:
+        data = contents(path, most + 1)
+        if len(data) <= most:
+            return data.decode()
+        reason = f"more than {most} bytes"
+    except (OSError, ValueError) as failure:
+        reason = getattr(failure, "strerror", None) or "not a text file (UTF-8)"
+    raise error(f"{name or path}: cannot be read: {reason}")
 
 
 def mark(kind: str) -> str:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from truepose import files
 from truepose.exceptions import InputError, TrueposeError, choose, one_line
-from truepose.files import contents
 from truepose.integrations.importers.links import Closure, Mechanism, Model
 
 _MOST = 1 << 24  # largest number of bytes of a model
@@ -108,15 +108,7 @@ def _mujoco() -> Any:
 
 
 def _text(path: Path) -> str:
-    try:
-        data = contents(path, _MOST + 1)
-        if len(data) > _MOST:
-            raise InputError(f"{path}: more than {_MOST} bytes")
-        return data.decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: cannot be read: not a text file") from None
+    return files.text(path, _MOST).removeprefix("\ufeff")
 
 
 def _model(path: Path) -> ET.Element:
