@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of, positive
 from truepose.control.controller import pose_of
-from truepose.exceptions import InputError, TrueposeError
+from truepose.exceptions import InputError
+from truepose.plugins import package
 from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
@@ -329,12 +330,8 @@ def _quintic(t: Array, duration: float) -> tuple[Array, Array, Array]:
 
 def _jerk_limited(limits: Array) -> tuple[Callable, float]:
     """Return s(t) from 0 to 1, as fast as the speed, acceleration and jerk allow, and its end."""
-    try:
-        import ruckig
-    except ImportError:
-        raise TrueposeError(
-            "jerk-limited moves need ruckig: pip install 'truepose[paths]'"
-        ) from None
+    missing = "jerk-limited moves need ruckig: pip install 'truepose[paths]'"
+    ruckig = package("ruckig", missing)
     asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
     asked.target_position = [1.0]
     asked.max_velocity, asked.max_acceleration, asked.max_jerk = ([float(v)] for v in limits)
