@@ -18,6 +18,7 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import as_rows
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import samples_or_home
 from truepose.robotfile.to_core import padded
 from truepose.show.charts import lines
 from truepose.show.results import Shown
@@ -246,10 +247,7 @@ def failures(robot: Robot, time: Array, health: Array, symptom: Array, stops: Ar
 
 def _fastest(robot: Robot) -> Array:
     """Return each reading's largest second derivative by the motor torque limits; 0: unknown."""
-    poses = robot.home[None]
-    if (box := robot.spec.workspace) is not None:
-        poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
-    most, status, _ = _core.fastest(robot.core, poses)
+    most, status, _ = _core.fastest(robot.core, samples_or_home(robot, _POSES))
     most = most[status <= 0]
     return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.n + robot.r)
 
