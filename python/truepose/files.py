@@ -33,7 +33,7 @@ ENDINGS = {
 }
 
 
-def contents(path: Path, most: int = -1) -> bytes:
+def contents(path: Path, most: int) -> bytes:
     """Read a file, at most `most` bytes; OSError if it is not a regular file."""
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # open() itself refuses a folder
@@ -180,11 +180,9 @@ def _remove(path: Path) -> None:
         (shutil.rmtree if path.is_dir() else os.unlink)(path)
 
 
-def replace_file(
-    path: str | Path, contents: str | bytes, kind: str, force: bool = False, option: str = ""
-) -> None:
+def replace_file(path: Path, contents: str | bytes, kind: str, force: bool = False) -> None:
     """Write one file, see :func:`write`."""
-    write({Output(Path(path), kind, option): contents}, force=force)
+    write({Output(path, kind): contents}, force=force)
 
 
 def picture(figure: "Figure", ending: str, dpi: int = 150) -> bytes:
