@@ -13,7 +13,7 @@ static truepose_model model, finest;
 static truepose_controller controller;
 static truepose_fault_monitor monitor;
 static truepose_online_calibrator learner;
-static truepose_real work[8000], memory[40000], x[6], q[6], q_e[16], e[6], J[36], tej[96],
+static truepose_real work[8000], memory[40000], x[6], q[6], q_e[16], e[6], J[36], tej_rows[96],
     serial[6];
 static truepose_setpoint setpoint;
 static truepose_fault_report report;
@@ -28,7 +28,7 @@ static void fkm_full(void) { last = truepose_fkm(&finest, q, 12, x).outcome; }
 static void readings(void) { last = truepose_readings(&model, x, q_e); }
 static void jacobian(void) { last = truepose_jacobian(&model, x, J); }
 static void conditioning(void) { last = truepose_conditioning(&model, x, J, serial); }
-static void motor_tej(void) { last = truepose_tej(&model, x, 0, tej); }
+static void motor_tej(void) { last = truepose_tej(&model, x, 0, tej_rows); }
 static void tej(void) {
   last = truepose_motor_error(&model, TRUEPOSE_LAW_TEJ, 0, x, q_e, NULL, NULL, e);
 }
