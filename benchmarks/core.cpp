@@ -145,13 +145,13 @@ int main(int argc, char** argv) {
                                   }));
   }
 
-  // On a path, in counts, as a machine's readings are: what the watch adds to the paper's law.
+  // On a path, in counts, as a machine's readings are: what the monitor adds to the paper's law.
   {
     const ControlSettings settings = settings_for(h4.robot, Law::tej, FeedForward::full);
-    FaultTolerantSettings guarding;
-    guarding.watch.fastest.fill(500);
-    guarding.watch.moved.fill(2e-3);
-    prepare(guarding.watch);
+    FaultTolerantSettings fault_settings;
+    fault_settings.monitor.fastest.fill(500);
+    fault_settings.monitor.moved.fill(2e-3);
+    prepare(fault_settings.monitor);
     std::vector<Setpoint> path(kPoses);
     std::vector<Extended> read(kPoses);
     for (int i = 0; i < kPoses; ++i) {
@@ -162,25 +162,26 @@ int main(int argc, char** argv) {
     }
     ControlState plain, state;
     FaultMonitor seen;
-    FaultTolerantState guard;
+    FaultTolerantState fault_state;
     Extended believed;
     rows.push_back(bench::measure("H4 control cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
       if (i == 0) plain = {};
       bench::keep(control<K>(h4.robot, settings, path[i], read[i], plain));
     }));
-    rows.push_back(bench::measure("H4 watch, on a path", kPoses, kRepeats, [&](int i) {
+    rows.push_back(bench::measure("H4 monitor, on a path", kPoses, kRepeats, [&](int i) {
       if (i == 0) seen = {};
-      bench::keep(monitor_faults<K>(h4.robot, guarding.watch, prior.weighing(),
+      bench::keep(monitor_faults<K>(h4.robot, fault_settings.monitor, prior.weighing(),
                                     motors_of<K>(read[i]), read[i], seen, believed));
     }));
-    rows.push_back(bench::measure("H4 guarded cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
-      if (i == 0) {
-        state = {};
-        guard = {};
-      }
-      bench::keep(control_fault_tolerant<K>(h4.robot, settings, guarding, path[i], read[i], state,
-                                            prior.weighing(), guard));
-    }));
+    rows.push_back(
+        bench::measure("H4 fault-tolerant cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
+          if (i == 0) {
+            state = {};
+            fault_state = {};
+          }
+          bench::keep(control_fault_tolerant<K>(h4.robot, settings, fault_settings, path[i],
+                                                read[i], state, prior.weighing(), fault_state));
+        }));
   }
 
   Robot rods = turned.robot;
@@ -214,8 +215,8 @@ int main(int argc, char** argv) {
     const auto row = bench::measure(
         std::string("H4 0.2 s move + 0.2 s hold, ") + kLawNames[static_cast<int>(law)], 1, kRepeats,
         [&](int) {
-          bench::keep(simulate<K>(h4.robot, truth, settings, run, run.from,
-                                  [](const Sample& sample) { bench::keep(sample); }));
+          bench::keep(Loop<K>(h4.robot, truth, settings, run.from, run.seed)
+                          .move(run, [](const Sample& sample) { bench::keep(sample); }));
         });
     rows.push_back(row);
   }

@@ -77,8 +77,8 @@ def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     found = {}
     for chance in CHANCES:
         allowed = {} if chance is None else {"false_alarms": chance * 3.6e6}
-        watch = tp.FaultMonitor(effects=effects, **allowed)
-        review = watch.review(robot, run.q_e)
+        monitor = tp.FaultMonitor(effects=effects, **allowed)
+        review = monitor.review(robot, run.q_e)
         found[chance] = int((review.health > 0).any(axis=1).sum()), first(review.health)
     return {"cycles": len(run.q_e), "found": found}
 
@@ -94,8 +94,8 @@ def rates(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
     found = {}
     for chance in CHANCES[:-1]:
-        watch = tp.FaultMonitor(false_alarms=chance * 3.6e6)
-        found[chance] = sum(bool(watch.review(robot, piece).health.any()) for piece in pieces)
+        monitor = tp.FaultMonitor(false_alarms=chance * 3.6e6)
+        found[chance] = sum(bool(monitor.review(robot, piece).health.any()) for piece in pieces)
     return {"pieces": len(pieces), "found": found}
 
 
@@ -168,7 +168,7 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
             if rest and kind not in AT_REST:
                 continue
             run = tp.simulate(
-                robot, truth, law, path=path, seed=seed, faults=fault, watch=tp.FaultMonitor()
+                robot, truth, law, path=path, seed=seed, faults=fault, monitor=tp.FaultMonitor()
             )
             lines = slice(None, min(len(run.x), len(healthy.x)))
             moves = ~run.stops[lines]  # a stop leads off the path

@@ -115,17 +115,18 @@ COUNTED Status f_estimate(const Robot& robot, const Knowledge& known, const Exte
 COUNTED Status f_learn(OnlineCalibrator& learner, const Extended& q_e) {
   return calibrate_online<kH4>(learner, q_e).status;
 }
-COUNTED Status f_watch(const Robot& robot, const FaultMonitorSettings& settings,
-                       const Weighing& weighing, const Joint& desired, const Extended& q_e,
-                       FaultMonitor& seen, Extended& believed) {
+COUNTED Status f_monitor(const Robot& robot, const FaultMonitorSettings& settings,
+                         const Weighing& weighing, const Joint& desired, const Extended& q_e,
+                         FaultMonitor& seen, Extended& believed) {
   return monitor_faults<kH4>(robot, settings, weighing, desired, q_e, seen, believed).status;
 }
-COUNTED Status f_guarded_tej(const Robot& robot, const ControlSettings& settings,
-                             const FaultTolerantSettings& guarding, const Setpoint& setpoint,
-                             const Extended& q_e, ControlState& state, const Weighing& weighing,
-                             FaultTolerantState& guard) {
-  return control_fault_tolerant<kH4>(robot, settings, guarding, setpoint, q_e, state, weighing,
-                                     guard)
+COUNTED Status f_fault_tolerant_tej(const Robot& robot, const ControlSettings& settings,
+                                    const FaultTolerantSettings& fault_settings,
+                                    const Setpoint& setpoint, const Extended& q_e,
+                                    ControlState& state, const Weighing& weighing,
+                                    FaultTolerantState& fault_state) {
+  return control_fault_tolerant<kH4>(robot, settings, fault_settings, setpoint, q_e, state,
+                                     weighing, fault_state)
       .status;
 }
 COUNTED Status f_forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
@@ -262,15 +263,15 @@ void count_kept(const Robot& robot, const Hostile& hostile, Weighing weighing, C
   }
 }
 
-/// What a watch costs where nothing is wrong: on the path, in counts, the rarer cycles with a look
-/// at the geometry among them.
-void count_watch(const Robot& robot, const ControlSettings& settings, const Weighing& weighing) {
-  FaultTolerantSettings guarding;
-  guarding.watch.fastest.fill(500);
-  guarding.watch.moved.fill(2e-3);
-  prepare(guarding.watch);
+/// What a monitor costs where nothing is wrong: on the path, in counts, the rarer cycles with a
+/// look at the geometry among them.
+void count_monitor(const Robot& robot, const ControlSettings& settings, const Weighing& weighing) {
+  FaultTolerantSettings fault_settings;
+  fault_settings.monitor.fastest.fill(500);
+  fault_settings.monitor.moved.fill(2e-3);
+  prepare(fault_settings.monitor);
   FaultMonitor seen;
-  FaultTolerantState guard;
+  FaultTolerantState fault_state;
   ControlState state;
   for (int k = 0; k < kCounted; ++k) {
     const Setpoint setpoint = along(robot, settings.period * k);
@@ -278,8 +279,9 @@ void count_watch(const Robot& robot, const ControlSettings& settings, const Weig
     if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) std::printf("out of reach\n");
     for (int c = 0; c < 5; ++c) q_e[c] = quantized(q_e[c], 3e-5);
     const Joint desired = motors_of<kH4>(q_e);
-    COUNT(true, f_watch, robot, guarding.watch, weighing, desired, q_e, seen, believed);
-    COUNT(true, f_guarded_tej, robot, settings, guarding, setpoint, q_e, state, weighing, guard);
+    COUNT(true, f_monitor, robot, fault_settings.monitor, weighing, desired, q_e, seen, believed);
+    COUNT(true, f_fault_tolerant_tej, robot, settings, fault_settings, setpoint, q_e, state,
+          weighing, fault_state);
   }
 }
 
@@ -413,6 +415,6 @@ int main() {
   COUNT_KEPT(f_control_weighted_full_kept, rods, weighted, true);
   COUNT_KEPT(f_control_estimated_full, rods, estimated, false);
   COUNT_KEPT(f_control_estimated_full_kept, rods, estimated, true);
-  count_watch(h4.robot, tej, prior.weighing());
+  count_monitor(h4.robot, tej, prior.weighing());
   return 0;
 }

@@ -1,4 +1,4 @@
-/* Wake-up latency and duration of a control cycle on this machine. A guarded
+/* Wake-up latency and duration of a control cycle on this machine. A fault-tolerant
  * TEJ cycle of the H4 every millisecond, as a controller would run it: memory locked, first
  * in first out, on one core. docs/real-time.md has the command; seconds and priority are arguments.
  */
@@ -16,7 +16,7 @@ enum { PERIOD = 1000000, MOST = 3600000 }; /* ns; cycles */
 
 static truepose_model model, finest;
 static truepose_controller controller;
-static truepose_fault_monitor guard;
+static truepose_fault_monitor monitor;
 static truepose_real work[8000], q_e[TRUEPOSE_READINGS], torque[TRUEPOSE_FREEDOMS];
 static truepose_setpoint setpoint;
 static truepose_fault_report report;
@@ -52,7 +52,7 @@ int main(int arguments, char** argument) {
       truepose_load(&finest, sizeof finest, &h4_finest).status ||
       truepose_readings(&finest, h4.home, q_e).status ||
       truepose_controller_init(&controller, sizeof controller, &h4_control).status ||
-      truepose_fault_monitor_init(&guard, sizeof guard, &h4_fault_monitor).status ||
+      truepose_fault_monitor_init(&monitor, sizeof monitor, &h4_fault_monitor).status ||
       truepose_work(&finest, h4_knowledge.count) > sizeof work / sizeof *work)
     return 1;
   clock_gettime(CLOCK_MONOTONIC, &next);
@@ -63,7 +63,7 @@ int main(int arguments, char** argument) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
     late[k] = (int32_t)since(&next);
     clock_gettime(CLOCK_MONOTONIC, &woken);
-    if (truepose_control_fault_tolerant(&model, &finest, &controller, &guard, &setpoint, q_e,
+    if (truepose_control_fault_tolerant(&model, &finest, &controller, &monitor, &setpoint, q_e,
                                         &h4_knowledge, work, torque, &report)
             .status)
       return 1;

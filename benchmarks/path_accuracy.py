@@ -18,7 +18,7 @@ import truepose as tp
 from truepose.paper import following, tables
 from truepose.robot.laws import LAWS
 from truepose.show.table import markdown
-from truepose.simulation.visit import visit
+from truepose.simulation.plants.dynamic import visit
 
 RUNS = 3  #: of each robot at 2 Hz
 PLACES = 24  #: poses at rest on the circle

@@ -11,9 +11,9 @@ enum { STACK = 1 << 20, PAINT = 0xa5 };
 static _Alignas(4096) unsigned char stack[STACK];
 static truepose_model model, finest;
 static truepose_controller controller;
-static truepose_fault_monitor guard;
+static truepose_fault_monitor monitor;
 static truepose_online_calibrator learner;
-static truepose_real work[8000], memory[40000], x[6], q[6], q_e[16], e[6], J[36], tej[96],
+static truepose_real work[8000], memory[40000], x[6], q[6], q_e[16], e[6], J[36], tej_rows[96],
     serial[6];
 static truepose_setpoint setpoint;
 static truepose_fault_report report;
@@ -28,7 +28,7 @@ static void fkm_full(void) { last = truepose_fkm(&finest, q, 12, x).outcome; }
 static void readings(void) { last = truepose_readings(&model, x, q_e); }
 static void jacobian(void) { last = truepose_jacobian(&model, x, J); }
 static void conditioning(void) { last = truepose_conditioning(&model, x, J, serial); }
-static void motor_tej(void) { last = truepose_tej(&model, x, 0, tej); }
+static void motor_tej(void) { last = truepose_tej(&model, x, 0, tej_rows); }
 static void tej(void) {
   last = truepose_motor_error(&model, TRUEPOSE_LAW_TEJ, 0, x, q_e, NULL, NULL, e);
 }
@@ -43,8 +43,8 @@ static void estimated(void) {
   if (last.status == 0)
     last = truepose_control(&finest, &controller, &setpoint, q_e, &h4_knowledge, work, e);
 }
-static void guarded(void) {
-  last = truepose_control_fault_tolerant(&finest, NULL, &controller, &guard, &setpoint, q_e,
+static void fault_tolerant(void) {
+  last = truepose_control_fault_tolerant(&finest, NULL, &controller, &monitor, &setpoint, q_e,
                                          &h4_knowledge, work, e, &report);
 }
 static void learn(void) { last = truepose_online_calibrator_step(&learner, q_e); }
@@ -65,7 +65,7 @@ static const struct {
                {"estimate, every rod", estimate},
                {"control, TEJ law", control},
                {"control, estimated law, every rod", estimated},
-               {"guarded, estimated law, every rod", guarded},
+               {"fault-tolerant, estimated law, every rod", fault_tolerant},
                {"learn, every rod", learn}};
 
 static void* run(void* call) {
@@ -93,7 +93,7 @@ int main(void) {
   memcpy(setpoint.x, h4.home, sizeof x);
   if (truepose_load(&model, sizeof model, &h4).status || (load(), last.status) ||
       truepose_controller_init(&controller, sizeof controller, &h4_control).status ||
-      truepose_fault_monitor_init(&guard, sizeof guard, &h4_fault_monitor).status ||
+      truepose_fault_monitor_init(&monitor, sizeof monitor, &h4_fault_monitor).status ||
       truepose_work(&finest, h4_knowledge.count) > sizeof work / sizeof *work ||
       truepose_online_calibrator_init(&learner, sizeof learner, &finest, &h4_knowledge, memory,
                                       sizeof memory / sizeof *memory)

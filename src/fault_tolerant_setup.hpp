@@ -14,11 +14,11 @@ struct FaultTolerantSetup {
   FaultTolerantSettings settings;
   std::optional<MultirateSettings> late;  ///< of multirate and delayed sensors, if any
 
-  FaultTolerantSetup(const Robot& watched, const Known& knowledge,
+  FaultTolerantSetup(const Robot& monitored, const Known& knowledge,
                      const FaultTolerantSettings& given,
                      const std::optional<MultirateSettings>& slow)
-      : robot(watched), known(knowledge), settings(given), late(slow) {
-    prepare(settings.watch);
+      : robot(monitored), known(knowledge), settings(given), late(slow) {
+    prepare(settings.monitor);
   }
 };
 }  // namespace truepose::python

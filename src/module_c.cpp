@@ -78,18 +78,18 @@ void bind_c(nb::module_& m) {
   m.def("c_description", &description, "robot"_a);
   m.def("c_control", &settings<truepose_control_settings, ControlSettings>, "settings"_a);
   m.def(
-      "c_watch",
+      "c_fault_monitor",
       [](const FaultTolerantSetup& of) {
         return settings<truepose_fault_monitor_settings>(of.settings);
       },
-      "guarding"_a);
+      "fault_setup"_a);
   m.def("c_knowledge", &knowledge, "known"_a);
   m.def("c_description_bytes", &image_of<truepose_description, Robot>, "robot"_a);
   m.def(
-      "c_watch_bytes",
+      "c_fault_monitor_bytes",
       [](const FaultTolerantSetup& of) {
         return image_of<truepose_fault_monitor_settings>(of.settings);
       },
-      "guarding"_a);
+      "fault_setup"_a);
 }
 }  // namespace truepose::python

@@ -31,25 +31,26 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   Owned<bool> undecided({count});
   Outcomes outcomes(count);
   const Weights weights(setup.robot, &setup.known);
-  FaultMonitor watch;
+  FaultMonitor monitor;
   Multirate late;
   if (setup.late) require_started(*setup.late, late);
   with_mobility(setup.robot.mobility, [&](auto mobility) {
     for_rows_in_order(count, [&](std::size_t i) {
       Extended values{};
       late.arrived = arrivals(late.settings, late.cycle);
-      outcomes.set(i, monitor_faults<mobility()>(setup.robot, setup.settings.watch, weights.view(),
-                                                 row<Joint>(desired, i), row<Extended>(q_e, i),
-                                                 watch, values, setup.late ? &late : nullptr));
+      outcomes.set(
+          i, monitor_faults<mobility()>(setup.robot, setup.settings.monitor, weights.view(),
+                                        row<Joint>(desired, i), row<Extended>(q_e, i), monitor,
+                                        values, setup.late ? &late : nullptr));
       for (std::size_t c = 0; c < e; ++c) {
         believed[i][c] = values[c];
-        health[i][c] = static_cast<int>(watch.reading[c].health);
-        symptom[i][c] = static_cast<int>(watch.reading[c].symptom);
+        health[i][c] = static_cast<int>(monitor.reading[c].health);
+        symptom[i][c] = static_cast<int>(monitor.reading[c].symptom);
       }
-      *chi2[i] = watch.chi2;
-      *freedom[i] = watch.freedom;
-      *doubted[i] = static_cast<int>(watch.doubted);
-      *undecided[i] = watch.undecided;
+      *chi2[i] = monitor.chi2;
+      *freedom[i] = monitor.freedom;
+      *doubted[i] = static_cast<int>(monitor.doubted);
+      *undecided[i] = monitor.undecided;
     });
   });
   return together(believed, health, symptom, chi2, freedom, doubted, undecided, outcomes.status);
@@ -58,18 +59,18 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
 
 void bind_fault_monitor(nb::module_& m) {
   using namespace nb::literals;
-  nb::class_<FaultMonitorSettings> watch(m, "FaultMonitorSettings");
-  watch.def(nb::init<>());
-  TRUEPOSE_FIELDS(watch, def_rw, period, false_alarm, refresh, coast, decide, replaceable, spikes,
+  nb::class_<FaultMonitorSettings> monitor(m, "FaultMonitorSettings");
+  monitor.def(nb::init<>());
+  TRUEPOSE_FIELDS(monitor, def_rw, period, false_alarm, refresh, coast, decide, replaceable, spikes,
                   within, correlation, fastest, moved, kp, kd, rests, shaken, low, high);
   nb::class_<FaultTolerantSettings> settings(m, "FaultTolerantSettings");
   settings.def(nb::init<>());
-  TRUEPOSE_FIELDS(settings, def_rw, watch, stop, stop_lost, held);
+  TRUEPOSE_FIELDS(settings, def_rw, monitor, stop, stop_lost, held);
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultTolerantSettings&,
                     const std::optional<MultirateSettings>&>(),
            "robot"_a, "known"_a, "settings"_a, "late"_a.none());
-  m.def("review", &review, "guarding"_a, "desired"_a, "q_e"_a);
+  m.def("review", &review, "fault_setup"_a, "desired"_a, "q_e"_a);
   m.def("fastest", &batch_fastest);
   m.attr("symptoms") =
       nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees");

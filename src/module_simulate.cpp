@@ -41,7 +41,7 @@ struct Setup {
   Effects effects;
   Online* online;
   std::vector<Fault> faults;
-  const FaultTolerantSetup* guarding;
+  const FaultTolerantSetup* fault_setup;
   Lateness late;
 };
 
@@ -51,26 +51,26 @@ class LoopExtras {
   explicit LoopExtras(const Setup& of)
       : weights_(of.nominal, of.known),
         lying_(of.faults, of.settings.period),
-        watching_(of.guarding ? of.guarding->robot : of.nominal,
-                  of.guarding ? &of.guarding->known : nullptr) {
+        monitor_weights_(of.fault_setup ? of.fault_setup->robot : of.nominal,
+                         of.fault_setup ? &of.fault_setup->known : nullptr) {
     extras.weighing = weights_.view();
     extras.effects = of.effects;
     if (!of.faults.empty()) extras.faults = &lying_;
-    extras.watching = watching_.view();
+    extras.monitor_weighing = monitor_weights_.view();
     if (of.late.first) extras.late = &*of.late.first;
     if (of.late.second) extras.bus = &*of.late.second;
-    if (of.guarding) {
-      guarding_ = of.guarding->settings;
-      guarding_.finest = &of.guarding->robot;
-      extras.guarding = &guarding_;
+    if (of.fault_setup) {
+      fault_settings_ = of.fault_setup->settings;
+      fault_settings_.finest = &of.fault_setup->robot;
+      extras.fault_settings = &fault_settings_;
     }
     if (of.online == nullptr) return;
     OnlineCalibrator& learner = of.online->begin(of.nominal);
     knowledge_ = learner.knowledge();
     work_.resize(estimate_work(of.nominal, knowledge_.count));
-    extras.weighing = extras.watching = {&knowledge_, work_.data()};
+    extras.weighing = extras.monitor_weighing = {&knowledge_, work_.data()};
     extras.learner = &learner;
-    guarding_.finest = &learner.robot;
+    fault_settings_.finest = &learner.robot;
   }
 
   Extras extras;
@@ -78,8 +78,8 @@ class LoopExtras {
  private:
   Weights weights_;  // not to be copied: pointed to
   FaultyReadings lying_;
-  Weights watching_;
-  FaultTolerantSettings guarding_;
+  Weights monitor_weights_;
+  FaultTolerantSettings fault_settings_;
   Knowledge knowledge_;
   std::vector<double> work_;
 };
@@ -174,18 +174,18 @@ auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acce
 /// Summary of a visit to one pose.
 struct Visited {
   Sample last{};
-  Coordinates low{}, high{};  ///< of x in the last kWatched of the hold
+  Coordinates low{}, high{};  ///< of x in the last kRest of the hold
   int saturated = -1;         ///< first motor at its torque limit
   int unanswered = 0;         ///< cycles without an answer of the controller,
   Status reason{};            ///< and the first one's reason
 
-  static constexpr double kWatched = 0.05;  ///< s, when a robot should rest
+  static constexpr double kRest = 0.05;  ///< s, when a robot should rest
 
   /// @param end  of the run, s @param hold  at the pose, s
   void add(const Robot& nominal, const Sample& sample, double end, double hold) {
     last = sample;
     if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
-    const bool moving = sample.time <= end - std::min(kWatched, hold);
+    const bool moving = sample.time <= end - std::min(kRest, hold);
     for (int k = 0; k < dof(nominal.mobility); ++k) {
       low[k] = moving ? sample.x[k] : std::min(low[k], sample.x[k]);
       high[k] = moving ? sample.x[k] : std::max(high[k], sample.x[k]);
@@ -197,7 +197,7 @@ struct Visited {
 
 /// Visits poses in order, keeping friction and backlash: true pose, (N, n), and readings,
 /// (N, n + r), at the end of each hold, the largest peak-to-peak motion of a coordinate in the last
-/// kWatched, the first motor at its torque limit, from 0, or -1, the status, and the number of
+/// kRest, the first motor at its torque limit, from 0, or -1, the status, and the number of
 /// cycles without an answer of the controller, with the first reason. After a failure the robot is
 /// placed at the next pose.
 auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, int steps,
@@ -303,7 +303,7 @@ void bind_simulation(nb::module_& m) {
                     const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
                     const Lateness&>(),
            "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a, "online"_a.none(),
-           "faults"_a, "guarding"_a.none(), "late"_a, nb::keep_alive<1, 5>(),
+           "faults"_a, "fault_setup"_a.none(), "late"_a, nb::keep_alive<1, 5>(),
            nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>())
       .def("simulate", &run_simulation, "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
            "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none())

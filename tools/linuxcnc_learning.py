@@ -84,7 +84,7 @@ def learning() -> bool:
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("tej", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]
-    what["pins"] |= {"truepose_tej.use-learnt": 0, "truepose_tej.watch": 0} | accepted(robot)
+    what["pins"] |= {"truepose_tej.use-learnt": 0, "truepose_tej.monitor": 0} | accepted(robot)
     says = ("lines", "lines-left-out", "fault", *(f"pose-sigma.{k}" for k in range(4)))
     what["asked"] = [f"truepose_tej.{name}" for name in says]
     begins = [pin("use-learnt", 1), pin("learn", 1)]
@@ -96,7 +96,7 @@ def learning() -> bool:
         samples(folder, 6000, "ssu", *nets, "lines truepose_tej.lines")
         one = headless(folder, what)
         next_day = job("tej", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
-        next_day["pins"] |= {"truepose_tej.watch": 0} | accepted(robot)
+        next_day["pins"] |= {"truepose_tej.monitor": 0} | accepted(robot)
         other = headless(folder, next_day | {"poses": visits(x_d)})
     for found in (one, other):
         if "error" in found:
@@ -123,7 +123,7 @@ def steps() -> bool:
         "online calibration starts": [("truepose_tej.learn", 1)],
         "laws use the exported model": [("truepose_tej.use-learnt", 0)],
         "laws use the identified model again": [("truepose_tej.use-learnt", 1)],
-        "the fault monitor starts": [("truepose_tej.watch", 1)],
+        "the fault monitor starts": [("truepose_tej.monitor", 1)],
         "one of two sensors drops out": [("truepose_plant.sensor.1.fault", 1)],
         "the other one drops out too": [("truepose_plant.sensor.0.fault", 1)],
     }

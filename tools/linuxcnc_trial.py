@@ -24,7 +24,7 @@ import truepose as tp
 from truepose.arguments import Array
 from truepose.integrations.linuxcnc.configuration import to_configuration
 from truepose.paper import article
-from truepose.simulation.moves import MOVE_FROM, MOVE_TO
+from truepose.simulation.paths import MOVE_FROM, MOVE_TO
 
 LAWS = ("joint", "tej", "weighted", "estimated")
 CYCLES, LASTS = 5000, 30  # cycles of a median; least time of each law, s
@@ -176,7 +176,7 @@ def steps() -> dict[str, float]:
         "joint to TEJ": [(law, 1)],
         "θ's encoder drops out": [(sensor, 1)],
         "it reads again, and the fault is reset": [(sensor, 0), ("truepose_tej.reset", 1)],
-        "the fault monitor starts": [("truepose_tej.reset", 0), ("truepose_tej.watch", 1)],
+        "the fault monitor starts": [("truepose_tej.reset", 0), ("truepose_tej.monitor", 1)],
         "θ's encoder jumps by 5°": [(f"{sensor}-size", 5), (sensor, 3)],
         "it is healthy again; machine off and on": [(sensor, 0), None],
         "a motor's encoder drops out": [("truepose_plant.1.fault", 1)],
@@ -196,7 +196,7 @@ def stepped(
 ) -> dict[str, Any]:
     """Apply events to a machine at rest under the TEJ law; return the results."""
     what = job("tej", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
-    what["pins"] |= {"truepose_tej.watch": 0} | dict(pins)
+    what["pins"] |= {"truepose_tej.monitor": 0} | dict(pins)
     what |= {
         "events": [["", [("truepose_tej.reset", 0)]], *events.items()],
         "refused": [],

@@ -18,7 +18,7 @@ static void* place(const char* name, truepose_table* table, size_t* most) {
   } places[] = {
       {"robt", &table->robot, sizeof table->robot},
       {"fine", &table->finest, sizeof table->finest},
-      {"wtch", &table->watch, sizeof table->watch},
+      {"wtch", &table->monitor, sizeof table->monitor},
       {"sigm", table->known.sigma, sizeof table->known.sigma},
       {"colm", table->column, sizeof table->column},
       {"root", table->root, sizeof table->root},
@@ -62,8 +62,8 @@ static const char* read_blocks(FILE* file, truepose_table* table) {
   }
   if (table->from == 0) table->from = mark;
   if ((fixed != 1 && fixed != 4) || root != columns * columns) return "ends too early";
-  table->watched = fixed == 4;
-  if (!table->watched) table->finest = table->robot;
+  table->monitored = fixed == 4;
+  if (!table->monitored) table->finest = table->robot;
   table->known.count = (int32_t)columns;
   table->known.column = table->column;
   table->known.root = table->root;
@@ -91,7 +91,7 @@ const char* truepose_write_table(const char* path, const truepose_description* r
   } blocks[] = {
       {"robt", robot, sizeof *robot},
       {"fine", finest, sizeof *finest},
-      {"wtch", &began->watch, sizeof began->watch},
+      {"wtch", &began->monitor, sizeof began->monitor},
       {"sigm", known->sigma, sizeof known->sigma},
       {"colm", known->column, p * sizeof *known->column},
       {"root", known->root, p * p * sizeof *known->root},

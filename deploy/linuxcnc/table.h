@@ -13,12 +13,12 @@ enum { TRUEPOSE_TABLE_PARAMETERS = 256 }; /**< maximum number of uncertain param
 typedef struct truepose_table {
   truepose_description robot;
   truepose_description finest; /**< for weighted laws and the fault monitor */
-  truepose_fault_monitor_settings watch;
+  truepose_fault_monitor_settings monitor;
   truepose_knowledge known; /**< count 0: no sensors, or nothing uncertain */
   int32_t column[TRUEPOSE_TABLE_PARAMETERS];
   truepose_real root[TRUEPOSE_TABLE_PARAMETERS * TRUEPOSE_TABLE_PARAMETERS];
-  int32_t watched; /**< 1: `watch` and `known` are present */
-  uint64_t from;   /**< marks the exported table that this is, or was identified from */
+  int32_t monitored; /**< 1: `monitor` and `known` are present */
+  uint64_t from;     /**< marks the exported table that this is, or was identified from */
 } truepose_table;
 
 /** Reads a table. May wait and allocate: call it only while a component is loaded.

@@ -61,16 +61,16 @@ static int weighs(int32_t law) {
 }
 
 /** Substitutes readings that are not valid. */
-static void watched(truepose_corrector* tej, const truepose_corrector_input* input,
-                    truepose_real* q_e) {
+static void monitored(truepose_corrector* tej, const truepose_corrector_input* input,
+                      truepose_real* q_e) {
   truepose_real believed[TRUEPOSE_READINGS];
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
-  if (!tej->guarding) {
-    outcome = truepose_fault_monitor_init(&tej->guard, sizeof tej->guard, &tej->table.watch);
-    tej->guarding = outcome.status <= TRUEPOSE_OK;
+  if (!tej->monitoring) {
+    outcome = truepose_fault_monitor_init(&tej->monitor, sizeof tej->monitor, &tej->table.monitor);
+    tej->monitoring = outcome.status <= TRUEPOSE_OK;
   }
-  if (tej->guarding)
-    outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->guard, input->q_d, q_e,
+  if (tej->monitoring)
+    outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->monitor, input->q_d, q_e,
                                           &tej->table.known, tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return; /* no result: use the readings as they are */
@@ -89,7 +89,7 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     goes_by(tej, tej->learnt, 1);
   tej->left_out = failed;
   if (tej->stop || failed >> tej->motors == (1U << tej->sensors) - 1)
-    fails(tej, TRUEPOSE_TEJ_WATCH, TRUEPOSE_DISAGREE, first(failed != 0 ? failed : doubted));
+    fails(tej, TRUEPOSE_TEJ_MONITOR, TRUEPOSE_DISAGREE, first(failed != 0 ? failed : doubted));
 }
 
 /** Knowledge for weighted laws: a failed sensor has almost no weight. */
@@ -175,7 +175,7 @@ static void question(truepose_corrector* tej, const truepose_corrector_input* in
   truepose_outcome outcome;
   if (!tej->questioned || !input->enable || !input->referenced || tej->fault) return;
   tej->questioned = 0;
-  if (!(input->chi2 > 0) || !tej->table.watched || !tej->pupil.able) return;
+  if (!(input->chi2 > 0) || !tej->table.monitored || !tej->pupil.able) return;
   memcpy(x, tej->x_d, sizeof x);
   outcome = truepose_fkm(&tej->pupil.drawn, q_e, kCap, x).outcome;
   if (outcome.status <= TRUEPOSE_OK) {
@@ -266,8 +266,8 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
     tej->fault = TRUEPOSE_TEJ_NO_FAULT;
     tej->stop = 0;
   }
-  if (starts || input->reset || !input->watch || tej->questioned) {
-    tej->guarding = 0;
+  if (starts || input->reset || !input->monitor || tej->questioned) {
+    tej->monitoring = 0;
     tej->changed |= tej->doubted != 0;
     tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
@@ -277,9 +277,9 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
     return;
   }
   if (!not_finite(q_e, readings)) question(tej, input, q_e);
-  if (input->enable && input->watch && tej->table.watched && input->referenced &&
+  if (input->enable && input->monitor && tej->table.monitored && input->referenced &&
       tej->fault != TRUEPOSE_TEJ_HOMING)
-    watched(tej, input, q_e);
+    monitored(tej, input, q_e);
   const uint32_t unheard = not_finite(q_e, readings);
   if (unheard != 0) fails(tej, TRUEPOSE_TEJ_READING, TRUEPOSE_NOT_FINITE, first(unheard));
   if (not_finite(q_e, tej->motors)) { /* the drive must hold still */

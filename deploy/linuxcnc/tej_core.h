@@ -20,14 +20,14 @@ typedef enum truepose_corrector_fault {
   TRUEPOSE_TEJ_COMMAND = 2,    /**< a command is not a number: the last output is held */
   TRUEPOSE_TEJ_UNSOLVED = 3,   /**< the command is no pose of the robot, or the law has no answer */
   TRUEPOSE_TEJ_CORRECTION = 4, /**< the correction is larger than allowed */
-  TRUEPOSE_TEJ_WATCH = 5,      /**< the fault monitor requests a stop, or every sensor has failed */
+  TRUEPOSE_TEJ_MONITOR = 5,    /**< the fault monitor requests a stop, or every sensor has failed */
   TRUEPOSE_TEJ_HOMING = 6      /**< the readings are inconsistent after referencing */
 } truepose_corrector_fault;
 
 typedef struct truepose_corrector_input {
   int32_t enable;           /**< the drives are on */
   int32_t law;              /**< a truepose_law */
-  int32_t watch;            /**< enables the fault monitor, if configured in the table */
+  int32_t monitor;          /**< enables the fault monitor, if configured in the table */
   int32_t reset;            /**< clears faults, acknowledges inconsistency after homing */
   int32_t referenced;       /**< every sensor's and motor's zero is known */
   int32_t learn;            /**< identifies at rest, with every reading valid */
@@ -53,12 +53,12 @@ typedef struct truepose_corrector {
   truepose_pupil pupil;
   int32_t learnt;             /**< model of the laws: 0 the table's robot, 1 the identified one */
   truepose_knowledge weighed; /**< of that, adapted to the valid readings */
-  truepose_fault_monitor guard;
+  truepose_fault_monitor monitor;
   truepose_controller controller; /**< for the law and the band below */
   int32_t begun;
   truepose_real band;
   truepose_real work[TRUEPOSE_TEJ_WORK];
-  int32_t guarding, enabled;
+  int32_t monitoring, enabled;
   truepose_real x_d[6];               /**< pose of the commands */
   truepose_real zero[6], homed_by[6]; /**< motor offsets, and corrections when homed */
   truepose_real held[6], at[6];       /**< of the last cycle with the drives on: correction, q */

@@ -26,7 +26,7 @@ static struct tej_pins {
   hal_float_t *position[TRUEPOSE_SENSORS], *index_angle[TRUEPOSE_SENSORS];
   hal_bit_t *index_enable[TRUEPOSE_SENSORS], *absolute[TRUEPOSE_SENSORS];
   hal_bit_t* referenced[TRUEPOSE_SENSORS];
-  hal_bit_t *enable, *watch, *reset, *fault, *stop, *lost, *all_referenced;
+  hal_bit_t *enable, *monitor, *reset, *fault, *stop, *lost, *all_referenced;
   hal_s32_t *law, *in_effect, *fault_code, *status, *part;
   hal_float_t *band, *blend, *largest;
   hal_bit_t *learn, *use_learnt, *failed[TRUEPOSE_READINGS];
@@ -76,7 +76,7 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
                                     "a command is no number",
                                     "no answer for this pose",
                                     "the correction is larger than largest-correction",
-                                    "the watch asks for a stop, or every sensor has failed",
+                                    "the fault monitor requests a stop, or every sensor has failed",
                                     "readings contradict each other: home again, or acknowledge "
                                     "by the pin reset"};
   const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !index_known;
@@ -105,7 +105,7 @@ static void cycle(void* unused, long period) {
   (void)period;
   in.enable = *pins->enable;
   in.law = *pins->law;
-  in.watch = *pins->watch;
+  in.monitor = *pins->monitor;
   in.reset = *pins->reset;
   in.learn = *pins->learn;
   in.learnt = *pins->use_learnt;
@@ -190,7 +190,7 @@ static int make_pins(void) {
   bad |= new_u32(&pins->left_out, HAL_OUT, 0, "truepose_tej.lines-left-out");
   bad |= new_s32(&pins->learner_status, HAL_OUT, 0, "truepose_tej.learner-status");
   bad |= new_bit(&pins->enable, HAL_IN, 0, "truepose_tej.enable");
-  bad |= new_bit(&pins->watch, HAL_IN, 0, "truepose_tej.watch");
+  bad |= new_bit(&pins->monitor, HAL_IN, 0, "truepose_tej.monitor");
   bad |= new_bit(&pins->reset, HAL_IN, 0, "truepose_tej.reset");
   bad |= new_bit(&pins->fault, HAL_OUT, 0, "truepose_tej.fault");
   bad |= new_bit(&pins->lost, HAL_OUT, 0, "truepose_tej.amp-fault");

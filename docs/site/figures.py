@@ -117,7 +117,7 @@ def path_accuracy() -> Figure:
 
 
 def fault_consequences() -> Figure:
-    """Return the report's, of 30 moves: worst errors under each fault and law, watched and not."""
+    """Return the report's, of 30 moves: worst errors by fault and law, monitored and not."""
     return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
 
 

@@ -102,7 +102,7 @@ class Controller {
   }
   /// @return as truepose_fault_monitor_init()
   Outcome begin(const truepose_fault_monitor_settings& settings) {
-    return outcome_of(truepose_fault_monitor_init(&guard_, sizeof guard_, &settings));
+    return outcome_of(truepose_fault_monitor_init(&monitor_, sizeof monitor_, &settings));
   }
   Outcome step(const Model& model, const truepose_setpoint& setpoint, const Extended& q_e,
                Joint& torque, Weights weights = {}) {
@@ -113,9 +113,9 @@ class Controller {
   Outcome step(const Model& model, const Model& finest, const truepose_setpoint& setpoint,
                const Extended& q_e, Joint& torque, truepose_fault_report& report,
                Weights weights = {}) {
-    return outcome_of(truepose_control_fault_tolerant(model.c(), finest.c(), &controller_, &guard_,
-                                                      &setpoint, q_e.data(), weights.known,
-                                                      weights.work, torque.data(), &report));
+    return outcome_of(truepose_control_fault_tolerant(
+        model.c(), finest.c(), &controller_, &monitor_, &setpoint, q_e.data(), weights.known,
+        weights.work, torque.data(), &report));
   }
   /// Changes the law from the next cycle on, without a step of the torque.
   Outcome change_law(truepose_law law) {
@@ -123,11 +123,11 @@ class Controller {
   }
   /// Marks a repaired reading as valid. @param reading  from 0
   Outcome acknowledge(int reading) {
-    return outcome_of(truepose_fault_monitor_acknowledge(&guard_, reading));
+    return outcome_of(truepose_fault_monitor_acknowledge(&monitor_, reading));
   }
 
  private:
   truepose_controller controller_{};
-  truepose_fault_monitor guard_{};
+  truepose_fault_monitor monitor_{};
 };
 }  // namespace truepose

@@ -1,8 +1,9 @@
 """Checks of arguments that several functions share."""
 
 import fnmatch
+import math
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -71,10 +72,38 @@ def check_seed(seed: int) -> int:
     return int(seed)
 
 
-def fraction(name: str, value: float) -> None:
+def finite(name: str, value: Any, least: float = -math.inf, unit: str = "") -> None:
+    """Raise InputError unless the value is a finite number of at least `least`."""
+    must = f"a finite number{f' of at least {least}' if least > -math.inf else ''}{unit}"
+    _check(name, value, must, lambda: math.isfinite(value) and value >= least)
+
+
+def positive(name: str, value: Any, unit: str = "") -> None:
+    """Raise InputError unless the value is a finite number greater than 0."""
+    must = f"a finite number greater than 0{unit}"
+    _check(name, value, must, lambda: math.isfinite(value) and value > 0)
+
+
+def whole(name: str, value: Any, least: int, most: float = math.inf) -> None:
+    """Raise InputError unless the value is a whole number from `least` to `most`."""
+    span = f"of at least {least}" if most == math.inf else f"from {least} to {most}"
+    right = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    _check(name, value, f"a whole number {span}", lambda: right and least <= value <= most)
+
+
+def fraction(name: str, value: Any) -> None:
     """Raise InputError unless the value is a number from 0 to 1."""
-    if not (isinstance(value, numbers.Real) and 0 <= value <= 1):
-        raise InputError(f"{name} = {value}: must be a number from 0 to 1")
+    _check(name, value, "a number from 0 to 1", lambda: 0 <= value <= 1)
+
+
+def _check(name: str, value: Any, must: str, fits: Callable[[], bool]) -> None:
+    try:
+        good = fits()
+    except (TypeError, ValueError):  # None, an array
+        good = False
+    if not good:
+        shown = value if isinstance(value, numbers.Number) else shortened(repr(value))
+        raise InputError(f"{name} = {shown}: must be {must}")
 
 
 def selected(what: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, TrueposeError, choose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,13 +33,27 @@ ENDINGS = {
 }
 
 
-def contents(path: Path, most: int = -1) -> bytes:
+def contents(path: Path, most: int) -> bytes:
     """Read a file, at most `most` bytes; OSError if it is not a regular file."""
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # open() itself refuses a folder
         raise OSError(0, "it is not a regular file", str(path))
     with path.open("rb") as file:
         return file.read(most)
+
+
+def text(
+    path: Path, most: int = 1 << 30, name: str = "", error: type[TrueposeError] = InputError
+) -> str:
+    """Read a text file of at most `most` bytes; an error of one line where that fails."""
+    try:
+        data = contents(path, most + 1)
+        if len(data) <= most:
+            return data.decode()
+        reason = f"more than {most} bytes"
+    except (OSError, ValueError) as failure:
+        reason = getattr(failure, "strerror", None) or "not a text file (UTF-8)"
+    raise error(f"{name or path}: cannot be read: {reason}")
 
 
 def mark(kind: str) -> str:
@@ -166,11 +180,9 @@ def _remove(path: Path) -> None:
         (shutil.rmtree if path.is_dir() else os.unlink)(path)
 
 
-def replace_file(
-    path: str | Path, contents: str | bytes, kind: str, force: bool = False, option: str = ""
-) -> None:
+def replace_file(path: Path, contents: str | bytes, kind: str, force: bool = False) -> None:
     """Write one file, see :func:`write`."""
-    write({Output(Path(path), kind, option): contents}, force=force)
+    write({Output(path, kind): contents}, force=force)
 
 
 def picture(figure: "Figure", ending: str, dpi: int = 150) -> bytes:

@@ -17,7 +17,7 @@ struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
 
 struct FaultTolerantSetup : InMemory<truepose_fault_monitor, FaultTolerantSetup, 0x72617547U> {
   FaultTolerantSettings settings;
-  FaultTolerantState guard;
+  FaultTolerantState state;
 };
 
 bool law_exists(std::int32_t law) {
@@ -62,19 +62,19 @@ Status status_of(const truepose_fault_monitor_settings& s) {
   return good ? Status::ok : Status::no_such_value;
 }
 
-void report_on(const FaultTolerantSetup& guarding, truepose_fault_report* report) {
-  const FaultTolerantState& guard = guarding.guard;
+void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
+  const FaultTolerantState& state = setup.state;
   *report = truepose_fault_report{};
   for (int c = 0; c < kMaxReadings; ++c) {
-    report->health[c] = static_cast<std::int32_t>(guard.watch.reading[c].health);
-    report->symptom[c] = static_cast<std::int32_t>(guard.watch.reading[c].symptom);
+    report->health[c] = static_cast<std::int32_t>(state.monitor.reading[c].health);
+    report->symptom[c] = static_cast<std::int32_t>(state.monitor.reading[c].symptom);
   }
-  report->doubted = guard.watch.doubted;
-  report->lost = guard.watch.lost;
-  report->brakes = guard.brakes;
-  report->stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
+  report->doubted = state.monitor.doubted;
+  report->lost = state.monitor.lost;
+  report->brakes = state.brakes;
+  report->stops = state.stops || state.monitor.undecided || state.monitor.lost != 0;
   if (report->stops)
-    report->stop = guard.watch.lost ? guarding.settings.stop_lost : guarding.settings.stop;
+    report->stop = state.monitor.lost ? setup.settings.stop_lost : setup.settings.stop;
 }
 
 constexpr Outcome kUnfinished{Status::unfinished, -1};
@@ -238,76 +238,76 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
 
 size_t truepose_fault_monitor_size(void) { return sizeof(c::FaultTolerantSetup); }
 
-truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* guard, size_t size,
+truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* monitor, size_t size,
                                              const truepose_fault_monitor_settings* settings) {
   truepose_fault_monitor_settings all;
   Status status = c::take(*settings, FaultTolerantSettings{}, all);
   if (status == Status::ok) status = c::status_of(all);
   if (status != Status::ok) return c::answer({status, -1});
-  c::FaultTolerantSetup* made = c::FaultTolerantSetup::make(guard, size);
+  c::FaultTolerantSetup* made = c::FaultTolerantSetup::make(monitor, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
   c::fields(all, made->settings, c::Copy<true>{});
-  prepare(made->settings.watch);
+  prepare(made->settings.monitor);
   return c::answer({});
 }
 
 truepose_outcome truepose_control_fault_tolerant(
     const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
-    truepose_fault_monitor* guard, const truepose_setpoint* setpoint, const truepose_real* q_e,
+    truepose_fault_monitor* monitor, const truepose_setpoint* setpoint, const truepose_real* q_e,
     const truepose_knowledge* known, truepose_real* work, truepose_real* torque,
     truepose_fault_report* report) {
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
-    c::FaultTolerantSetup* guarding = c::FaultTolerantSetup::of(guard);
-    if (made == nullptr || guarding == nullptr) return c::kUnfinished;
+    c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
+    if (made == nullptr || setup == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept);
     if (!weighs.sound) return weighs.sound;
-    const c::Model* watched = finest ? c::Model::of(finest) : nullptr;
-    if (finest && (watched == nullptr || watched->robot.mobility != robot.mobility ||
-                   watched->robot.r != robot.r))
+    const c::Model* monitored = finest ? c::Model::of(finest) : nullptr;
+    if (finest && (monitored == nullptr || monitored->robot.mobility != robot.mobility ||
+                   monitored->robot.r != robot.r))
       return c::kUnfinished;
-    guarding->settings.finest = watched ? &watched->robot : nullptr;
+    setup->settings.finest = monitored ? &monitored->robot : nullptr;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
       return control_fault_tolerant<mobility()>(
-          robot, made->settings, guarding->settings, std::bit_cast<Setpoint>(*setpoint),
-          c::values<Extended>(q_e), made->state, weighs.weighing, guarding->guard);
+          robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
+          c::values<Extended>(q_e), made->state, weighs.weighing, setup->state);
     });
     c::give(made->state.torque, torque);
-    c::report_on(*guarding, report);
+    c::report_on(*setup, report);
     return outcome;
   });
 }
 
 truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
-                                             truepose_fault_monitor* guard,
+                                             truepose_fault_monitor* monitor,
                                              const truepose_real* desired, const truepose_real* q_e,
                                              const truepose_knowledge* known, truepose_real* work,
                                              truepose_real* believed,
                                              truepose_fault_report* report) {
   return c::asked(finest, [&](const Robot& robot) {
-    c::FaultTolerantSetup* guarding = c::FaultTolerantSetup::of(guard);
-    if (guarding == nullptr) return c::kUnfinished;
+    c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
+    if (setup == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work);
     if (!weighs.sound) return weighs.sound;
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return monitor_faults<mobility()>(robot, guarding->settings.watch, weighs.weighing,
-                                        c::values<Joint>(desired), read, guarding->guard.watch,
+      return monitor_faults<mobility()>(robot, setup->settings.monitor, weighs.weighing,
+                                        c::values<Joint>(desired), read, setup->state.monitor,
                                         stands);
     });
     if (outcome) c::give(stands, believed);
-    c::report_on(*guarding, report);
+    c::report_on(*setup, report);
     return outcome;
   });
 }
 
-truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* guard,
+truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* monitor,
                                                     int32_t reading) {
-  c::FaultTolerantSetup* guarding = c::FaultTolerantSetup::of(guard);
-  if (guarding == nullptr) return c::answer(c::kUnfinished);
+  c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
+  if (setup == nullptr) return c::answer(c::kUnfinished);
   if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, reading});
-  acknowledge(guarding->guard, reading);
+  acknowledge(setup->state, reading);
   return c::answer({});
 }
 

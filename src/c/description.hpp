@@ -46,10 +46,10 @@ void fields(auto& c, Like<ControlSettings> auto& core, auto&& f) {
                  damped_below, lead_out, kp, kd, ki)
 }
 void fields(auto& c, Like<FaultTolerantSettings> auto& core, auto&& f) {
-  TRUEPOSE_VISIT(c, core.watch, refresh, coast, decide, spikes, within, period, false_alarm,
+  TRUEPOSE_VISIT(c, core.monitor, refresh, coast, decide, spikes, within, period, false_alarm,
                  replaceable, correlation)
   TRUEPOSE_VISIT(c, core, stop, stop_lost, held)
-  TRUEPOSE_VISIT(c, core.watch, fastest, moved, kp, kd, rests, shaken, low, high)
+  TRUEPOSE_VISIT(c, core.monitor, fastest, moved, kp, kd, rests, shaken, low, high)
 }
 
 /// Calls f(part of the C description, part of the core's) for every part in use.

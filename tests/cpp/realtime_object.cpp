@@ -84,18 +84,18 @@ Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
                          const Weighing& weighing) {
   return control(robot, settings, setpoint, q_e, state, weighing);
 }
-Outcome realtime_watch(const Robot& robot, const FaultMonitorSettings& settings,
-                       const Weighing& weighing, const Joint& desired, const Extended& q_e,
-                       FaultMonitor& seen, Extended& believed) {
+Outcome realtime_monitor(const Robot& robot, const FaultMonitorSettings& settings,
+                         const Weighing& weighing, const Joint& desired, const Extended& q_e,
+                         FaultMonitor& seen, Extended& believed) {
   return monitor_faults<Mobility::schoenflies>(robot, settings, weighing, desired, q_e, seen,
                                                believed);
 }
-Outcome realtime_guarded(const Robot& robot, const ControlSettings& settings,
-                         const FaultTolerantSettings& guarding, const Setpoint& setpoint,
-                         const Extended& q_e, ControlState& state, const Weighing& weighing,
-                         FaultTolerantState& guard) {
-  return control_fault_tolerant<Mobility::schoenflies>(robot, settings, guarding, setpoint, q_e,
-                                                       state, weighing, guard);
+Outcome realtime_fault_tolerant(const Robot& robot, const ControlSettings& settings,
+                                const FaultTolerantSettings& fault_settings,
+                                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                                const Weighing& weighing, FaultTolerantState& fault_state) {
+  return control_fault_tolerant<Mobility::schoenflies>(robot, settings, fault_settings, setpoint,
+                                                       q_e, state, weighing, fault_state);
 }
 void realtime_restore(FaultMonitor& seen, int reading) { acknowledge(seen, reading); }
 Setpoint realtime_paced(PathClock& clock, double period, double stop, const Setpoint& at) {

@@ -317,7 +317,7 @@ TEST("laws, estimates and control cycles through C are the core's") {
   });
 }
 
-TEST("a guard in C finds a sensor that is gone, goes on without, and believes it again") {
+TEST("a monitor in C finds a sensor that is gone, goes on without, and believes it again") {
   for_each([&](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     const Robot& robot = mechanism.robot;
@@ -329,12 +329,12 @@ TEST("a guard in C finds a sensor that is gone, goes on without, and believes it
     ControlSettings settings;
     CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
     const truepose_control_settings table = in_c(settings);
-    truepose_fault_monitor_settings watch;
-    c::describe(FaultTolerantSettings{}, watch);
+    truepose_fault_monitor_settings monitor;
+    c::describe(FaultTolerantSettings{}, monitor);
     truepose_controller controller;
-    truepose_fault_monitor guard;
+    truepose_fault_monitor fault_state;
     CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
-    CHECK(same(truepose_fault_monitor_init(&guard, sizeof guard, &watch), {}));
+    CHECK(same(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor), {}));
     truepose_setpoint setpoint{};
     std::copy_n(robot.home.begin(), 6, setpoint.x);
     Extended q_e{};
@@ -347,9 +347,9 @@ TEST("a guard in C finds a sensor that is gone, goes on without, and believes it
       read[sensor] = reading;
       truepose_real torque[6];
       for (int k = 0; k < count; ++k)
-        outcome = truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller, &guard,
-                                                  &setpoint, read.data(), &known, work.data(),
-                                                  torque, &report);
+        outcome = truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
+                                                  &fault_state, &setpoint, read.data(), &known,
+                                                  work.data(), torque, &report);
       for (int i = 0; i < robot.motors; ++i) CHECK(std::isfinite(torque[i]));
     };
     cycles(100, q_e[sensor]);
@@ -358,13 +358,13 @@ TEST("a guard in C finds a sensor that is gone, goes on without, and believes it
     CHECK(outcome.status == TRUEPOSE_DISAGREE && outcome.part == sensor);
     CHECK(report.health[sensor] == TRUEPOSE_FAILED && report.symptom[sensor] == TRUEPOSE_MISSING);
     CHECK(!report.stops && report.brakes == 0 && report.stop == 0);
-    CHECK(same(truepose_fault_monitor_acknowledge(&guard, sensor), {}));
+    CHECK(same(truepose_fault_monitor_acknowledge(&fault_state, sensor), {}));
     cycles(100, q_e[sensor]);
     CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
     truepose_real believed[16] = {};
     Extended none = q_e;
     none[sensor] = NAN;
-    truepose_fault_monitor_step(&in_c_model.model, &guard, q_e.data(), none.data(), &known,
+    truepose_fault_monitor_step(&in_c_model.model, &fault_state, q_e.data(), none.data(), &known,
                                 work.data(), believed, &report);
     CHECK_NEAR(believed[sensor], q_e[sensor], 1e-6);
     CHECK(report.health[sensor] == TRUEPOSE_SUSPECT);
@@ -511,14 +511,14 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
   Prior prior(robot);
   truepose_control_settings control;
   truepose_control_defaults(&control);
-  truepose_fault_monitor_settings watch;
-  c::describe(FaultTolerantSettings{}, watch);
+  truepose_fault_monitor_settings monitor;
+  c::describe(FaultTolerantSettings{}, monitor);
   truepose_controller controller, joint;
-  truepose_fault_monitor guard;
+  truepose_fault_monitor fault_state;
   CHECK(same(truepose_controller_init(&joint, sizeof joint, &control), {}));
   control.law = TRUEPOSE_LAW_WEIGHTED;
   CHECK(same(truepose_controller_init(&controller, sizeof controller, &control), {}));
-  CHECK(same(truepose_fault_monitor_init(&guard, sizeof guard, &watch), {}));
+  CHECK(same(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor), {}));
   std::vector<truepose_real> work(truepose_work(&in_c_model.model, prior.known().count));
   truepose_setpoint setpoint{};
   std::copy_n(robot.home.begin(), 6, setpoint.x);
@@ -538,13 +538,14 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
           TRUEPOSE_NO_SUCH_PART);
     CHECK(truepose_controller_error(model, &controller, setpoint.x, q_e, &known, work.data(), out)
               .status == TRUEPOSE_NO_SUCH_PART);
-    // A law that does not weigh does not look at it; a guard does.
+    // A law that does not weigh does not look at it; a monitor does.
     CHECK(truepose_control(model, &joint, &setpoint, q_e, &known, work.data(), out).status ==
           TRUEPOSE_OK);
-    CHECK(truepose_control_fault_tolerant(model, nullptr, &joint, &guard, &setpoint, q_e, &known,
-                                          work.data(), out, &report)
+    CHECK(truepose_control_fault_tolerant(model, nullptr, &joint, &fault_state, &setpoint, q_e,
+                                          &known, work.data(), out, &report)
               .status == TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_fault_monitor_step(model, &guard, q_e, q_e, &known, work.data(), out, &report)
+    CHECK(truepose_fault_monitor_step(model, &fault_state, q_e, q_e, &known, work.data(), out,
+                                      &report)
               .status == TRUEPOSE_NO_SUCH_PART);
     CHECK(truepose_estimate(model, &known, q_e, work.data(), x).outcome.status ==
           TRUEPOSE_NO_SUCH_PART);
@@ -558,7 +559,7 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
         TRUEPOSE_NOT_MEASURED);
 }
 
-TEST("settings that no controller or watch can have are refused") {
+TEST("settings that no controller or monitor can have are refused") {
   truepose_control_settings control;
   truepose_control_defaults(&control);
   truepose_controller controller;
@@ -582,21 +583,21 @@ TEST("settings that no controller or watch can have are refused") {
   CHECK(begun([](auto& s) { s.period = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(begun([](auto& s) { s.kp[5] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(truepose_change_law(&controller, -1).status == TRUEPOSE_NO_SUCH_PART);
-  truepose_fault_monitor_settings watch;
-  c::describe(FaultTolerantSettings{}, watch);
-  truepose_fault_monitor guard;
-  const auto watched = [&](auto change) {
-    truepose_fault_monitor_settings settings = watch;
+  truepose_fault_monitor_settings monitor;
+  c::describe(FaultTolerantSettings{}, monitor);
+  truepose_fault_monitor fault_state;
+  const auto monitored = [&](auto change) {
+    truepose_fault_monitor_settings settings = monitor;
     change(settings);
-    return truepose_fault_monitor_init(&guard, sizeof guard, &settings).status;
+    return truepose_fault_monitor_init(&fault_state, sizeof fault_state, &settings).status;
   };
-  CHECK(watched([](auto&) {}) == TRUEPOSE_OK);
-  CHECK(watched([](auto& s) { s.size = 8; }) == TRUEPOSE_OTHER_VERSION);
-  CHECK(watched([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
-  CHECK(watched([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
-  CHECK(watched([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
-  std::memset(&guard, 0, sizeof guard);
-  CHECK(truepose_fault_monitor_acknowledge(&guard, 0).status == TRUEPOSE_UNFINISHED);
+  CHECK(monitored([](auto&) {}) == TRUEPOSE_OK);
+  CHECK(monitored([](auto& s) { s.size = 8; }) == TRUEPOSE_OTHER_VERSION);
+  CHECK(monitored([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(monitored([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(monitored([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
+  std::memset(&fault_state, 0, sizeof fault_state);
+  CHECK(truepose_fault_monitor_acknowledge(&fault_state, 0).status == TRUEPOSE_UNFINISHED);
 }
 
 TEST("every status has the core's number and says what it is") {

@@ -16,13 +16,13 @@ struct Faulty {
     settings.law = law;
     settings.gains = Gains::inertia;
     CHECK(place_poles(mechanism.robot, mechanism.robot.home, 150, 1, settings));
-    FaultMonitorSettings& watch = guarding.watch;
-    watch.fastest.fill(3000);
-    watch.moved.fill(10 * kCount);
-    watch.rests.fill(4 * kCount);
-    watch.kp = settings.kp;
-    watch.kd = settings.kd;
-    prepare(watch);
+    FaultMonitorSettings& monitor = fault_settings.monitor;
+    monitor.fastest.fill(3000);
+    monitor.moved.fill(10 * kCount);
+    monitor.rests.fill(4 * kCount);
+    monitor.kp = settings.kp;
+    monitor.kd = settings.kd;
+    prepare(monitor);
   }
   void count() {
     for (int i = 0; i < kDof<K>; ++i) {
@@ -37,8 +37,8 @@ struct Faulty {
     const Robot& robot = mechanism.robot;
     FaultyReadings faults({fault}, settings.period);
     Extras extras{prior.weighing()};
-    extras.watching = extras.weighing;
-    extras.guarding = &guarding;
+    extras.monitor_weighing = extras.weighing;
+    extras.fault_settings = &fault_settings;
     extras.faults = &faults;
     Run run{random_pose(mechanism, random), random_pose(mechanism, random), 0.3, 0.2};
     std::uint32_t bits = 0;
@@ -46,7 +46,7 @@ struct Faulty {
       for (int c = 0; c <= kTheta; ++c)
         if (sample.health[c] == Health::failed) bits |= bit(c);
     };
-    static_cast<void>(simulate<K>(robot, robot, settings, run, run.from, write, extras));
+    static_cast<void>(Loop<K>(robot, robot, settings, run.from, run.seed, extras).move(run, write));
     return bits;
   }
 
@@ -54,7 +54,7 @@ struct Faulty {
   Mechanism mechanism;
   Prior prior;
   ControlSettings settings;
-  FaultTolerantSettings guarding;
+  FaultTolerantSettings fault_settings;
 };
 
 }  // namespace

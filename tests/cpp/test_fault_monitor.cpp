@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kPeriod = 1e-3;
 
-/// A robot that moves as its model does, and a watch over its counts.
+/// A robot that moves as its model does, and a monitor over its counts.
 template <Mobility K>
 class Scene {
  public:
@@ -347,7 +347,7 @@ TEST("a restored reading is believed again") {
   });
 }
 
-TEST("a watch begins with the first readings that have a pose") {
+TEST("a monitor begins with the first readings that have a pose") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     for (int c = 0; c < kDof<mobility()>; ++c) {
       Scene<mobility()> scene(mechanism);

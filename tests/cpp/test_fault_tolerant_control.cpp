@@ -12,22 +12,22 @@ namespace {
 
 constexpr double kPeriod = 1e-3;
 
-/// A robot at rest, its readings off by what no calibration has told, under a guarded law.
+/// A robot at rest, its readings off by what no calibration has told, under a fault-tolerant law.
 template <Mobility K>
-struct Guarded {
+struct FaultTolerantRobot {
   static constexpr int n = kDof<K>;
-  explicit Guarded(const Mechanism& mechanism) : robot(mechanism.robot), prior(robot) {
+  explicit FaultTolerantRobot(const Mechanism& mechanism) : robot(mechanism.robot), prior(robot) {
     known = !!place_poles(robot, robot.home, 100, 1, settings);
-    guarding.watch.fastest.fill(500);
-    prepare(guarding.watch);
+    fault_settings.monitor.fastest.fill(500);
+    prepare(fault_settings.monitor);
     Robot truth = robot;
     for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (i + 1);
     known = known && extended<K>(truth, to_pose<K>(robot.home), readings);
     setpoint.x = robot.home;
   }
   Outcome cycle(const Extended& q_e) {
-    return control_fault_tolerant<K>(robot, settings, guarding, setpoint, q_e, state,
-                                     prior.weighing(), guard);
+    return control_fault_tolerant<K>(robot, settings, fault_settings, setpoint, q_e, state,
+                                     prior.weighing(), fault_state);
   }
   /// What the motors hold at home.
   Joint weight() const {
@@ -40,11 +40,11 @@ struct Guarded {
   Prior prior;
   bool known;  ///< the robot has gains, and readings
   ControlSettings settings;
-  FaultTolerantSettings guarding;
+  FaultTolerantSettings fault_settings;
   Setpoint setpoint;
   Extended readings{};
   ControlState state;
-  FaultTolerantState guard;
+  FaultTolerantState fault_state;
 };
 
 }  // namespace
@@ -118,7 +118,7 @@ TEST("a change of law, or of the geometry, is no step of the torque") {
 
 TEST("without an answer the brakes are asked for, and after a reset the next is led in") {
   for_each([](const Mechanism& mechanism, auto mobility) {
-    Guarded<mobility()> scene(mechanism);
+    FaultTolerantRobot<mobility()> scene(mechanism);
     if (!scene.known) return;
     scene.settings.ki.fill(1);
     scene.setpoint.rate[0] = 0.01;
@@ -131,7 +131,7 @@ TEST("without an answer the brakes are asked for, and after a reset the next is 
     for (int k = 0; k < 50; ++k) {
       scene.setpoint.x[0] = NAN;  // all readings are well: nothing else is replaced
       CHECK(!scene.cycle(scene.readings));
-      CHECK((scene.guard.unanswered > scene.guarding.held) == scene.guard.stops);
+      CHECK((scene.fault_state.unanswered > scene.fault_settings.held) == scene.fault_state.stops);
     }
     for (int i = 0; i < scene.n; ++i) {
       CHECK(std::fabs(scene.state.torque[i]) <= scene.robot.chain[i].torque_limit);
@@ -140,34 +140,34 @@ TEST("without an answer the brakes are asked for, and after a reset the next is 
     scene.setpoint.x = scene.robot.home;
     for (int k = 0; k < 50; ++k) {  // an answer opens no brake
       CHECK(scene.cycle(scene.readings));
-      CHECK(scene.guard.brakes == bit(scene.n) - 1);
+      CHECK(scene.fault_state.brakes == bit(scene.n) - 1);
     }
     Joint last = weight;
-    acknowledge(scene.guard, 0);
-    CHECK(!scene.guard.stops && scene.guard.brakes == 0);
+    acknowledge(scene.fault_state, 0);
+    CHECK(!scene.fault_state.stops && scene.fault_state.brakes == 0);
     for (int k = 0; k < 300; ++k) {
       CHECK(scene.cycle(scene.readings));
       for (int i = 0; i < scene.n; ++i)  // the errors are 2e-4 and more
         CHECK(std::fabs(scene.state.torque[i] - last[i]) < 1e-5 + 5e-5 * scene.settings.kp[i]);
       last = scene.state.torque;
     }
-    CHECK(!scene.guard.stops);
+    CHECK(!scene.fault_state.stops);
   });
 }
 
 TEST("once all brakes are asked for, the torques hold the robot's weight, whatever is read") {
   for_each([](const Mechanism& mechanism, auto mobility) {
-    Guarded<mobility()> scene(mechanism);
+    FaultTolerantRobot<mobility()> scene(mechanism);
     if (!scene.known) return;
     for (int k = 0; k < 100; ++k) CHECK(scene.cycle(scene.readings));
     const Joint weight = scene.weight();
-    scene.guard.watch.undecided = true;
+    scene.fault_state.monitor.undecided = true;
     for (int k = 0; k < 400; ++k) {
       Extended q_e = scene.readings;  // a motor by whose reading a loop would shake
       q_e[0] += k % 2 ? 1e-4 : -1e-4;
       static_cast<void>(scene.cycle(q_e));
-      CHECK(scene.guard.stops && scene.guard.stop == scene.guarding.stop);
-      const bool all = scene.guard.brakes == bit(scene.n) - 1;
+      CHECK(scene.fault_state.stops && scene.fault_state.stop == scene.fault_settings.stop);
+      const bool all = scene.fault_state.brakes == bit(scene.n) - 1;
       CHECK(k < 149 ? !all : all || k < 151);
       for (int i = 0; i < scene.n && all; ++i)
         CHECK(std::fabs(scene.state.torque[i] - weight[i]) < 1e-9 * (1 + std::fabs(weight[i])));
@@ -178,30 +178,31 @@ TEST("once all brakes are asked for, the torques hold the robot's weight, whatev
 TEST("a lost motor follows its feed-forward into its brake until it is restored") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
-      Guarded<mobility()> scene(mechanism);
+      FaultTolerantRobot<mobility()> scene(mechanism);
       if (!scene.known) return;
       scene.settings.gains = gains;
       CHECK(place_poles(scene.robot, scene.robot.home, 100, 1, scene.settings));
       scene.settings.law = Law::tej;
-      scene.guarding.watch.replaceable = 1e-12;
+      scene.fault_settings.monitor.replaceable = 1e-12;
       for (int k = 0; k < 100; ++k) CHECK(scene.cycle(scene.readings));
       const Joint weight = scene.weight();
       Extended q_e = scene.readings;
       q_e[0] = NAN;
       for (int k = 0; k < 300; ++k) {
-        if (k == 100) scene.guarding.watch.replaceable = 1e9;  // now something could stand for it
+        if (k == 100)
+          scene.fault_settings.monitor.replaceable = 1e9;  // now something could stand for it
         CHECK(scene.cycle(q_e).status == Status::disagree);
-        const bool lost = k >= scene.guarding.watch.coast;
-        CHECK(scene.guard.brakes == (lost ? bit(0) : 0));
-        CHECK(scene.guard.watch.lost == scene.guard.brakes);
-        CHECK(scene.guard.stop == (lost ? scene.guarding.stop_lost : 0));
+        const bool lost = k >= scene.fault_settings.monitor.coast;
+        CHECK(scene.fault_state.brakes == (lost ? bit(0) : 0));
+        CHECK(scene.fault_state.monitor.lost == scene.fault_state.brakes);
+        CHECK(scene.fault_state.stop == (lost ? scene.fault_settings.stop_lost : 0));
         if (lost) CHECK(std::fabs(scene.state.torque[0] - weight[0]) < 1e-9);
       }
-      acknowledge(scene.guard, 0);
+      acknowledge(scene.fault_state, 0);
       Joint last = scene.state.torque;
       for (int k = 0; k < 300; ++k) {
         CHECK(scene.cycle(scene.readings));
-        CHECK(scene.guard.brakes == 0 && scene.guard.watch.lost == 0);
+        CHECK(scene.fault_state.brakes == 0 && scene.fault_state.monitor.lost == 0);
         if (gains == Gains::diagonal)  // the errors are 2e-4 and more
           CHECK(std::fabs(scene.state.torque[0] - last[0]) < 1e-9 + 5e-5 * scene.settings.kp[0]);
         last = scene.state.torque;
@@ -240,7 +241,7 @@ TEST("a learner goes back to before the lines of a reading that has failed since
   });
 }
 
-TEST("a guarded robot learns nothing of a reading that is bridged or has failed") {
+TEST("a fault-tolerant robot learns nothing of a reading that is bridged or has failed") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     const Robot& robot = mechanism.robot;
@@ -249,15 +250,15 @@ TEST("a guarded robot learns nothing of a reading that is bridged or has failed"
       OnlineCalibrator learner = learnt.learner(robot);
       ControlSettings settings;
       if (!place_poles(robot, robot.home, 100, 1, settings)) return;
-      FaultTolerantSettings guarding;
-      guarding.watch.fastest.fill(500);
-      prepare(guarding.watch);
+      FaultTolerantSettings fault_settings;
+      fault_settings.monitor.fastest.fill(500);
+      prepare(fault_settings.monitor);
       FaultyReadings faults({{kind, 0, 0, 0.3, 0.06}}, settings.period);
       Extras extras{prior.weighing()};
       extras.learner = &learner;
       extras.faults = &faults;
-      extras.guarding = &guarding;
-      extras.watching = prior.weighing();
+      extras.fault_settings = &fault_settings;
+      extras.monitor_weighing = prior.weighing();
       check::Random random(73);
       Run run{robot.home, random_pose(mechanism, random, 0.3), 0.1, 0.02, 2};
       long lines = 0;
@@ -266,7 +267,7 @@ TEST("a guarded robot learns nothing of a reading that is bridged or has failed"
         lied = lied || sample.health[0] != Health::valid;
         if (!lied) lines = learner.lines;
       };
-      CHECK(simulate<K>(robot, robot, settings, run, robot.home, write, extras));
+      CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, extras).move(run, write));
       CHECK(lied && lines > 0);
       CHECK(learner.left_out == 0);  // such a line fits nothing
       CHECK(kind == FaultKind::spike ? learner.lines > lines : learner.lines == lines);
@@ -278,22 +279,22 @@ TEST("a motor whose encoder freezes is found before the loop has driven it far, 
   constexpr Mobility K = Mobility::schoenflies;
   Mechanism mechanism = h4();
   for (int i = 0; i < 4; ++i) mechanism.robot.chain[i].torque_limit = 30;
-  Guarded<K> scene(mechanism);
+  FaultTolerantRobot<K> scene(mechanism);
   const Robot& robot = scene.robot;
   scene.settings.gains = Gains::inertia;
   CHECK(place_poles(robot, robot.home, 100, 1, scene.settings));
-  FaultMonitorSettings& watch = scene.guarding.watch;
-  watch.moved.fill(4e-3);
-  watch.rests.fill(1e-3);
-  watch.kp = scene.settings.kp;
-  watch.kd = scene.settings.kd;
+  FaultMonitorSettings& monitor = scene.fault_settings.monitor;
+  monitor.moved.fill(4e-3);
+  monitor.rests.fill(1e-3);
+  monitor.kp = scene.settings.kp;
+  monitor.kd = scene.settings.kd;
   Run run{robot.home, robot.home, 0.4, 0.2};
   run.to[2] += 0.03;  // slowly: by what is asked alone it would be found late
   for (const int frozen : {0, 1, 2, 3}) {
     FaultyReadings faults({{FaultKind::stuck, frozen, 0, 0, 0.1}}, kPeriod);
     Extras extras{scene.prior.weighing()};
-    extras.watching = extras.weighing;
-    extras.guarding = &scene.guarding;
+    extras.monitor_weighing = extras.weighing;
+    extras.fault_settings = &scene.fault_settings;
     extras.faults = &faults;
     double found = 0, after = 0;
     const auto write = [&](const Sample& sample) {
@@ -304,8 +305,8 @@ TEST("a motor whose encoder freezes is found before the loop has driven it far, 
       double& most = sample.health[frozen] == Health::failed ? after : found;
       most = std::max(most, off);
     };
-    CHECK(simulate<K>(robot, robot, scene.settings, run, robot.home, write, extras));
-    CHECK(found < watch.moved[0]);
+    CHECK(Loop<K>(robot, robot, scene.settings, robot.home, run.seed, extras).move(run, write));
+    CHECK(found < monitor.moved[0]);
     CHECK(after < 0.1);  // the brake closes in 20 ms
   }
 }

@@ -88,16 +88,14 @@ TEST("whatever reading is faulty, the machine goes on, and its torques stay fini
           extras.faults = &faults;
           Joint before{};
           int cycles = 0, held = 0;
-          const Outcome outcome = simulate<K>(
-              robot, robot, settings, run, robot.home,
-              [&](const Sample& sample) {
-                const bool answered = sample.status <= Status::ok;
-                CHECK(all_finite(sample.torque, kDof<K>));
-                CHECK(answered || sample.torque == before);
-                before = sample.torque;
-                ++cycles, held += !answered;
-              },
-              extras);
+          Loop<K> loop(robot, robot, settings, robot.home, run.seed, extras);
+          const Outcome outcome = loop.move(run, [&](const Sample& sample) {
+            const bool answered = sample.status <= Status::ok;
+            CHECK(all_finite(sample.torque, kDof<K>));
+            CHECK(answered || sample.torque == before);
+            before = sample.torque;
+            ++cycles, held += !answered;
+          });
           CHECK(outcome ? cycles == 81 : cycles > 20);  // or the plant's end
           if (row.kind == FaultKind::dropout && reading == 0) CHECK(held > 0);
         }

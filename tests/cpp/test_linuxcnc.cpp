@@ -108,14 +108,14 @@ struct Loop {
 
   void knows(const Knowledge& known) {
     truepose_table& table = corrector->table;
-    table.watched = 1;
+    table.monitored = 1;
     table.known.count = known.count;
     table.known.column = table.column;
     table.known.root = table.root;
     std::copy_n(known.column, known.count, table.column);
     std::copy_n(known.root, known.count * known.count, table.root);
     std::copy_n(known.sigma.begin(), kMaxReadings, table.known.sigma);
-    c::describe(FaultTolerantSettings{}, table.watch);
+    c::describe(FaultTolerantSettings{}, table.monitor);
   }
 
   /// To a pose, in so many cycles. @return as run()
@@ -306,7 +306,7 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
     Prior prior(mechanism.robot);
     Loop loop(mechanism.robot, 5e-4, &prior);
     loop.in.law = TRUEPOSE_LAW_TEJ;
-    loop.in.watch = 1;
+    loop.in.monitor = 1;
     loop.in.chi2 = 15.1;
     loop.go({0.03, 0, mechanism.robot.home[2], 0.2});
     loop.run(1000);
@@ -328,7 +328,7 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
     loop.run(100);
     CHECK(loop.corrector->fault == fault);  // off and on is no answer
     CHECK(loop.corrector->reason.status == (right ? TRUEPOSE_OK : TRUEPOSE_DISAGREE));
-    loop.in.watch = 0;
+    loop.in.monitor = 0;
     loop.in.reset = 1;  // somebody's is
     loop.run(1);
     loop.in.reset = 0;
@@ -337,27 +337,27 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
   }
 }
 
-TEST("a reading without a number is the one that is named, watched or not") {
-  for (const int watch : {0, 1})
+TEST("a reading without a number is the one that is named, monitored or not") {
+  for (const int monitor : {0, 1})
     for (int c = 0; c < 5; ++c) {
       Prior prior(h4().robot);
       Loop loop(h4().robot, 0.0, &prior);
       loop.in.law = TRUEPOSE_LAW_TEJ;
-      loop.in.watch = watch;
+      loop.in.monitor = monitor;
       loop.run(300);
       loop.fault[c] = TRUEPOSE_PLANT_MISSING;
       loop.run(300);
       const truepose_corrector& tej = *loop.corrector;
       CHECK(tej.lost == (c < loop.n ? 1U << c : 0));
       for (int other = 0; other < 5; ++other)
-        CHECK(tej.symptom[other] == (watch && other == c ? TRUEPOSE_MISSING : 0));
+        CHECK(tej.symptom[other] == (monitor && other == c ? TRUEPOSE_MISSING : 0));
       if (tej.fault != 0) CHECK(tej.reason.part == c);
-      CHECK(watch ? tej.left_out == 1U << c : tej.fault == TRUEPOSE_TEJ_READING);
+      CHECK(monitor ? tej.left_out == 1U << c : tej.fault == TRUEPOSE_TEJ_READING);
       loop.fault[c] = TRUEPOSE_PLANT_HEALTHY;
       loop.off(5);
       loop.run(50);
       CHECK(tej.fault == 0);
-      CHECK(tej.symptom[c] == (watch ? TRUEPOSE_MISSING : 0));  // why stays until reset
+      CHECK(tej.symptom[c] == (monitor ? TRUEPOSE_MISSING : 0));  // why stays until reset
       loop.in.reset = 1;
       loop.run(1);
       CHECK(tej.symptom[c] == 0 && tej.reason.status == TRUEPOSE_OK);
@@ -387,24 +387,24 @@ TEST("a sensor that stops is said, and what it corrected is held and ramped out"
   CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
 }
 
-TEST("a sensor that is watched ends the law before its lie reaches a drive") {
+TEST("a monitored sensor ends the law before its lie reaches a drive") {
   for (const int lie : {TRUEPOSE_PLANT_MISSING, TRUEPOSE_PLANT_JUMPED}) {
     double worst[2];
-    for (const int watch : {0, 1}) {
+    for (const int monitor : {0, 1}) {
       Prior prior(h4().robot);
       Loop loop(h4().robot, 0.0, &prior);
       loop.in.law = TRUEPOSE_LAW_TEJ;
-      loop.in.watch = watch;
+      loop.in.monitor = monitor;
       loop.run(300);
       CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
       loop.fault[loop.n] = lie;
       loop.size[loop.n] = 0.05;
-      worst[watch] = 0;
+      worst[monitor] = 0;
       for (int k = 0; k < 300; ++k) {
         loop.run(1);
-        worst[watch] = std::max(worst[watch], loop.largest_correction());
+        worst[monitor] = std::max(worst[monitor], loop.largest_correction());
       }
-      if (watch) CHECK(loop.corrector->fault == TRUEPOSE_TEJ_WATCH && loop.corrector->law == 0);
+      if (monitor) CHECK(loop.corrector->fault == TRUEPOSE_TEJ_MONITOR && loop.corrector->law == 0);
     }
     CHECK(worst[1] < 1e-3);
     CHECK(lie == TRUEPOSE_PLANT_MISSING || worst[0] > 3e-3);
@@ -420,7 +420,7 @@ TEST("of two sensors the faulty one is left out, and the law goes on without a s
       Prior prior(robot);
       Loop loop(robot, 1e-4, &prior);
       loop.in.law = law;
-      loop.in.watch = 1;
+      loop.in.monitor = 1;
       loop.run(1000);
       CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
       const Correction before = loop.correction();
@@ -442,7 +442,7 @@ TEST("of two sensors the faulty one is left out, and the law goes on without a s
       loop.fault[loop.n] = lie;  // the other one as well: nothing can stand for it
       loop.size[loop.n] = 0.05;
       CHECK(loop.run(400) < 1.2 * ramp(apart({}, without.correction())) + 1e-9);
-      CHECK(loop.corrector->fault == TRUEPOSE_TEJ_WATCH && loop.corrector->law == 0);
+      CHECK(loop.corrector->fault == TRUEPOSE_TEJ_MONITOR && loop.corrector->law == 0);
     }
 }
 
@@ -535,17 +535,17 @@ TEST("nothing is learnt that should not be") {
   CHECK(loop.corrector->pupil.lines == 0 && loop.corrector->pupil.left_out == 1);
   CHECK(loop.corrector->pupil.outcome.status == TRUEPOSE_DISAGREE);
   CHECK(loop.off(loop.corrector->pupil.robot) < 1e-9);
-  // A sensor that is watched: what it may have taught lately is forgotten when it fails.
-  Loop watched(mechanism.robot, 5e-4, &prior);
-  watched.in.learn = watched.in.learnt = watched.in.watch = 1;
-  watched.in.rest = 0.1;
-  watched.run(300);
-  CHECK(watched.corrector->pupil.lines == 1 &&
-        watched.off(watched.corrector->pupil.robot) < watched.off(watched.corrector->model));
-  watched.fault[watched.n] = TRUEPOSE_PLANT_MISSING;
-  watched.run(100);
-  CHECK_NEAR(watched.off(watched.corrector->pupil.robot), watched.off(watched.corrector->model),
-             1e-12);
+  // A sensor that is monitored: what it may have taught lately is forgotten when it fails.
+  Loop monitored(mechanism.robot, 5e-4, &prior);
+  monitored.in.learn = monitored.in.learnt = monitored.in.monitor = 1;
+  monitored.in.rest = 0.1;
+  monitored.run(300);
+  CHECK(monitored.corrector->pupil.lines == 1 && monitored.off(monitored.corrector->pupil.robot) <
+                                                     monitored.off(monitored.corrector->model));
+  monitored.fault[monitored.n] = TRUEPOSE_PLANT_MISSING;
+  monitored.run(100);
+  CHECK_NEAR(monitored.off(monitored.corrector->pupil.robot),
+             monitored.off(monitored.corrector->model), 1e-12);
 }
 
 TEST("what the law cannot answer for is a fault, and motors follow their own encoders") {
@@ -601,7 +601,7 @@ TEST("no NaN leaves, wherever one enters") {
     truepose_real* const places[] = {loop.in.q_d, loop.in.q_e, &loop.in.band, &loop.in.blend,
                                      loop.in.largest};
     loop.in.law = k % 7 - 1;
-    loop.in.watch = k / 500 % 2;
+    loop.in.monitor = k / 500 % 2;
     loop.in.learn = loop.in.learnt = k / 700 % 2;
     loop.in.reset = random() > 0.9;
     if (random() > 0) {

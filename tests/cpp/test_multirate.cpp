@@ -170,14 +170,12 @@ TEST("a robot with late sensors follows as one whose sensors are prompt") {
       Extras extras;
       if (which > 0) extras.bus = &slow;
       if (which == 1) extras.late = &slow;
-      const Outcome outcome = simulate<K>(
-          robot, robot, settings, run, robot.home,
-          [&](const Sample& sample) {
-            end[which] = sample.x;
-            for (int i = 0; i < n; ++i)
-              apart[which] = std::max(apart[which], std::fabs(sample.x[i] - sample.x_d[i]));
-          },
-          extras);
+      Loop<K> loop(robot, robot, settings, robot.home, run.seed, extras);
+      const Outcome outcome = loop.move(run, [&](const Sample& sample) {
+        end[which] = sample.x;
+        for (int i = 0; i < n; ++i)
+          apart[which] = std::max(apart[which], std::fabs(sample.x[i] - sample.x_d[i]));
+      });
       CHECK(outcome || which == 2);
       if (!outcome) apart[which] = INFINITY;
     }

@@ -31,10 +31,11 @@ long run_control(const Robot& robot, const ControlSettings& settings,
 
 /// Every eighth cycle a reading is faulty, another each time; those that fail of it are restored.
 template <Mobility K>
-long run_guarded(const Robot& robot, const ControlSettings& settings,
-                 const FaultTolerantSettings& guarding, const std::vector<Cycle>& cycles,
-                 ControlState& state, const Weighing& weighing, FaultTolerantState& guard,
-                 Multirate& late) noexcept [[clang::nonblocking]] {
+long run_fault_tolerant(const Robot& robot, const ControlSettings& settings,
+                        const FaultTolerantSettings& fault_settings,
+                        const std::vector<Cycle>& cycles, ControlState& state,
+                        const Weighing& weighing, FaultTolerantState& fault_state,
+                        Multirate& late) noexcept [[clang::nonblocking]] {
   long faults = 0;
   PathClock clock;
   const Cycle* cycle = cycles.data();
@@ -43,13 +44,13 @@ long run_guarded(const Robot& robot, const ControlSettings& settings,
     const int c = static_cast<int>(k / 8) % (kDof<K> + robot.r);
     Extended q_e = cycle[at].q_e;
     if (k % 8 == 7) q_e[c] = k % 16 == 7 ? NAN : q_e[c] + 1;
-    clock.advance(settings.period, guard.stop);
+    clock.advance(settings.period, fault_state.stop);
     late.arrived = arrivals(late.settings, late.cycle);
     const Outcome outcome =
-        control_fault_tolerant<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint), q_e,
-                                  state, weighing, guard, &late);
+        control_fault_tolerant<K>(robot, settings, fault_settings, clock.paced(cycle[at].setpoint),
+                                  q_e, state, weighing, fault_state, &late);
     if (outcome.status == Status::disagree) ++faults;
-    if (k % 128 == 127) acknowledge(guard.watch, c);
+    if (k % 128 == 127) acknowledge(fault_state.monitor, c);
   }
   return faults;
 }
@@ -127,18 +128,18 @@ TEST("no law and no model blocks, on any mechanism") {
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
-      FaultTolerantSettings guarding;
-      guarding.watch.fastest.fill(500);
-      guarding.watch.moved.fill(2e-3);
-      prepare(guarding.watch);
+      FaultTolerantSettings fault_settings;
+      fault_settings.monitor.fastest.fill(500);
+      fault_settings.monitor.moved.fill(2e-3);
+      prepare(fault_settings.monitor);
       ControlState state;
-      FaultTolerantState guard;
+      FaultTolerantState fault_state;
       Multirate late;
       MultirateSettings slow;
       slow.every.fill(3);
       CHECK(start(slow, late));
-      CHECK(run_guarded<K>(robot, settings, guarding, cycles, state, prior.weighing(), guard,
-                           late) > 0);
+      CHECK(run_fault_tolerant<K>(robot, settings, fault_settings, cycles, state, prior.weighing(),
+                                  fault_state, late) > 0);
     }
     CHECK(run_models(robot, cycles) == 0);
     for (const double gate : {kGate, 0.0}) {

@@ -224,22 +224,22 @@ TEST("control allocates nothing where the robot is understood rod by rod, under 
     });
 }
 
-TEST("a guarded controller allocates nothing, whatever its readings do") {
+TEST("a fault-tolerant controller allocates nothing, whatever its readings do") {
   for_each([&](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
     robot.r = 2;
     Prior prior(robot);
-    FaultTolerantSettings guarding;
-    guarding.watch.fastest.fill(500);
-    guarding.watch.moved.fill(2e-3);
-    prepare(guarding.watch);
+    FaultTolerantSettings fault_settings;
+    fault_settings.monitor.fastest.fill(500);
+    fault_settings.monitor.moved.fill(2e-3);
+    prepare(fault_settings.monitor);
     for (const Law law : kLaws) {
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
       ControlState state;
-      FaultTolerantState guard;
+      FaultTolerantState fault_state;
       check::Random random(76);
       long faults = 0;
       const long before = allocations;
@@ -250,9 +250,9 @@ TEST("a guarded controller allocates nothing, whatever its readings do") {
         if (!extended<K>(robot, to_pose<K>(setpoint.x), q_e)) continue;
         const int c = static_cast<int>(k / 50) % (kDof<K> + robot.r);
         if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
-        if (k % 200 == 199) acknowledge(guard.watch, c);
-        const Outcome outcome = control_fault_tolerant<K>(robot, settings, guarding, setpoint, q_e,
-                                                          state, prior.weighing(), guard);
+        if (k % 200 == 199) acknowledge(fault_state.monitor, c);
+        const Outcome outcome = control_fault_tolerant<K>(
+            robot, settings, fault_settings, setpoint, q_e, state, prior.weighing(), fault_state);
         if (outcome.status == Status::disagree) ++faults;
       }
       CHECK(allocations == before);

@@ -16,12 +16,10 @@ TEST("an ideal robot at rest stays at rest, under every law") {
       double strayed = 0;
       const Pose home = to_pose<K>(robot.home);
       Prior prior(robot);
-      CHECK(simulate<K>(
-          robot, robot, settings, run, robot.home,
-          [&](const Sample& sample) {
-            strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
-          },
-          Extras{prior.weighing()}));
+      CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, Extras{prior.weighing()})
+                .move(run, [&](const Sample& sample) {
+                  strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
+                }));
       CHECK_NEAR(strayed, 0, 1e-12);
     }
   });
@@ -38,13 +36,13 @@ TEST("an ideal robot follows a move with full feed-forward, and ends on the spot
       double strayed = 0;
       Sample last{};
       Prior prior(robot);
-      CHECK(simulate<K>(
-          robot, robot, settings_for(robot, law), run, robot.home,
-          [&](const Sample& sample) {
-            strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
-            last = sample;
-          },
-          Extras{prior.weighing()}));
+      CHECK(Loop<K>(robot, robot, settings_for(robot, law), robot.home, run.seed,
+                    Extras{prior.weighing()})
+                .move(run, [&](const Sample& sample) {
+                  strayed =
+                      std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
+                  last = sample;
+                }));
       CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
       CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
     }

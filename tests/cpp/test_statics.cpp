@@ -40,9 +40,9 @@ TEST("settle() foretells where the simulation comes to rest, with and without gr
         CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
         CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
         Sample last{};
-        CHECK(simulate<K>(
-            nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2}, start,
-            [&](const Sample& sample) { last = sample; }, Extras{prior.weighing()}));
+        CHECK(Loop<K>(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
+                  .move(Run{nominal.home, to, 0.2, 0.6, 2},
+                        [&](const Sample& sample) { last = sample; }));
         CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
         CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
       }

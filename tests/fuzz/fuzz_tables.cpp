@@ -71,16 +71,16 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
   std::vector<truepose_real> work(truepose_work(&model, known.count));
   truepose_control_settings control;
   truepose_control_defaults(&control);
-  truepose_fault_monitor_settings watch;
-  c::describe(FaultTolerantSettings{}, watch);
+  truepose_fault_monitor_settings monitor;
+  c::describe(FaultTolerantSettings{}, monitor);
   static_cast<void>(truepose_place_poles(&model, drawn.home.data(), 100, 1, &control));
   control.law = bytes.below(5);
   if (bytes.one_in(4)) scribble(bytes, control);
-  if (bytes.one_in(4)) scribble(bytes, watch);
+  if (bytes.one_in(4)) scribble(bytes, monitor);
   truepose_controller controller;
-  truepose_fault_monitor guard;
+  truepose_fault_monitor fault_state;
   if (!answered(truepose_controller_init(&controller, sizeof controller, &control)) ||
-      !answered(truepose_fault_monitor_init(&guard, sizeof guard, &watch)) || !same)
+      !answered(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor)) || !same)
     return;
   truepose_setpoint setpoint{};
   std::copy_n(drawn.home.begin(), 6, setpoint.x);
@@ -90,7 +90,7 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
     for (int c = 0; c < 16; ++c) read[c] = q_e[c] + off[static_cast<std::size_t>(c)];
     if (bytes.one_in(4)) scribble(bytes, setpoint);
     truepose_fault_report report;
-    static_cast<void>(truepose_control_fault_tolerant(&model, nullptr, &controller, &guard,
+    static_cast<void>(truepose_control_fault_tolerant(&model, nullptr, &controller, &fault_state,
                                                       &setpoint, read, &known, work.data(), torque,
                                                       &report));
     finite(torque, 6, "torques are finite");
@@ -99,7 +99,7 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
         require(std::fabs(torque[i]) <= limit, "torques are within their limits");
     if (bytes.one_in(4)) static_cast<void>(truepose_change_law(&controller, bytes.below(6)));
     if (bytes.one_in(8))
-      static_cast<void>(truepose_fault_monitor_acknowledge(&guard, bytes.below(20) - 2));
+      static_cast<void>(truepose_fault_monitor_acknowledge(&fault_state, bytes.below(20) - 2));
   }
 }
 

@@ -7,7 +7,7 @@ import truepose as tp
 from truepose import _core
 from truepose.robot import knowledge
 from truepose.robot.laws import LAWS
-from truepose.simulation.moves import MOVE_FROM
+from truepose.simulation.paths import MOVE_FROM
 
 OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
 X_D = [0.02, 0.01, -0.42, 0.1]

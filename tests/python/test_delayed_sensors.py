@@ -134,7 +134,7 @@ def test_how_far_a_sensor_strays_is_what_drawn_robots_do(h4):
 
 @pytest.mark.parametrize("effects", [Effects.none(), Effects()], ids=["ideal", "all effects"])
 @pytest.mark.parametrize("calibrated", [False, True])
-def test_a_watch_finds_nothing_on_healthy_robots(camera, effects, calibrated):
+def test_a_fault_monitor_finds_nothing_on_healthy_robots(camera, effects, calibrated):
     robot = camera.expected()
     box = robot.spec.workspace
     controller = tp.Controller.for_robot(robot, effects, "estimated")
@@ -153,7 +153,7 @@ def test_a_watch_finds_nothing_on_healthy_robots(camera, effects, calibrated):
             path=path,
             effects=effects,
             seed=seed,
-            watch=tp.FaultMonitor(effects=effects),
+            monitor=tp.FaultMonitor(effects=effects),
         )
         assert not run.health.any(), (seed, run.status)
 
@@ -163,10 +163,10 @@ def test_a_watch_finds_nothing_on_healthy_robots(camera, effects, calibrated):
     [("bias", 0.2), ("jump", 0.2), ("dropout", None), ("stuck", None), ("drift", 3.0)],
 )
 @pytest.mark.parametrize("sensors", [["theta"], ["theta", "z_telemeter"]])
-def test_a_watch_finds_faults_of_a_late_sensor_and_no_other(h4, sensors, kind, size):
+def test_a_fault_monitor_finds_faults_of_a_late_sensor_and_no_other(h4, sensors, kind, size):
     robot = timed(h4.with_sensors(*sensors))
     fault = tp.faults.Fault("theta", kind, at=0.1, size=size)
-    run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.FaultMonitor())
+    run = tp.simulate(robot, duration=0.3, faults=[fault], monitor=tp.FaultMonitor())
     off = (run.health > 0).any(axis=1)
     assert off.any() and 0.1 <= run.time[off.argmax()] < 0.1 + (0.2 if kind == "drift" else 0.08)
     assert set(run.failed) <= {"theta"}
@@ -176,7 +176,7 @@ def test_a_watch_finds_faults_of_a_late_sensor_and_no_other(h4, sensors, kind, s
 
 def test_a_single_lost_picture_is_bridged(camera):
     fault = tp.faults.Fault("theta", "dropout", at=0.0995, until=0.1005)
-    run = tp.simulate(camera, faults=[fault], watch=tp.FaultMonitor())
+    run = tp.simulate(camera, faults=[fault], monitor=tp.FaultMonitor())
     assert run.health[:, 4].max() == 1 and not run.failed
     assert (run.health[-100:] == 0).all()
     assert np.isnan(run.q_e[108:118, 4]).all() and np.isfinite(run.q_e[118:]).all()
@@ -184,7 +184,7 @@ def test_a_single_lost_picture_is_bridged(camera):
 
 def test_a_jump_of_a_motor_is_not_laid_to_a_late_sensor(camera):
     run = tp.simulate(
-        camera, faults=[tp.faults.Fault("q2", "jump", at=0.1, size=0.02)], watch=tp.FaultMonitor()
+        camera, faults=[tp.faults.Fault("q2", "jump", at=0.1, size=0.02)], monitor=tp.FaultMonitor()
     )
     assert run.health.any() and set(run.failed) <= {"q2"}
 
@@ -193,13 +193,13 @@ def test_a_jump_of_a_motor_is_not_laid_to_a_late_sensor(camera):
 def test_a_motor_that_nothing_reads_is_not_led_by_what_comes_late(camera, motor, size):
     fault, errors = tp.faults.Fault(motor, "jump", at=0.1, size=size), []
     for robot in (camera, camera.with_sensors()):
-        run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.FaultMonitor())
+        run = tp.simulate(robot, duration=0.3, faults=[fault], monitor=tp.FaultMonitor())
         assert run.failed == [motor] and run.stops.any()
         errors.append(abs(run.error).max(axis=0))
     np.testing.assert_allclose(errors[0], errors[1], rtol=0.1, atol=5e-4)
 
 
-def test_a_recorded_run_is_watched_as_it_was_driven(camera):
+def test_a_recorded_run_is_monitored_as_it_was_driven(camera):
     run = tp.simulate(camera, controller="joint")
     review = tp.FaultMonitor().review(camera, run.q_e)
     assert not review.health.any()

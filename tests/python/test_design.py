@@ -421,9 +421,9 @@ def test_prices_stand_in_the_file_too(h4):
     ("asked", "message"),
     [
         ({"prices": {"tehta": 1}}, "prices: unknown sensor 'tehta'"),
-        ({"prices": {"theta": -1}}, "prices: theta = -1: must be 0 or greater"),
+        ({"prices": {"theta": -1}}, "prices: theta = -1: must be a finite number of at least 0"),
         ({"budget": 50, "must": ["theta"]}, "budget 50: theta cost 90"),
-        ({"budget": 0}, "budget = 0: must be greater than 0"),
+        ({"budget": 0}, "budget = 0: must be a finite number greater than 0"),
         ({"budget": 50, "target": 1e-3}, "budget and target: give one of them"),
         ({"target": 1e-6}, "target 0.001 mm: all 5 sensors together reach"),
         (
@@ -441,9 +441,9 @@ def test_prices_stand_in_the_file_too(h4):
         ({"price_steps": {"chain*.rod": {1: 1}}}, "rod: 1: must be less than its σ, 0.003753"),
         (
             {"price_steps": {"chain*.rod": {0: 1}}},
-            "price_steps: chain\\*.rod: 0: must be greater than 0",
+            "price_steps: chain\\*.rod: σ = 0: must be a finite number greater",
         ),
-        ({"price_steps": {"chain*.rod": {1e-4: -1}}}, "0.0001 for -1: must be 0 or greater"),
+        ({"price_steps": {"chain*.rod": {1e-4: -1}}}, "price of 0.0001 = -1: must be a finite"),
         ({"price_steps": {"chain*.gain": {1e-4: 1}}}, "gain: is known exactly"),
         ({"price_steps": {"chain1.*": {1e-4: 1}}}, "chain1.\\*: must be of one unit, is of m, rad"),
         (

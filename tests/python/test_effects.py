@@ -10,7 +10,7 @@ import truepose as tp
 from truepose import _core
 from truepose.control.controller import Controller
 from truepose.paper import with_paper_errors
-from truepose.simulation.visit import visit
+from truepose.simulation.plants.dynamic import visit
 
 SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0, gains="diagonal")
 

@@ -311,7 +311,7 @@ def test_what_another_fault_cannot_explain_is_the_sine_of_the_angle():
         ({"false_alarm": 0.0}, "false_alarm = 0.0: must be greater than 0, less than 1"),
         ({"false_alarm": 0.95}, "power = 0.9: must be greater than 0.95, less than 1"),
         ({"power": "half"}, "power = 'half': must be greater than"),
-        ({"moving": 0}, "moving = 0: must be at least 1"),
+        ({"moving": 0}, "moving = 0: must be a whole number of at least 1"),
         ({"level": "real"}, "unknown level 'real'"),
         ({"calibrated_on": [[0, 0, -4, 0]]}, "chain 1: unreachable"),
     ],

@@ -31,11 +31,11 @@ def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
     ("name", "law"),
     [(n, law) for n in tp.list_robots() for law in dict.fromkeys(("joint", usual(tp.load(n))))],
 )
-def test_a_watch_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
+def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
     robot = tp.load(name)
     truth = robot.expected().sample(1)
     blind = tp.simulate(robot, truth, law, hold=0.1)  # type: ignore[arg-type]
-    seen = tp.simulate(robot, truth, law, hold=0.1, watch=tp.FaultMonitor())  # type: ignore[arg-type]
+    seen = tp.simulate(robot, truth, law, hold=0.1, monitor=tp.FaultMonitor())  # type: ignore[arg-type]
     assert (seen.health == HEALTH.index("valid")).all()
     assert np.array_equal(seen.x, blind.x)
     assert not seen.stops.any()
@@ -58,7 +58,7 @@ def test_an_abrupt_fault_is_named_within_30_ms(
 ) -> None:
     robot, truth = calibrated[sensors]
     fault = tp.faults.Fault(reading, kind, at=0.1, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.FaultMonitor())
+    run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
     assert run.failed == [reading]
     column = robot.readings.index(reading)
     first = np.flatnonzero(run.health.any(axis=1))[0]
@@ -76,7 +76,7 @@ def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(
     robot, truth = calibrated["θ"]
     healthy = tp.simulate(robot, truth, law)  # type: ignore[arg-type]
     fault = tp.faults.Fault("theta", kind, at=0.1, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, law, faults=[fault], watch=tp.FaultMonitor())  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, law, faults=[fault], monitor=tp.FaultMonitor())  # type: ignore[arg-type]
     off = np.abs(run.x - healthy.x).max(axis=0)
     assert off[:3].max() < 1e-3
     assert off[3] < np.radians(1)
@@ -88,7 +88,7 @@ def test_four_elbows_stand_for_a_motors_encoder(calibrated: dict) -> None:
     healthy = tp.simulate(robot, truth, "estimated")
     for motor in ("q1", "q3"):
         fault = tp.faults.Fault(motor, "dropout", at=0.1)
-        run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.FaultMonitor())
+        run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
         assert run.failed == [motor]
         assert not run.stops.any()
         assert np.abs(run.x - healthy.x)[:, :3].max() < 2e-3
@@ -102,7 +102,7 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
         truth,
         "joint",
         faults=[tp.faults.Fault("q1", "dropout", at=0.1)],
-        watch=tp.FaultMonitor(),
+        monitor=tp.FaultMonitor(),
     )
     assert run.failed == ["q1"]
     assert run.brakes[-1] == 1
@@ -119,7 +119,7 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
     robot, truth = calibrated["θ"]
     fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
-    run = tp.simulate(robot, truth, "tej", faults=[fault], watch=tp.FaultMonitor(), hold=0.5)
+    run = tp.simulate(robot, truth, "tej", faults=[fault], monitor=tp.FaultMonitor(), hold=0.5)
     assert run.stops.any()
     assert not run.failed
     assert "readings disagree" in run.status
@@ -135,20 +135,20 @@ def test_a_reading_beyond_its_range_fails_for_that(
     unknown = tp.load("h4").with_sensors(sensor)
     section = unknown.spec.used[0].model_copy(update={"range": ends})
     robot = tp.Robot(unknown.spec.model_copy(update={"sensor": (section,)}))
-    watch, fault = tp.FaultMonitor(), tp.faults.Fault(sensor, "bias", at=0.1, size=size)
-    healthy = tp.simulate(robot, watch=watch)
+    monitor, fault = tp.FaultMonitor(), tp.faults.Fault(sensor, "bias", at=0.1, size=size)
+    healthy = tp.simulate(robot, monitor=monitor)
     assert (healthy.health == HEALTH.index("valid")).all()
-    assert np.array_equal(healthy.x, tp.simulate(unknown, watch=watch).x)
+    assert np.array_equal(healthy.x, tp.simulate(unknown, monitor=monitor).x)
     assert f"{sensor} failed at 0.105 s (out of range)" in (
-        tp.simulate(robot, faults=[fault], watch=watch).status
+        tp.simulate(robot, faults=[fault], monitor=monitor).status
     )
-    assert "(too fast)" in tp.simulate(unknown, faults=[fault], watch=watch).status
+    assert "(too fast)" in tp.simulate(unknown, faults=[fault], monitor=monitor).status
 
 
 def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated: dict) -> None:
     robot, truth = (r.without_quantization() for r in calibrated["θ, elbows"])
     fault = tp.faults.Fault("theta", "dropout", at=0.3)  # at rest
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.FaultMonitor())
+    run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
     assert run.failed == ["theta"]
     step = np.abs(np.diff(run.torque[run.time > 0.28], axis=0)).max()
     limit = robot.spec.chain[0].torque_limit
@@ -179,7 +179,7 @@ def test_settings_that_make_no_sense_are_refused(setting: str, value: float) -> 
 
 def test_more_false_alarms_than_cycles_are_refused() -> None:
     with pytest.raises(tp.InputError, match="false_alarms"):
-        tp.simulate(tp.load("h4"), watch=tp.FaultMonitor(false_alarms=1e7))
+        tp.simulate(tp.load("h4"), monitor=tp.FaultMonitor(false_alarms=1e7))
 
 
 FAULTS = (("q1", "dropout", None), ("q2", "bias", -0.5), ("q3", "sign", None))
@@ -194,7 +194,7 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
     robot = tp.load(name).expected()
     truth = robot.sample(seed)
     fault = tp.faults.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, usual(robot), faults=[fault], watch=tp.FaultMonitor())
+    run = tp.simulate(robot, truth, usual(robot), faults=[fault], monitor=tp.FaultMonitor())
     assert (np.diff(run.brakes) >= 0).all()  # none opens again
     motor = robot.readings.index(reading)
     assert run.brakes[-1] == 1 << motor
@@ -221,7 +221,7 @@ def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
     robot = tp.load(name).with_sensors("theta" if name == "h4" else "z_telemeter").expected()
     truth = robot.sample(seed)
     lost = [tp.faults.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
-    run = tp.simulate(robot, truth, "joint", faults=lost, watch=tp.FaultMonitor(), hold=0.3)
+    run = tp.simulate(robot, truth, "joint", faults=lost, monitor=tp.FaultMonitor(), hold=0.3)
     held = run.brakes == (1 << robot.n) - 1
     assert held[-1]
     assert run.time[held.argmax()] < 0.13

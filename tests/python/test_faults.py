@@ -11,9 +11,8 @@ from truepose import _core, logs
 from truepose.commands.options import faults_of
 from truepose.faults.fault import FAULT_KINDS
 from truepose.robot import knowledge
-from truepose.simulation.plants.dynamic import DynamicPlant
+from truepose.simulation.plants.dynamic import DynamicPlant, visit
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.visit import visit
 
 AT, UNTIL = 0.1, 0.15  # s, within the usual move of 0.2 s
 SIZES = {"bias": 0.01, "jump": 0.01, "spike": 0.02, "drift": 0.1, "gain": 1.05, "delay": 0.0042}

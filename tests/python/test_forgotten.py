@@ -77,7 +77,7 @@ def test_what_a_builder_allows_for_is_what_the_effects_do(h4):
 
 def test_a_robot_that_swings_is_no_robot_at_rest(h4):
     """The nominal PD with compliant arms: a limit cycle, said and left out."""
-    from truepose.simulation.visit import visit
+    from truepose.simulation.plants.dynamic import visit
 
     nominal, poses = tp.Controller(law="joint"), [[0.05, 0, -0.4, 0.1]]
     x, q_e, status = visit(h4, h4, poses, nominal, effects=tp.Effects())

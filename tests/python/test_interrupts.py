@@ -9,7 +9,7 @@ import pytest
 
 import truepose as tp
 from truepose.paper import with_paper_errors
-from truepose.simulation.visit import visit
+from truepose.simulation.plants.dynamic import visit
 from truepose.threads import each
 
 

@@ -146,8 +146,8 @@ def test_rows_with_a_reading_that_the_fault_monitor_doubts_are_left_out(known, t
 def test_the_fault_monitor_takes_no_slow_change_for_a_fault(known, true, scenario):
     event = stages(scenario, true, Life(), np.random.default_rng(1))[0]
     ((changed, _),) = event.true_at(true, OTHERS[:1], np.random.default_rng(2), rest=True)
-    watched = tp.control.AdaptiveCalibrator(known).monitored
-    run = tp.simulate(watched, changed, controller="estimated", watch=tp.FaultMonitor())
+    monitored = tp.control.AdaptiveCalibrator(known).monitored
+    run = tp.simulate(monitored, changed, controller="estimated", monitor=tp.FaultMonitor())
     assert run.failed == [] and not run.health.any() and not run.stops.any()
 
 
@@ -223,7 +223,10 @@ def test_the_changes_of_a_robot_are_those_of_its_parts_and_sensors(robot):
 
 @pytest.mark.parametrize(
     ("sensors", "window", "says"),
-    [((), 50, "no sensor in use"), (("theta",), 9, "window = 9: must be at least 10")],
+    [
+        ((), 50, "no sensor in use"),
+        (("theta",), 9, "window = 9: must be a whole number of at least 10"),
+    ],
 )
 def test_a_calibrator_that_cannot_work_is_refused(sensors, window, says):
     robot = tp.load("h4").with_sensors(*sensors or ("none",))

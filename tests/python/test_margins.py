@@ -12,7 +12,7 @@ from truepose.control import gains
 from truepose.control.effects import Effects
 from truepose.control.linear import ControllerSettings, plants
 from truepose.control.loci import Responses, worst
-from truepose.simulation.moves import default_move
+from truepose.simulation.paths import default_move
 
 
 @pytest.mark.parametrize("law", ["joint", "tej", "estimated"])

@@ -282,8 +282,8 @@ def test_the_report_sets_faults_without_the_fault_monitor_beside_those_with_it(m
     assert (table["none"]["found"], table["θ: stuck"]["found"]) == ("0", "5")
     for law in LAWS:
         healthy = table["none"]
-        assert healthy[f"{law}, position (mm)"] == healthy[f"{law}, watched position (mm)"]
-    assert float(table["θ: stuck"]["tej, watched position (mm)"]) < 1
+        assert healthy[f"{law}, position (mm)"] == healthy[f"{law}, monitored position (mm)"]
+    assert float(table["θ: stuck"]["tej, monitored position (mm)"]) < 1
     assert "(1) → " in (made[1] / "report.html").read_text(encoding="utf-8")
 
 
@@ -314,17 +314,17 @@ def test_statistics_have_every_path_and_speed_and_law(h4, monkeypatch):
     assert len(figures.following(lines).axes) == 4
 
 
-def test_a_fault_is_judged_at_its_worst_watched_and_alone(h4, monkeypatch):
+def test_a_fault_is_judged_at_its_worst_monitored_and_alone(h4, monkeypatch):
     some, whole = {"none", "q1: dropout", "θ: dropout", "q1: drift 1°/s"}, faulty.cases
     monkeypatch.setattr(faulty, "cases", lambda at: [c for c in whole(at) if c[0] in some])
     lines = {line.fault: line for line in faulty.study(h4, count=2, seed=0)}
     assert lines.keys() == some
     lost, none = lines["q1: dropout"], lines["none"]
     for law in LAWS:
-        assert lost.alone[law][0].left and not lost.watched[law][0].left
-        assert lost.watched[law][0].stopped and lost.watched[law][0].found
-        assert [run[:3] for run in none.alone[law]] == [run[:3] for run in none.watched[law]]
-        assert not any(run.found or run.stopped for run in none.watched[law])
+        assert lost.alone[law][0].left and not lost.monitored[law][0].left
+        assert lost.monitored[law][0].stopped and lost.monitored[law][0].found
+        assert [run[:3] for run in none.alone[law]] == [run[:3] for run in none.monitored[law]]
+        assert not any(run.found or run.stopped for run in none.monitored[law])
     assert lines["θ: dropout"].median < 0.5 < lines["q1: drift 1°/s"].median
     assert tables.faults(list(lines.values())).records()[0]["runs"] == 10
 

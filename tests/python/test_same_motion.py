@@ -156,7 +156,7 @@ def test_fault_monitor(kept, fault):
     asked = tp.faults.Fault(reading, kind, at=float(rest), size=float(size) if size else None)
     monitor, found = tp.FaultMonitor(effects=tp.Effects().only("delay")), {}
     law = {"q1": "tej", "q2": "weighted", "wire1": "estimated"}.get(reading, "joint")
-    run = tp.simulate(h4, h4.sample(2), law, faults=[asked], watch=monitor, hold=0.1)
+    run = tp.simulate(h4, h4.sample(2), law, faults=[asked], monitor=monitor, hold=0.1)
     found["run"] = [*numbers(run), run.health.sum(axis=0), run.stops.sum(), run.symptom.sum(axis=0)]
     found["review"] = monitor.review(h4, run.q_e[:120], run.x_d[:120])
     kept(answer(found))

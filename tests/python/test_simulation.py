@@ -8,8 +8,8 @@ import pytest
 import truepose as tp
 from truepose.paper import with_paper_errors
 from truepose.robot.laws import LAWS
-from truepose.simulation.moves import MOVE_FROM, MOVE_TO
-from truepose.simulation.visit import visit
+from truepose.simulation.paths import MOVE_FROM, MOVE_TO
+from truepose.simulation.plants.dynamic import visit
 
 
 def weightless(robot: tp.Robot) -> tp.Robot:

@@ -5,7 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose.paper import experiment
-from truepose.simulation.moves import MOVE_TO
+from truepose.simulation.paths import MOVE_TO
 
 LAWS = ("joint", "tej", "cartesian")
 

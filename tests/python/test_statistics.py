@@ -5,7 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose.paper import article, experiment
-from truepose.simulation.moves import MOVE_DURATION, MOVE_FROM, MOVE_TO
+from truepose.simulation.paths import MOVE_DURATION, MOVE_FROM, MOVE_TO
 
 
 def test_table_3_by_hand():

@@ -129,7 +129,7 @@ def test_a_calibration_on_more_poses_is_a_better_one():
     [
         ("calibration", {"banana": [1]}, r"grid: unknown key 'banana' \(choices: poses\)"),
         ("calibration", {"Poses": [1]}, r"unknown key 'Poses'; did you mean 'poses'"),
-        ("calibration", {"poses": [10, "many"]}, "poses = many: must be a whole number of at"),
+        ("calibration", {"poses": [10, "many"]}, "poses = .many.: must be a whole number of at"),
         ("calibration", {"poses": [0]}, "poses = 0: must be a whole number of at least 1"),
         ("rest", {"poses": [1]}, "study rest: grid: unknown key 'poses' .choices: law"),
         (

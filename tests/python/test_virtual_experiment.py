@@ -7,8 +7,8 @@ import truepose as tp
 from truepose.paper import experiment, twin, virtual_experiment
 from truepose.paper.vision import Setup, Vision
 from truepose.robot.frames import coordinates
-from truepose.simulation.plants import Visit, backlash
-from truepose.simulation.plants.exact import ExactPlant
+from truepose.simulation.plants import Visit
+from truepose.simulation.plants.exact import ExactPlant, follow_backlash
 
 
 @pytest.fixture(scope="module")
@@ -200,7 +200,7 @@ def test_a_tool_starts_in_the_middle_of_its_play(h4):
 
 def test_a_law_that_answers_too_much_rests_at_the_end_to_which_it_drives():
     """With t(-half) > t(half) a tool may stand at either; from the middle it is driven to one."""
-    tool, end = backlash.follow([0.2, 0.2, np.nan, 0.2], [-0.1, -0.1, np.nan, np.nan], 0.1)
+    tool, end = follow_backlash([0.2, 0.2, np.nan, 0.2], [-0.1, -0.1, np.nan, np.nan], 0.1)
     assert end.tolist()[:2] == [1, -1]
     assert tool.tolist() == [-0.1, 0.2, 0.2, 0.2]
     assert np.isnan(end[2])

@@ -146,13 +146,13 @@ def test_registration_moves_what_is_seen_and_nothing_corrects_it(h4):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"noise": -1.0}, "noise = -1.0: must be greater than 0"),
+        ({"noise": -1.0}, "noise = -1.0: must be a finite number greater than 0"),
         ({"leds": ((0, 0, 0), (1, 0, 0), (2, 0, 0))}, "all on one line"),
         ({"registration": (0.0,) * 5}, "5 values, must be 6"),
         ({"distance": float("nan")}, "distance = nan: must be finite"),
-        ({"led_tolerance": -1e-6}, "led_tolerance = -1e-06: must be at least 0"),
+        ({"led_tolerance": -1e-6}, "led_tolerance = -1e-06: must be a finite number of at least 0"),
         ({"leds": ((0, 0), (1, 0), (0, 1))}, r"leds: shape \(3, 2\), must be \(3 or more, 3\)"),
-        ({"artefact_points": 1}, "artefact_points = 1: must be at least 2"),
+        ({"artefact_points": 1}, "artefact_points = 1: must be a whole number of at least 2"),
     ],
 )
 def test_a_set_up_that_cannot_be_is_refused(change, text):

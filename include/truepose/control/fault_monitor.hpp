@@ -18,29 +18,29 @@
 #include "truepose/control/monitored_cycle.hpp"
 
 namespace truepose {
-namespace watch_detail {
+namespace fault_monitor_detail {
 /// The steps of one cycle, which update the state and the believed readings.
 template <Mobility K>
 class Cycle : MonitoredCycle<K> {
   using Base = MonitoredCycle<K>;
   using Base::leaves_track, Base::motor_left, Base::model, Base::raw, Base::much, Base::stood;
+  using Base::monitor_, Base::believed_, Base::late_, Base::r_, Base::rows_, Base::settled_;
   using Base::n, Base::robot_, Base::settings_, Base::weighing_, Base::desired_, Base::q_e_;
   using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
   using Base::replaceable, Base::motors_valid;
   using Base::symptomatic_, Base::without_, Base::held_, Base::kStill, Base::kStoodBy;
-  using Base::watch_, Base::believed_, Base::late_, Base::r_, Base::rows_, Base::settled_;
 
  public:
   using Base::Base;
 
   Outcome run() {
     // Starts at the first readings that have a pose: earlier, a motor has no substitute.
-    const bool first_cycle = watch_.cycle == 0;
+    const bool first_cycle = monitor_.cycle == 0;
     for (int c = 0; first_cycle && c < n; ++c)
       if (!number(q_e_[c])) {
-        watch_.reading[c].health = Health::suspect;
-        watch_.reading[c].symptom = Symptom::missing;
+        monitor_.reading[c].health = Health::suspect;
+        monitor_.reading[c].symptom = Symptom::missing;
         return {Status::not_finite, c};
       }
     test_readings(0, n);
@@ -48,20 +48,21 @@ class Cycle : MonitoredCycle<K> {
     test_readings(n, rows_);
     const Outcome placed = place();
     if (!placed && first_cycle) return placed;
-    if (!placed && watch_.cycle == watch_.began) ++watch_.began;
+    if (!placed && monitor_.cycle == monitor_.began) ++monitor_.began;
     if (placed) {
       for (int c = 0; c < rows_; ++c)
         if (without_ & bit(c)) exclude(c);
       if (r_ > 0 && settled_) test_parity();
       if (without_) substitute();
-      watch_.last = watch_.motion;
-      watch_.motion = watch_.placed ? difference<K>(parity_.pose, watch_.pose) : Coordinates{};
-      watch_.pose = parity_.pose;
+      monitor_.last = monitor_.motion;
+      monitor_.motion =
+          monitor_.placed ? difference<K>(parity_.pose, monitor_.pose) : Coordinates{};
+      monitor_.pose = parity_.pose;
     }
-    watch_.placed = bool(placed);
+    monitor_.placed = bool(placed);
     const int first = update();
-    if (placed && r_ > 0 && stale()) watch_.known = bool(refresh());
-    ++watch_.cycle;
+    if (placed && r_ > 0 && stale()) monitor_.known = bool(refresh());
+    ++monitor_.cycle;
     if (!placed) return placed;
     return {first < 0 ? Status::ok : Status::disagree, first};
   }
@@ -80,7 +81,7 @@ class Cycle : MonitoredCycle<K> {
       } else if (late(c)) {
         noise_[c] += late_detail::latency_variance(*late_, c - n, late_->before[c - n]);
       } else if (c < n && leaves_track(c, innovation_[c])) {
-        watch_.reading[c].left = watch_.cycle;
+        monitor_.reading[c].left = monitor_.cycle;
       }
     }
   }
@@ -88,7 +89,7 @@ class Cycle : MonitoredCycle<K> {
   /// Tests readings by themselves, and predicts them.
   void test_readings(int begin, int end) {
     for (int c = begin; c < end; ++c) {
-      MonitoredReading& reading = watch_.reading[c];
+      MonitoredReading& reading = monitor_.reading[c];
       if (!reading.begun && number(q_e_[c])) {
         reading.begun = true;
         reading.own = {q_e_[c], 0};
@@ -104,7 +105,7 @@ class Cycle : MonitoredCycle<K> {
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) continue;
-        bridge(settings_, watch_.cycle, symptom, every(c), reading);
+        bridge(settings_, monitor_.cycle, symptom, every(c), reading);
         if (!reading.begun) reading.health = Health::failed;  // nothing to extrapolate from
         symptomatic_ |= bit(c);
       }
@@ -114,13 +115,13 @@ class Cycle : MonitoredCycle<K> {
   }
 
   Outcome place() {
-    Pose near = moved<K>(watch_.pose, watch_.motion);
-    if (!watch_.placed) {
+    Pose near = moved<K>(monitor_.pose, monitor_.motion);
+    if (!monitor_.placed) {
       near = to_pose<K>(robot_.home);
       const Outcome found{fkm<K>(robot_, motors_of<K>(believed_), near).status, -1};
       if (!found) return found;
     }
-    return parity_.place(robot_, near, believed_, watch_.beyond);
+    return parity_.place(robot_, near, believed_, monitor_.beyond);
   }
 
   /// Takes a reading's error as unknown: with a variance that hides it in every equation.
@@ -129,7 +130,7 @@ class Cycle : MonitoredCycle<K> {
     Real size = 0, known = 0;
     for (int k = 0; k < r_; ++k) {
       size += g[k] * g[k];
-      known += noise_[n + k] + watch_.geometry[k][k];
+      known += noise_[n + k] + monitor_.geometry[k][k];
       for (int j = 0; j < n; ++j) known += parity_.g[k][j] * parity_.g[k][j] * noise_[j];
     }
     if (!(size > 0 && known > 0)) return;
@@ -141,53 +142,53 @@ class Cycle : MonitoredCycle<K> {
   void test_parity() {
     Reading change{};
     for (int k = 0; k < r_; ++k)
-      change[k] = parity_.value[k] - watch_.parity[k].predicted(settings_.period);
+      change[k] = parity_.value[k] - monitor_.parity[k].predicted(settings_.period);
     Verdict changed, level;
     ReadingCovariance V;
     // During a disagreement the tracker only predicts, for some cycles.
-    const Real coasted = 1 + 0.5 * watch_.disagreed * (1 - kParityPole);
+    const Real coasted = 1 + 0.5 * monitor_.disagreed * (1 - kParityPole);
     const Real bend = bending() * coasted * coasted;
-    if (!watch_.undecided && covariance(settings_.together.variance, bend * bend, V))
+    if (!monitor_.undecided && covariance(settings_.together.variance, bend * bend, V))
       changed = judge<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
-    if (watch_.known && covariance(1, 1, V)) {
+    if (monitor_.known && covariance(1, 1, V)) {
       level = judge<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
-      watch_.chi2 = level.chi2;
-      watch_.freedom = level.freedom;
+      monitor_.chi2 = level.chi2;
+      monitor_.freedom = level.freedom;
     }
     if (!changed.alarm && !level.alarm) {
-      watch_.disagreed = std::max(0, watch_.disagreed - 1);
-      if (!watch_.undecided) watch_.doubted = 0;
+      monitor_.disagreed = std::max(0, monitor_.disagreed - 1);
+      if (!monitor_.undecided) monitor_.doubted = 0;
       return;
     }
     isolate(changed, level);
-    if (watch_.doubted & (watch_.doubted - 1)) {  // several
+    if (monitor_.doubted & (monitor_.doubted - 1)) {  // several
       // A drift exceeds its limit now and then at first, then always.
-      if (!watch_.undecided) watch_.disagreed += 2;
-      watch_.undecided = watch_.undecided || watch_.disagreed > 2 * settings_.decide;
+      if (!monitor_.undecided) monitor_.disagreed += 2;
+      monitor_.undecided = monitor_.undecided || monitor_.disagreed > 2 * settings_.decide;
       // Before isolation, sensors get the value expected without the change, and a motor that
       // stands still gets its setpoint: a frozen encoder would drive it away.
       for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
-      for (int c = 0; c < n && !watch_.undecided; ++c)
-        if (watch_.doubted & bit(c) & ~without_ && watch_.reading[c].still >= kStill) {
+      for (int c = 0; c < n && !monitor_.undecided; ++c)
+        if (monitor_.doubted & bit(c) & ~without_ && monitor_.reading[c].still >= kStill) {
           held_ |= bit(c);
-          if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - watch_.reading[c].behind;
+          if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - monitor_.reading[c].behind;
         }
       return;
     }
-    watch_.disagreed = 0;
+    monitor_.disagreed = 0;
     for (int c = 0; c < rows_; ++c) {
-      if (!(watch_.doubted & bit(c))) continue;
-      bridge(settings_, watch_.cycle, Symptom::disagrees, every(c), watch_.reading[c]);
+      if (!(monitor_.doubted & bit(c))) continue;
+      bridge(settings_, monitor_.cycle, Symptom::disagrees, every(c), monitor_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
       exclude(c);
     }
-    watch_.doubted = 0;
+    monitor_.doubted = 0;
   }
 
   /// Narrows down the readings that alone may be faulty.
   void isolate(const Verdict& changed, const Verdict& level) {
-    if (watch_.undecided) return;  // a stopping robot behaves differently
+    if (monitor_.undecided) return;  // a stopping robot behaves differently
     const std::uint32_t first = changed.alarm ? changed.may : ~0U;
     const std::uint32_t second = level.alarm ? level.may : ~0U;
     std::uint32_t may = first & second ? first & second : first | second;
@@ -196,7 +197,7 @@ class Cycle : MonitoredCycle<K> {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (raw(c) == watch_.reading[c].raw && stood(c) > much(c, kStoodBy)) still |= bit(c);
+      if (raw(c) == monitor_.reading[c].raw && stood(c) > much(c, kStoodBy)) still |= bit(c);
       if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
     if (alone(may & still)) {
@@ -205,15 +206,15 @@ class Cycle : MonitoredCycle<K> {
       for (int c = 0; c < rows_; ++c)
         if (apart & bit(c) && !leaves_track(c, innovation_[c] - changed.by[c])) may = apart;
     }
-    const std::uint32_t both = watch_.doubted & may;
-    watch_.doubted = both ? both : may;
+    const std::uint32_t both = monitor_.doubted & may;
+    monitor_.doubted = both ? both : may;
   }
 
   /// Phantom error of a frozen encoder: δ = q_d minus q_d when the reading changed last. It drives
   /// the motor off its setpoint by ∬ kp δ + kd dδ/dt. An error at which a healthy motor may rest
   /// drives nothing and lets it stop.
   void drive(int c) {
-    MonitoredReading& reading = watch_.reading[c];
+    MonitoredReading& reading = monitor_.reading[c];
     const Real away = desired_[c] - reading.model;
     const Real bears = settings_.rests[c];
     const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
@@ -226,7 +227,7 @@ class Cycle : MonitoredCycle<K> {
 
   /// Updates a motor's following error and, while it moves, mean and variance of that.
   void trail(int c) {
-    MonitoredReading& reading = watch_.reading[c];
+    MonitoredReading& reading = monitor_.reading[c];
     reading.behind = desired_[c] - believed_[c];
     const Real off = reading.behind - reading.usual;
     if (reading.still > 0 || !number(off)) return;
@@ -239,20 +240,20 @@ class Cycle : MonitoredCycle<K> {
   void substitute() {
     ReadingCovariance V, own;
     const bool regular = r_ > 0 && covariance(1, 1, V);
-    if (regular) parity_.covariance(r_, noise_, watch_.geometry, 0, own);
+    if (regular) parity_.covariance(r_, noise_, monitor_.geometry, 0, own);
     Reading y = parity_.value;
     if (regular) V.whiten(r_, y.data(), 1);
     Coordinates step{};
     for (int c = 0; c < rows_; ++c) {
       if (!(without_ & bit(c))) continue;
-      if (watch_.reading[c].health != Health::failed) {
+      if (monitor_.reading[c].health != Health::failed) {
         // Extrapolated: a sensor follows the motors, a motor its setpoint.
-        believed_[c] = watch_.reading[c].own.predicted(settings_.period);
+        believed_[c] = monitor_.reading[c].own.predicted(settings_.period);
         if (c < n && std::isfinite(desired_[c]))
-          believed_[c] = desired_[c] - watch_.reading[c].behind;
+          believed_[c] = desired_[c] - monitor_.reading[c].behind;
         if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
           believed_[c] = parity_.read[c] - parity_.value[c - n] +
-                         watch_.parity[c - n].predicted(settings_.period);
+                         monitor_.parity[c - n].predicted(settings_.period);
         continue;
       }
       Reading g = parity_.signature(r_, c);
@@ -266,13 +267,13 @@ class Cycle : MonitoredCycle<K> {
       const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
       const Real b = unknown_[c] * score;
       // A lost motor stays lost: its brake is closing.
-      const bool lost = watch_.lost & bit(c);
+      const bool lost = monitor_.lost & bit(c);
       if (good && number(b) && !lost && (c >= n || replaceable(c, left, g, V, own))) {
         believed_[c] -= b;
         if (c < n)
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
       } else if (c < n) {
-        watch_.lost |= bit(c);
+        monitor_.lost |= bit(c);
         believed_[c] = desired_[c];  // the motor's error is 0
       } else {
         believed_[c] = parity_.read[c] - parity_.value[c - n];  // as far as the motors determine it
@@ -285,24 +286,24 @@ class Cycle : MonitoredCycle<K> {
   int update() {
     int first = -1;
     std::uint32_t without = 0;
-    const bool motors = watch_.placed && motors_valid();  // whether they give the pose
+    const bool motors = monitor_.placed && motors_valid();  // whether they give the pose
     for (int c = 0; c < rows_; ++c) {
-      MonitoredReading& reading = watch_.reading[c];
+      MonitoredReading& reading = monitor_.reading[c];
       // With a lost motor the robot does not follow its setpoint. While it stops on an undecided
       // fault it does: the faulty motor may still be isolated.
-      const bool judged = (!watch_.doubted || (watch_.undecided && c < n)) && !symptomatic_ &&
-                          !watch_.lost && settings_.moved[c] > 0 && (c < n || motors);
+      const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) && !symptomatic_ &&
+                          !monitor_.lost && settings_.moved[c] > 0 && (c < n || motors);
       // Setpoints are known from the second cycle on.
-      if (raw(c) != reading.raw || watch_.cycle - watch_.began < 2) {
+      if (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2) {
         reading.raw = raw(c);
-        if (c < n || watch_.placed) reading.model = model(c);
+        if (c < n || monitor_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = 0;
         reading.still = 0;
       } else {
         if (reading.still < kStill) ++reading.still;  // a robot may stand still for months
         if (c < n) drive(c);
         if (judged && reading.health != Health::failed &&
-            stood(c) > much(c, watch_.undecided ? 3 : 1)) {
+            stood(c) > much(c, monitor_.undecided ? 3 : 1)) {
           reading.health = Health::failed;
           reading.symptom = Symptom::stuck;
         }
@@ -317,31 +318,31 @@ class Cycle : MonitoredCycle<K> {
         reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;
       }
       reading.own.correct(settings_.period, kOwnPole, number(news) ? news : 0);
-      if (watch_.doubted & bit(c) && reading.health == Health::valid)
+      if (monitor_.doubted & bit(c) && reading.health == Health::valid)
         reading.health = Health::suspect;
       if (!believed && reading.health == Health::failed) without |= bit(c);
       if (first < 0 && reading.health != Health::valid) first = c;
     }
-    for (int k = 0; k < r_ && watch_.placed; ++k) {
-      Tracker& parity = watch_.parity[k];
+    for (int k = 0; k < r_ && monitor_.placed; ++k) {
+      Tracker& parity = monitor_.parity[k];
       const Real change = parity_.value[k] - parity.predicted(settings_.period);
-      if (watch_.cycle == watch_.began) parity = {parity_.value[k], 0};
-      const bool holds = watch_.doubted || symptomatic_;  // no correction by a possible fault
+      if (monitor_.cycle == monitor_.began) parity = {parity_.value[k], 0};
+      const bool holds = monitor_.doubted || symptomatic_;  // no correction by a possible fault
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    watch_.changed = watch_.without != without || (watch_.held & ~held_) != 0;
-    watch_.without = without;
-    watch_.held = held_;
+    monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
+    monitor_.without = without;
+    monitor_.held = held_;
     return first;
   }
 
   /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
   bool stale() {
-    for (int i = 0; i < n; ++i) watch_.way += std::fabs(watch_.motion[i]);
-    const bool far = watch_.way > kSamePlace * settings_.correlation;
-    if (!far && watch_.cycle % settings_.refresh != 0) return false;
-    watch_.way = 0;
+    for (int i = 0; i < n; ++i) monitor_.way += std::fabs(monitor_.motion[i]);
+    const bool far = monitor_.way > kSamePlace * settings_.correlation;
+    if (!far && monitor_.cycle % settings_.refresh != 0) return false;
+    monitor_.way = 0;
     return true;
   }
 
@@ -354,30 +355,30 @@ class Cycle : MonitoredCycle<K> {
     Outcome outcome;
     if (robot_.rod_by_rod()) {
       Parasitic rest;
-      outcome = FullModel::linearise<K>(robot_, watch_.pose, q_e, H_x, H_xi, rest);
+      outcome = FullModel::linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi, rest);
       Extended ideal;
-      if (outcome) outcome = extended<K>(robot_, watch_.pose, ideal);
+      if (outcome) outcome = extended<K>(robot_, monitor_.pose, ideal);
       for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
     } else {
-      outcome = linearise<K>(robot_, watch_.pose, q_e, H_x, H_xi);
+      outcome = linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi);
     }
     if (!outcome) return outcome;
     parity_.open(robot_, known, H_xi, B);
     for (int k = 0; k < r_; ++k)
       for (int l = 0; l <= k; ++l)
-        watch_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+        monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
     for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
-      Real more = beyond[n + k] - watch_.beyond[n + k];
-      for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - watch_.beyond[j]);
+      Real more = beyond[n + k] - monitor_.beyond[n + k];
+      for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
       if (!number(more)) continue;
-      watch_.parity[k].value -= more;
-      watch_.reading[n + k].model += more;  // nor a sensor that stands still a motion
+      monitor_.parity[k].value -= more;
+      monitor_.reading[n + k].model += more;  // nor a sensor that stands still a motion
     }
-    watch_.beyond = beyond;
+    monitor_.beyond = beyond;
     return {};
   }
 };
-}  // namespace watch_detail
+}  // namespace fault_monitor_detail
 
 /// Runs one cycle.
 /// @param weighing  knowledge of the geometry and of the readings' own errors; work space
@@ -388,10 +389,11 @@ class Cycle : MonitoredCycle<K> {
 template <Mobility K>
 Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
                        const Weighing& weighing, const Joint& desired, const Extended& q_e,
-                       FaultMonitor& watch, Extended& believed, Multirate* late = nullptr) {
+                       FaultMonitor& monitor, Extended& believed, Multirate* late = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (!weighing) return {Status::not_measured, -1};
-  return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed, late)
+  return fault_monitor_detail::Cycle<K>(robot, settings, weighing, desired, q_e, monitor, believed,
+                                        late)
       .run();
 }
 }  // namespace truepose

@@ -117,18 +117,18 @@ struct FaultMonitor {
 
 /// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the
 /// trackers settle, readings are only tested to be numbers within range.
-inline void acknowledge(FaultMonitor& watch, int reading) {
+inline void acknowledge(FaultMonitor& monitor, int reading) {
   if (reading < 0 || reading >= kMaxReadings) return;
   MonitoredReading anew;
-  anew.own = watch.reading[reading].own;  // its value until there is a number
-  watch.reading[reading] = anew;
-  watch.doubted = watch.lost = 0;
-  watch.undecided = false;
-  watch.disagreed = 0;
-  watch.began = watch.cycle;
+  anew.own = monitor.reading[reading].own;  // its value until there is a number
+  monitor.reading[reading] = anew;
+  monitor.doubted = monitor.lost = 0;
+  monitor.undecided = false;
+  monitor.disagreed = 0;
+  monitor.began = monitor.cycle;
 }
 
-namespace watch_detail {
+namespace fault_monitor_detail {
 /// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed.
 /// @param every  cycles per sample
 inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
@@ -143,5 +143,5 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
   if (reading.bridged > settings.coast * every || often) reading.health = Health::failed;
 }
-}  // namespace watch_detail
+}  // namespace fault_monitor_detail
 }  // namespace truepose

@@ -41,7 +41,7 @@ struct PathClock {
 
 /// Constant during a run.
 struct FaultTolerantSettings {
-  FaultMonitorSettings watch;
+  FaultMonitorSettings monitor;
   Real stop = 0.15;  ///< duration of a stop along the path, s
   /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
   /// brake stops that motor wherever the path is by then; the error is the others' way left.
@@ -52,7 +52,7 @@ struct FaultTolerantSettings {
 
 /// State and report of the controller, owned by the caller; a new one starts afresh.
 struct FaultTolerantState {
-  FaultMonitor watch;
+  FaultMonitor monitor;
   bool stops = false;        ///< the path must stop, until acknowledge(),
   Real stop = 0;             ///< in this time, s, for PathClock::advance(); 0: continue
   std::uint32_t brakes = 0;  ///< motors whose brakes must hold, as bits, until acknowledge()
@@ -65,11 +65,11 @@ struct FaultTolerantState {
 
 /// Marks a repaired reading as valid and lets the robot move: a new PathClock leads it from where
 /// it stands. A remaining fault stops it again.
-inline void acknowledge(FaultTolerantState& guard, int reading) {
-  acknowledge(guard.watch, reading);
-  guard.stops = false;
-  guard.brakes = 0;
-  guard.stop = guard.unanswered = guard.stopping = 0;
+inline void acknowledge(FaultTolerantState& fault_state, int reading) {
+  acknowledge(fault_state.monitor, reading);
+  fault_state.stops = false;
+  fault_state.brakes = 0;
+  fault_state.stop = fault_state.unanswered = fault_state.stopping = 0;
 }
 
 /// σ of an excluded reading, over its own.
@@ -80,69 +80,72 @@ inline constexpr Real kDisbelieved = 1e4;
 /// A motor whose brake is requested follows its feed-forward: it slows down with the others while
 /// the brake closes. Once all brakes are requested, the torques hold the robot at rest at its last
 /// valid setpoint. No PD acts on these motors before acknowledge().
-/// @param guard  in and out; the caller must obey `stops` and `brakes`
+/// @param fault_state  in and out; the caller must obey `stops` and `brakes`
 /// @param late   in and out: slow and delayed sensors; nullptr: none
 /// @return as control(); `disagree` and a reading: it is not valid, the robot continues without it
 template <Mobility K>
 Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settings,
-                               const FaultTolerantSettings& guarding, const Setpoint& setpoint,
-                               const Extended& q_e, ControlState& state, const Weighing& weighing,
-                               FaultTolerantState& guard, Multirate* late = nullptr) {
+                               const FaultTolerantSettings& fault_settings,
+                               const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                               const Weighing& weighing, FaultTolerantState& fault_state,
+                               Multirate* late = nullptr) {
   constexpr int n = kDof<K>;
   Extended believed = q_e;
-  const Outcome watched = monitor_faults<K>(
-      guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
-      state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed, late);
+  FaultMonitor& monitor = fault_state.monitor;
+  const Outcome monitored = monitor_faults<K>(
+      fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
+      state.started ? state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
   constexpr std::uint32_t all = bit(n) - 1;
-  const bool held = guard.brakes == all;
-  guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
-  guard.brakes |= guard.watch.lost;
+  const bool held = fault_state.brakes == all;
+  fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;
+  fault_state.brakes |= monitor.lost;
   // While the fault is undecided, no loop stays closed longer than the stop takes.
-  if (guard.watch.undecided) guard.stopping += settings.period;
-  if (guard.stopping > guarding.stop) guard.brakes = all;
-  state.switched = state.switched || state.braked != guard.brakes;
-  state.braked = guard.brakes;
-  Outcome outcome = watched;
-  if (watched) {
+  if (monitor.undecided) fault_state.stopping += settings.period;
+  if (fault_state.stopping > fault_settings.stop) fault_state.brakes = all;
+  state.switched = state.switched || state.braked != fault_state.brakes;
+  state.braked = fault_state.brakes;
+  Outcome outcome = monitored;
+  if (monitored) {
     ControlSettings now = settings;
-    guard.known = *weighing.known;
+    fault_state.known = *weighing.known;
     bool any = false, left = false, motor = false;
     for (int c = 0; c < n + robot.r; ++c) {
-      const bool failed = guard.watch.reading[c].health == Health::failed;
+      const bool failed = monitor.reading[c].health == Health::failed;
       // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
       // from readings that hardly determine it, and drive it by that.
-      if (failed && !(guard.watch.lost >> c & 1U)) guard.known.sigma[c] *= kDisbelieved;
+      if (failed && !(monitor.lost >> c & 1U)) fault_state.known.sigma[c] *= kDisbelieved;
       any = any || failed;
       motor = motor || (c < n && failed);
       left = left || (c >= n && !failed);
     }
     if (late) {
       low_pass(robot, *late, believed, motor);
-      weigh(robot, *late, guard.known);
+      weigh(robot, *late, fault_state.known);
     }
     if (any && !left) now.law = Law::joint;
-    state.switched = state.switched || guard.watch.changed;
-    const Weighing reweighed{&guard.known, weighing.work, weighing.kept};
+    state.switched = state.switched || monitor.changed;
+    const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
     outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
   }
-  guard.unanswered = outcome ? 0 : guard.unanswered + settings.period;
-  if (guard.unanswered > guarding.held) {
-    guard.stops = true;
-    guard.brakes = all;
+  fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
+  if (fault_state.unanswered > fault_settings.held) {
+    fault_state.stops = true;
+    fault_state.brakes = all;
   }
-  if (guard.stops) guard.stop = guard.watch.lost ? guarding.stop_lost : guarding.stop;
-  if (guard.brakes == all) {
-    if (!held &&
-        (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(guard.at), {}, {}, guard.weight)))
-      guard.weight = {};
-    for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], guard.weight[i]);
+  if (fault_state.stops)
+    fault_state.stop = monitor.lost ? fault_settings.stop_lost : fault_settings.stop;
+  if (fault_state.brakes == all) {
+    if (!held && (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(fault_state.at), {}, {},
+                                                         fault_state.weight)))
+      fault_state.weight = {};
+    for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], fault_state.weight[i]);
     state.error = state.error_rate = state.integral = {};  // blends in after acknowledge()
   } else if (outcome) {
-    guard.at = setpoint.x;
+    fault_state.at = setpoint.x;
   } else {  // hold the last torques, without the PD of a motor lost now
     for (int i = 0; i < n; ++i)
-      if (guard.brakes & bit(i)) state.torque[i] = limited(robot.chain[i], state.load[i]);
+      if (fault_state.brakes & bit(i)) state.torque[i] = limited(robot.chain[i], state.load[i]);
   }
-  return outcome && watched.status == Status::disagree ? watched : outcome;
+  return outcome && monitored.status == Status::disagree ? monitored : outcome;
 }
 }  // namespace truepose

@@ -5,7 +5,7 @@
 #include "truepose/control/multirate.hpp"
 #include "truepose/control/parity.hpp"
 
-namespace truepose::watch_detail {
+namespace truepose::fault_monitor_detail {
 /// Inputs, intermediate results and tests of one cycle.
 template <Mobility K>
 struct MonitoredCycle {
@@ -16,12 +16,12 @@ struct MonitoredCycle {
   const Weighing& weighing_;
   const Joint& desired_;
   Extended q_e_;  ///< readings; delayed ones extrapolated to now
-  FaultMonitor& watch_;
+  FaultMonitor& monitor_;
   Extended& believed_;
   Multirate* late_;  ///< slow and delayed sensors; nullptr: none
 
   int r_ = robot_.r, rows_ = n + r_;
-  bool settled_ = watch_.cycle - watch_.began > kSettling;
+  bool settled_ = monitor_.cycle - monitor_.began > kSettling;
   Parity<K> parity_;
   Extended noise_{};               ///< variances of the readings' own errors
   Extended unknown_{};             ///< of unknown errors
@@ -33,14 +33,14 @@ struct MonitoredCycle {
 
   // Not an aggregate: that would be filled with zeros first.
   MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
-                 const Joint& desired, const Extended& q_e, FaultMonitor& watch, Extended& believed,
-                 Multirate* late)
+                 const Joint& desired, const Extended& q_e, FaultMonitor& monitor,
+                 Extended& believed, Multirate* late)
       : robot_(robot),
         settings_(settings),
         weighing_(weighing),
         desired_(desired),
         q_e_(q_e),
-        watch_(watch),
+        monitor_(monitor),
         believed_(believed),
         late_(late) {
     for (int c = 0; c < rows_; ++c) noise_[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
@@ -54,17 +54,17 @@ struct MonitoredCycle {
 
   /// Whether no motor's reading has failed.
   bool motors_valid() const {
-    return std::none_of(watch_.reading.begin(), watch_.reading.begin() + n,
+    return std::none_of(monitor_.reading.begin(), monitor_.reading.begin() + n,
                         [](const auto& motor) { return motor.health == Health::failed; });
   }
 
   Symptom symptom_of(int c) const {
-    const MonitoredReading& reading = watch_.reading[c];
+    const MonitoredReading& reading = monitor_.reading[c];
     const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
-    const bool followed = watch_.cycle - watch_.began > kFollowed;
-    if (!followed || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
+    const bool followed = monitor_.cycle - monitor_.began > kFollowed;
+    if (!followed || monitor_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
     // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
     // + m(m + 1)/2 of an acceleration. A reading that jumped must return to its prediction.
     const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
@@ -79,7 +79,7 @@ struct MonitoredCycle {
   bool covariance(Real gain, Real share, ReadingCovariance& V) const {
     Extended variance{};
     for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
-    parity_.covariance(r_, variance, watch_.geometry, watch_.known ? share : 0, V);
+    parity_.covariance(r_, variance, monitor_.geometry, monitor_.known ? share : 0, V);
     return V.factor(r_);
   }
 
@@ -89,8 +89,8 @@ struct MonitoredCycle {
   Real bending() const {
     Real way2 = 0, bend2 = 0;
     for (int i = 0; i < n; ++i) {
-      const Real bend = watch_.motion[i] - watch_.last[i];
-      way2 += watch_.motion[i] * watch_.motion[i];
+      const Real bend = monitor_.motion[i] - monitor_.last[i];
+      way2 += monitor_.motion[i] * monitor_.motion[i];
       bend2 += bend * bend;
     }
     const Real per = 1 / settings_.correlation;
@@ -105,7 +105,7 @@ struct MonitoredCycle {
   static constexpr Real kStrays = 8;
 
   bool leaves_track(int c, Real innovation) const {
-    const Real spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
+    const Real spread = settings_.own.variance * noise_[c] + monitor_.reading[c].spread;
     return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
   }
 
@@ -113,8 +113,8 @@ struct MonitoredCycle {
   bool motor_left(int c) const {
     bool any = false;
     for (int i = 0; late(c) && i < n; ++i)
-      any =
-          any || watch_.cycle - watch_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
+      any = any ||
+            monitor_.cycle - monitor_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
     return any;
   }
 
@@ -131,14 +131,14 @@ struct MonitoredCycle {
   /// example by a law with a delayed sensor, stands still at its turning points while its setpoint
   /// moves on: its usual deviation counts.
   Real much(int c, Real share) const {
-    const MonitoredReading& reading = watch_.reading[c];
+    const MonitoredReading& reading = monitor_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
   }
 
   /// Model motion beyond noise since the reading changed last: the smaller of that and of its
   /// distance from the motor, so that motion towards the motor does not count.
   Real stood(int c) const {
-    const MonitoredReading& reading = watch_.reading[c];
+    const MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + reading.way;
     return std::min(std::fabs(by), std::fabs(by + reading.off)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
@@ -159,4 +159,4 @@ struct MonitoredCycle {
     return unknown_[c] * unknown_[c] * sum < most * most;
   }
 };
-}  // namespace truepose::watch_detail
+}  // namespace truepose::fault_monitor_detail

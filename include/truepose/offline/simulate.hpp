@@ -44,11 +44,11 @@ struct Extras {
   OnlineCalibrator* learner = nullptr;  ///< enables online calibration
   FaultyReadings* faults = nullptr;     ///< the loop then goes on without an answer, as machines do
   double began = 0;                     ///< start time of the loop on the faults' clock, s
-  const FaultTolerantSettings* guarding = nullptr;  ///< enables fault-tolerant control
-  Weighing watching{};                              ///< weights of the fault monitor
-  const MultirateSettings* bus = nullptr;           ///< multirate sensors of the true robot,
-  const MultirateSettings* late = nullptr;          ///< and as the controller models them
-  OwnLaw law{};                                     ///< replaces `control`
+  const FaultTolerantSettings* fault_settings = nullptr;  ///< enables fault-tolerant control
+  Weighing monitor_weighing{};                            ///< weights of the fault monitor
+  const MultirateSettings* bus = nullptr;                 ///< multirate sensors of the true robot,
+  const MultirateSettings* late = nullptr;                ///< and as the controller models them
+  OwnLaw law{};                                           ///< replaces `control`
 };
 
 /// A robot and its controller, with the state that persists between moves.
@@ -95,35 +95,35 @@ class Loop {
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
       OnlineCalibrator* const learner = extras_.learner;
-      const bool watched = extras_.guarding && !extras_.law;
+      const bool monitored = extras_.fault_settings && !extras_.law;
       if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
       Extended present = q_e;
       const Weighing weighing =
-          slow && !watched ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
-                           : extras_.weighing;
+          slow && !monitored ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
+                             : extras_.weighing;
       bool gave_up =  // a row that fits no pose is skipped
-          learner && !watched && calibrate_online<K>(*learner, present).status == Status::stopped;
+          learner && !monitored && calibrate_online<K>(*learner, present).status == Status::stopped;
       const Robot& believed = learner ? learner->robot : nominal_;
       if (extras_.law)
         outcome = extras_.law(time, setpoint, present, control_.torque);
-      else if (extras_.guarding)
-        outcome =
-            control_fault_tolerant<K>(believed, settings_, *extras_.guarding, setpoint, q_e,
-                                      control_, extras_.watching, guard_, slow ? &late_ : nullptr);
+      else if (extras_.fault_settings)
+        outcome = control_fault_tolerant<K>(believed, settings_, *extras_.fault_settings, setpoint,
+                                            q_e, control_, extras_.monitor_weighing, fault_state_,
+                                            slow ? &late_ : nullptr);
       else
         outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
-      if (learner && watched) {
+      if (learner && monitored) {
         for (int k = 0; k < nominal_.r; ++k)
           if (late_.is(k)) present[kDof<K> + k] = late_.present[k];
-        gave_up = learn_watched(*learner, present);
+        gave_up = learn_monitored(*learner, present);
       }
       control_.started = control_.started || outcome;
       if (!outcome && !extras_.faults) return outcome;
       write(sampled(time, setpoint, q_e, outcome.status, gave_up));
       if (k == periods) break;
-      if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
-      clock_.advance(settings_.period, guard_.stop);
-      plant_.brake(guard_.brakes, settings_.period);
+      if (clock_.rate == 1 && !fault_state_.stops) clock_.time = k * settings_.period;
+      clock_.advance(settings_.period, fault_state_.stop);
+      plant_.brake(fault_state_.brakes, settings_.period);
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }
@@ -136,24 +136,25 @@ class Loop {
                  bool gave_up) const {
     Sample sample{time,   setpoint.x,     to_coordinates<K>(plant_.pose()),
                   q_e,    control_.error, control_.torque,
-                  status, gave_up,        {},
-                  {},     guard_.stops,   guard_.brakes};
+                  status, gave_up};
+    sample.stops = fault_state_.stops;
+    sample.brakes = fault_state_.brakes;
     for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
-      sample.health[c] = guard_.watch.reading[c].health;
-      sample.symptom[c] = guard_.watch.reading[c].symptom;
+      sample.health[c] = fault_state_.monitor.reading[c].health;
+      sample.symptom[c] = fault_state_.monitor.reading[c].symptom;
     }
     return sample;
   }
 
   /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled
   /// back, which changes the calibrated robot.
-  bool learn_watched(OnlineCalibrator& learner, const Extended& q_e) {
-    const FaultMonitor& watch = guard_.watch;
+  bool learn_monitored(OnlineCalibrator& learner, const Extended& q_e) {
+    const FaultMonitor& monitor = fault_state_.monitor;
     const bool valid = std::all_of(
-        watch.reading.begin(), watch.reading.end(),
+        monitor.reading.begin(), monitor.reading.end(),
         [](const MonitoredReading& reading) { return reading.health == Health::valid; });
     if (valid) return calibrate_online<K>(learner, q_e).status == Status::stopped;
-    if (watch.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
+    if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
     return learner.state.doubt.stopped;
   }
 
@@ -163,18 +164,10 @@ class Loop {
   Plant<K> plant_;
   Outcome resting_;
   ControlState control_;
-  FaultTolerantState guard_;
+  FaultTolerantState fault_state_;
   PathClock clock_;
   Multirate late_;
   Bus bus_;
   Knowledge known_;  ///< with the latency-compensated readings' σ
 };
-
-/// Runs one move of a robot at rest at the true pose `start`.
-template <Mobility K, class Write>
-inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                        const Run& run, const Coordinates& start, Write&& write,
-                        const Extras& extras = {}) {
-  return Loop<K>(nominal, truth, settings, start, run.seed, extras).move(run, write);
-}
 }  // namespace truepose

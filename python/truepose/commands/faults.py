@@ -96,7 +96,7 @@ def command(
     if not loaded.r:
         if how is not Format.table:
             show([found.table()], how)
-        say(unwatched(loaded), how)
+        say(without_sensors(loaded), how)
         return
     write(plot=found.plot)
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
@@ -106,7 +106,7 @@ def command(
     show([found.table(), *parts], how, [answer], list(notes(found)), (plot,))
 
 
-def unwatched(robot: Robot) -> str:
+def without_sensors(robot: Robot) -> str:
     """Return the message for a robot without redundant sensors."""
     spare = ", ".join(sensor.name for sensor in robot.spec.sensor)
     return (

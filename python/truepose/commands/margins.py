@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from typer import Option
 
+from truepose.arguments import positive
 from truepose.commands import options
-from truepose.control.controller import Controller, positive
+from truepose.control.controller import Controller
 from truepose.control.margins import StabilityMargins, draw, stability_margins
 from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law

@@ -20,7 +20,7 @@ from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
 from truepose.robot.workspace import reach, told, workspace_grid
 from truepose.robotfile import reading, toml_lines
-from truepose.robotfile.consistency import Problem
+from truepose.robotfile.consistency import Problem, tables
 from truepose.robotfile.schema import RobotFile
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
@@ -140,7 +140,9 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{line[1] if line else max(last, 1)}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    found = {(_line(where, data, p.path), shortened(p.text, reading.LINE)) for p in problems}
+    motif = len(tables(data, "chain"))
+    written = ((reading.where_written(p.path, data, motif), p.text) for p in problems)
+    found = {(toml_lines.nearest(where, at), shortened(t, reading.LINE)) for at, t in written}
     return robot, [f"{path}:{line}: {what}" for line, what in sorted(found)]
 
 
@@ -222,12 +224,3 @@ def _in_millimetres(spec: RobotFile) -> list[Problem]:
     key = ".".join(str(part + 1) if isinstance(part, int) else part for part in path)
     text = f"{key}: {largest:g} m: did you mean mm? {largest:g} mm are {largest / 1e3:g} m"
     return [Problem(path, text)]
-
-
-def _line(where: dict, data: dict, path: tuple) -> int:
-    """Return a problem's line; a copied chain has the line of its motif."""
-    if path[:1] == ("chain",) and len(path) > 1 and isinstance(data.get("chain"), list):
-        path = ("chain", path[1] % len(data["chain"]), *path[2:])
-        if path not in where and ("chain_defaults", *path[2:]) in where:
-            path = ("chain_defaults", *path[2:])
-    return toml_lines.nearest(where, path)

@@ -25,11 +25,10 @@ from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, progress, show
 from truepose.simulation.drive import controller_of
 from truepose.simulation.figures import draw_errors, error_table
-from truepose.simulation.moves import MOVE_DURATION, default_move
-from truepose.simulation.paths import Circle, SampledPath, Waypoints
+from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
 from truepose.simulation.plants import Visit
+from truepose.simulation.plants.dynamic import visit
 from truepose.simulation.simulate import Simulation, simulate
-from truepose.simulation.visit import visit
 
 #: Poles of a controller that visits poses without effects, rad/s, and the velocity filter's
 #: bandwidth over the poles, for visits and with effects.
@@ -77,8 +76,8 @@ def command(
         "none", "Effects that the model omits: all, none, or some: friction,delay,…"
     ),
     fault: options.Faults = None,
-    watch: bool = Option(
-        False, "--watch", help="Fault monitor: continue or stop when a reading is faulty."
+    monitor: bool = Option(
+        False, "--monitor", help="Fault monitor: continue or stop when a reading is faulty."
     ),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
@@ -107,7 +106,7 @@ def command(
     cannot follow is refused before the start.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
-    then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
+    then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**
     """
     read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
     write = options.writer(read, force, plot=plot)
@@ -134,7 +133,7 @@ def command(
         "time": since,
         "effects": forgotten,
         "faults": faults,
-        "watch": FaultMonitor(effects=forgotten) if watch else None,
+        "monitor": FaultMonitor(effects=forgotten) if monitor else None,
     }
     ran: Simulation | Visit
     with progress("simulating"):

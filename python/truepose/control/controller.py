@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self, cast
@@ -10,12 +9,12 @@ from typing import Any, NamedTuple, Self, cast
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, fraction
+from truepose.arguments import Array, finite, fraction, positive, whole
 from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
 from truepose.control.linear import ControllerSettings
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_row
 from truepose.robot.laws import LAWS, Law, require_sensors, usual
 from truepose.robot.robot import Robot
 
@@ -71,18 +70,13 @@ class Controller(ControllerSettings):
                 raise InputError(choose(name, getattr(self, name), kinds))
         for name in ("frequency", "damping", "period", "velocity_bandwidth"):
             positive(name, getattr(self, name))
-        if not (math.isfinite(self.integral) and self.integral >= 0):
-            raise InputError(f"integral = {self.integral}: must be a finite number of at least 0")
+        finite("integral", self.integral, 0)
         if self.period > LONGEST_PERIOD:
             raise InputError(
                 f"period = {self.period}: must be at most {LONGEST_PERIOD} s; is it in ms?"
             )
         fraction("damped_below", self.damped_below)
-        scale = self.sigma_scale
-        if not (isinstance(scale, int) and 1 <= scale <= MOST_SCALED):
-            raise InputError(
-                f"sigma_scale = {scale!r}: must be a whole number from 1 to {MOST_SCALED}"
-            )
+        whole("sigma_scale", self.sigma_scale, 1, MOST_SCALED)
 
     @property
     def built_in(self) -> Law:
@@ -175,18 +169,9 @@ def law_name(law: Any) -> str:
     return law if isinstance(law, str) else getattr(law, "__name__", type(law).__name__)
 
 
-def positive(name: str, value: float) -> None:
-    """Raise InputError unless the value is finite and positive."""
-    if not (math.isfinite(value) and value > 0):
-        raise InputError(f"{name} = {value}: must be a finite number greater than 0")
-
-
 def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:
     """Return x as the core's fixed-size vector."""
-    rows, lead = flattened(robot, x, robot.n, name, "raise")
-    if lead:
-        raise InputError(f"{name}: shape {(*lead, robot.n)}, must be ({robot.n},)")
-    return [*rows[0].tolist(), *[0.0] * (6 - robot.n)]
+    return [*as_row(robot, x, name).tolist(), *[0.0] * (6 - robot.n)]
 
 
 def require_same_readings(robot: Robot, truth: Robot) -> None:

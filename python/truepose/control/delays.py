@@ -12,6 +12,7 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import samples_or_home
 
 Lateness = tuple[_core.MultirateSettings | None, _core.MultirateSettings | None]
 
@@ -81,10 +82,7 @@ def sensitivity(robot: Robot) -> Array:
         H_xi = H_xi @ root
         return H_xi[:, n:] - H_x[:, n:] @ np.linalg.solve(H_x[:, :n], H_xi[:, :n])
 
-    box = robot.spec.workspace
-    x = robot.home[None]
-    if box is not None:
-        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, n))
+    x = samples_or_home(robot, _POSES)
     steps = _STEP * np.eye(n)
     changes = [(open_(x + step) - open_(x - step)) / (2 * _STEP) for step in steps]
     return np.nanmax(np.linalg.norm(changes, axis=-1), axis=1).T

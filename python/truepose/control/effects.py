@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, finite
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
@@ -55,9 +55,7 @@ class Effects:
 
     def __post_init__(self) -> None:
         for f in fields(self):
-            value = getattr(self, f.name)
-            if not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
-                raise InputError(f"{f.name} = {value!r}: must be a finite number of at least 0")
+            finite(f.name, getattr(self, f.name), 0)
         for name in ("quantization", "delay"):
             if getattr(self, name) not in (0, 1):
                 raise InputError(f"{name} = {getattr(self, name)}: must be 0 or 1")
@@ -93,8 +91,7 @@ class Effects:
         Thermal growth of base, arms and rods; eccentric encoders with phases from `seed`;
         quantization on or off. `truth` is the cold robot.
         """
-        if not (math.isfinite(time) and time >= 0):
-            raise InputError(f"time = {time}: must be a finite number of seconds of at least 0")
+        finite("time", time, 0, " (s)")
         share = min(1.0, time / self.warm_up_time) if self.warm_up else 0.0
         values = {name: p.value for name, p in truth.parameters.items()}
         grown = {

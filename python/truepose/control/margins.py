@@ -16,7 +16,7 @@ from truepose.control.effects import Effects
 from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses, worst
 from truepose.exceptions import InputError
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_rows
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_axes
@@ -173,10 +173,7 @@ def stability_margins(
         controller = Controller.for_robot(robot, effects, controller, period=chosen)
     elif period is not None:
         raise InputError("period: the Controller has its own")
-    given = gains.poses(robot) if poses is None else poses
-    x, lead = flattened(robot, given, robot.n, "poses", "raise")
-    if len(lead) != 1 or not len(x):
-        raise InputError(f"poses: shape {np.shape(given)}, must be (P, {robot.n})")
+    x = as_rows(robot, gains.poses(robot) if poses is None else poses, "poses", 1)
     found = Responses(plants(robot, x, controller.built_in, effects, controller))
     read = robot if effects.quantization else robot.without_quantization()
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])

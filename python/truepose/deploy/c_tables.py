@@ -55,7 +55,10 @@ def named(robot: Robot, name: str | None) -> str:
 
 
 def to_c(
-    robot: Robot, controller: Controller | None, watch: FaultMonitor | None, name: str | None = None
+    robot: Robot,
+    controller: Controller | None,
+    monitor: FaultMonitor | None,
+    name: str | None = None,
 ) -> str:
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
 
@@ -74,10 +77,10 @@ def to_c(
         control = _core.c_control(controller.settings(robot, robot.home))
         about = "size, law, gains, feed_forward, sigma_scale"
         parts.append(_settings(name, "control", about, *control))
-        if robot.r and watch is not None:
-            monitor = _core.c_watch(watch.guarding(robot, controller))
+        if robot.r and monitor is not None:
+            setup = monitor.setup(robot, controller)
             about = "size, refresh, coast, decide, spikes, within"
-            parts.append(_settings(name, "fault_monitor", about, *monitor))
+            parts.append(_settings(name, "fault_monitor", about, *_core.c_fault_monitor(setup)))
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
     used = f"weighted laws and the fault monitor need {weighs}" if robot.r else "no sensors"

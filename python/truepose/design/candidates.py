@@ -17,7 +17,7 @@ from truepose.calibration.influences import NuisanceParameter, patterns
 from truepose.calibration.registration import Registration, registration_of, sigmas
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_row, as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
 
@@ -99,9 +99,9 @@ def given_poses(robot: Robot, poses: ArrayLike | None, name: str, one: bool = Fa
     """Return poses that the robot reaches, (N, n), or `one`, (1, n); (0, n) without any."""
     if poses is None:
         return np.zeros((0, robot.n))
-    x, shape = flattened(robot, poses, robot.n, name, "raise")
-    if one and shape:
-        raise InputError(f"{name}: shape {np.shape(poses)}, must be ({robot.n},)")
+    if one:
+        poses = as_row(robot, poses, name)
+    x, _ = flattened(robot, poses, robot.n, name, "raise")
     robot.expected().ikm(x)
     return x
 
@@ -137,10 +137,7 @@ def rows_of(
     unknowns of differences and influences; equal names denote the same unknowns. `touched` is the
     reference pose, (1, n), or none, (0, n).
     """
-    x, lead = flattened(robot, candidates.poses, robot.n, "candidates", "raise")
-    if len(lead) != 1 or not len(x):
-        given = np.shape(candidates.poses)
-        raise InputError(f"candidates: shape {given}, must be (N, {robot.n}), N at least 1")
+    x = as_rows(robot, candidates.poses, "candidates", 1)
     steps, visited, differences = _expanded(candidates, x)
     good = reachable(robot, x, level)
     kept = [k for k, (_, at) in enumerate(steps) if good[at].all()]

@@ -6,8 +6,7 @@ import fnmatch
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-
+from truepose.arguments import finite, positive
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import unit_of
@@ -72,10 +71,8 @@ def _levels(robot: Robot, group: str, names: list[str], curve: Curve) -> list[Le
     if not curve:
         raise InputError(f"price_steps: {group}: no level")
     for sigma, price in curve.items():
-        if not (np.isfinite(sigma) and sigma > 0):
-            raise InputError(f"price_steps: {group}: {sigma!r}: must be greater than 0 (m or rad)")
-        if not (np.isfinite(price) and price >= 0):
-            raise InputError(f"price_steps: {group}: {sigma:g} for {price!r}: must be 0 or greater")
+        positive(f"price_steps: {group}: σ", sigma, " (m or rad)")
+        finite(f"price_steps: {group}: price of {sigma:g}", price, 0)
     left = {name: robot.parameters[name].sigma for name in names}
     least, most = min(curve), max(left.values())
     if least >= most:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, require
+from truepose.arguments import Array, Level, positive, require, whole
 from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
@@ -99,10 +99,10 @@ def plan_poses(
     (20, 4) True
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
-        raise InputError(f"n = {n!r}: must be a whole number, 1 or greater")
-    if target is not None and not (np.isfinite(target) and target > 0):
-        raise InputError(f"target = {target!r}: must be greater than 0 (m)")
+    if n is not None:
+        whole("n", n, 1)
+    if target is not None:
+        positive("target", target, " (m)")
     fit = after if isinstance(after, Calibration | None) else calibrate(robot, after, level=level)
     if fit is not None:
         robot = fit.robot.with_sensors(*robot.sensors)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, require
+from truepose.arguments import Array, finite, positive, require
 from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import given_poses, reachable
 from truepose.design.machining import Curve, Level, levels_of
@@ -102,8 +102,8 @@ def select_sensors(
     if budget is not None and target is not None:
         raise InputError("budget and target: give one of them")
     for what, value in (("budget", budget), ("target", target)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what} = {value!r}: must be greater than 0")
+        if value is not None:
+            positive(what, value)
     over = asked_poses(robot, poses)
     visited = given_poses(robot, calibrated_on, "calibrated_on")
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
@@ -230,8 +230,7 @@ def _priced(
             raise InputError(
                 f"{robot.name}: sensor {name}: has no price (the file's key price, --price, prices)"
             )
-        if not (np.isfinite(price) and price >= 0):
-            raise InputError(f"prices: {name} = {price!r}: must be 0 or greater")
+        finite(f"prices: {name}", price, 0)
     if not given and not machined:
         none = "no sensor in its file" if prices is None else "neither sensors nor levels to choose"
         raise InputError(f"{robot.name}: {none}")

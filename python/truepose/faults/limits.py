@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, require
+from truepose.arguments import Array, Level, require, whole
 from truepose.calibration import bound
 from truepose.calibration.learnt import calibrated
 from truepose.exceptions import InputError
@@ -226,8 +226,7 @@ def detectability(
     alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     require_inside("power", power, alpha, 1)
-    if moving < 1:
-        raise InputError(f"moving = {moving}: must be at least 1")
+    whole("moving", moving, 1)
     level = robot.highest_level if level is None else level
     model = robot.expected()
     if calibrated_on is not None:

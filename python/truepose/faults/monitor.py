@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, positive, whole
 from truepose.control import delays
-from truepose.control.controller import Controller, positive
+from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_rows
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import samples_or_home
 from truepose.robotfile.to_core import padded
 from truepose.show.charts import lines
 from truepose.show.results import Shown
@@ -82,10 +83,10 @@ class FaultMonitor:
     >>> h4 = tp.load("h4")
     >>> stuck = tp.faults.Fault("theta", "stuck", at=0.05)
     >>> blind = tp.simulate(h4, faults=[stuck])
-    >>> watched = tp.simulate(h4, faults=[stuck], watch=tp.FaultMonitor())
-    >>> bool(abs(blind.error[:, 3]).max() > 1), bool(abs(watched.error[:, 3]).max() < 0.02)
+    >>> monitored = tp.simulate(h4, faults=[stuck], monitor=tp.FaultMonitor())
+    >>> bool(abs(blind.error[:, 3]).max() > 1), bool(abs(monitored.error[:, 3]).max() < 0.02)
     (True, True)
-    >>> watched.failed
+    >>> monitored.failed
     ['theta']
     """
 
@@ -103,11 +104,9 @@ class FaultMonitor:
         for name in ("false_alarms", "stop", "stop_lost", "replaceable"):
             positive(name, getattr(self, name))
         for name, most in (("coast", 1000), ("spikes", 8), ("within", 10**6), ("decide", 10**4)):
-            value = getattr(self, name)
-            if not (isinstance(value, int) and 1 <= value <= most):
-                raise InputError(f"{name} = {value}: must be a whole number from 1 to {most}")
+            whole(name, getattr(self, name), 1, most)
 
-    def guarding(
+    def setup(
         self, robot: Robot, controller: Controller, still_sensors: bool = True
     ) -> _core.FaultTolerantSetup:
         """Return the core's setup; `still_sensors`: one at rest beside moving motors is stuck."""
@@ -120,19 +119,19 @@ class FaultMonitor:
         finest = robot.at_highest_level
         moved, rests = _moved(robot, controller)
         moved[robot.n :] *= still_sensors
-        watch = _core.FaultMonitorSettings()
+        monitor = _core.FaultMonitorSettings()
         for name in ("coast", "spikes", "within", "decide", "replaceable"):
-            setattr(watch, name, getattr(self, name))
-        watch.period, watch.false_alarm = controller.period, chance
-        watch.kp = [controller.frequency**2] * 6
-        watch.kd = [2 * controller.damping * controller.frequency] * 6
-        watch.rests, watch.shaken = padded(rests), padded(_shaken(robot, controller))
-        watch.fastest, watch.moved, watch.low, watch.high = (
+            setattr(monitor, name, getattr(self, name))
+        monitor.period, monitor.false_alarm = controller.period, chance
+        monitor.kp = [controller.frequency**2] * 6
+        monitor.kd = [2 * controller.damping * controller.frequency] * 6
+        monitor.rests, monitor.shaken = padded(rests), padded(_shaken(robot, controller))
+        monitor.fastest, monitor.moved, monitor.low, monitor.high = (
             np.pad(of, (0, 16 - len(of))).tolist()
             for of in (_fastest(finest), moved, *_range(robot))
         )
         settings = _core.FaultTolerantSettings()
-        settings.watch, settings.stop, settings.stop_lost = watch, self.stop, self.stop_lost
+        settings.monitor, settings.stop, settings.stop_lost = monitor, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
         return _core.FaultTolerantSetup(finest.core, known, settings, slow)
@@ -163,16 +162,14 @@ class FaultMonitor:
         >>> review.failed, int(review.first)
         (['theta'], 200)
         """
-        rows, lead = flattened(robot, q_e, robot.n + robot.r, "q_e", "nan")
-        if len(lead) != 1:
-            raise InputError(f"q_e: shape {(*lead, rows.shape[-1])}, must be (N, n + r)")
+        rows = as_rows(robot, q_e, "q_e", width=robot.n + robot.r, errors="nan")
         asked = rows[:, : robot.n] if desired is None else np.asarray(desired, dtype=float)
         if asked.shape != (len(rows), robot.n):
             raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
         positive("period", period)
-        guarding = self.guarding(robot, Controller(law="joint", period=period))
+        setup = self.setup(robot, Controller(law="joint", period=period))
         log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
-        return Review(robot, *_core.review(guarding, *log))
+        return Review(robot, *_core.review(setup, *log))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -234,7 +231,7 @@ def first(health: Array) -> int | None:
     return int(lines[0]) if lines.size else None
 
 
-def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Array) -> str:
+def failures(robot: Robot, time: Array, health: Array, symptom: Array, stops: Array) -> str:
     """Return which readings failed, when and why, and whether the robot stops; "" if none."""
     said = []
     for c, name in enumerate(robot.readings):
@@ -250,10 +247,7 @@ def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Arr
 
 def _fastest(robot: Robot) -> Array:
     """Return each reading's largest second derivative by the motor torque limits; 0: unknown."""
-    poses = robot.home[None]
-    if (box := robot.spec.workspace) is not None:
-        poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
-    most, status, _ = _core.fastest(robot.core, poses)
+    most, status, _ = _core.fastest(robot.core, samples_or_home(robot, _POSES))
     most = most[status <= 0]
     return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.n + robot.r)
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from truepose.exceptions import InputError
 from truepose.files import contents
+from truepose.plugins import package
 
 #: Most bytes of a file, rows, and cells (each takes some hundred bytes until parsed).
 BYTES, ROWS, CELLS = 1 << 28, 1_000_000, 10_000_000
@@ -37,14 +38,8 @@ def require(path: Path, rows: int, cells: int, unpacked: int = 0) -> None:
 
 def pyarrow_for(path: Path) -> Any:
     """Return pyarrow with its Parquet module; InputError where it is not installed."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(
-            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
-        ) from None
-    return pyarrow
+    missing = f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
+    return package("pyarrow.parquet", missing)
 
 
 def parquet(path: Path, pyarrow: Any, source: Any) -> Any:

@@ -15,7 +15,7 @@ from truepose.paper import article
 from truepose.paper.experiment import Progress
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.simulation.moves import default_move
+from truepose.simulation.paths import default_move
 from truepose.simulation.simulate import simulate
 from truepose.threads import each
 
@@ -55,22 +55,22 @@ class Line:
 
     fault: str  #: its text; the first is "none"
     alone: dict[Law, list[Run]]  #: of each move, without the fault monitor
-    watched: dict[Law, list[Run]]
+    monitored: dict[Law, list[Run]]
 
     @property
     def found(self) -> int:
         """How many of the monitored runs had a detected fault."""
-        return sum(run.found for runs in self.watched.values() for run in runs)
+        return sum(run.found for runs in self.monitored.values() for run in runs)
 
     @property
     def median(self) -> float:
         """Median position error of the monitored runs, mm."""
-        return float(np.median([run.position for runs in self.watched.values() for run in runs]))
+        return float(np.median([run.position for runs in self.monitored.values() for run in runs]))
 
     @property
     def runs(self) -> int:
         """How many monitored runs there are."""
-        return sum(len(runs) for runs in self.watched.values())
+        return sum(len(runs) for runs in self.monitored.values())
 
 
 def cases(at: float) -> Iterator[tuple[str, list[Fault]]]:
@@ -112,8 +112,8 @@ def study(
     def line(number: int) -> Line:
         both: list[dict[Law, list[Run]]] = [{}, {}]
         for law in LAWS:
-            for found, watch in zip(both, (None, FaultMonitor()), strict=True):
-                found[law] = [_run((robot, truth), move, number, law, watch) for move in there]
+            for found, monitor in zip(both, (None, FaultMonitor()), strict=True):
+                found[law] = [_run((robot, truth), move, number, law, monitor) for move in there]
         return Line(names[number], *both)
 
     names = [name for name, _ in cases(0)]
@@ -125,7 +125,7 @@ def _run(
     move: Move,
     number: int,
     law: Law,
-    watch: FaultMonitor | None,
+    monitor: FaultMonitor | None,
 ) -> Run:
     ran = simulate(
         *robots,
@@ -135,7 +135,7 @@ def _run(
         duration=DURATION,
         hold=HOLD,
         faults=[faults for _, faults in cases(move.at)][number],
-        watch=watch,
+        monitor=monitor,
     )
     return Run(
         float(1e3 * np.linalg.norm(ran.error[:, :3], axis=1).max()),

@@ -180,16 +180,16 @@ def faults(lines: list[lying.Line]) -> Figure:
     ):
         for k, (law, colour) in enumerate(colours.items()):
             at = rows + 0.15 * (k - (len(colours) - 1) / 2)
-            alone, watched = (
+            alone, monitored = (
                 np.array([max(getattr(run, what) for run in way[law]) for way in ways]).clip(
                     max=most
                 )
-                for ways in ([line.alone for line in lines], [line.watched for line in lines])
+                for ways in ([line.alone for line in lines], [line.monitored for line in lines])
             )
-            panel.hlines(at, alone, watched, color=colour, lw=0.6)
+            panel.hlines(at, alone, monitored, color=colour, lw=0.6)
             style = {"ms": 4, "mec": colour, "clip_on": False}
             panel.plot(alone, at, "o", mfc="white", mew=0.9, label=f"_{law}, alone", **style)
-            panel.plot(watched, at, "o", mfc=colour, label=law, **style)
+            panel.plot(monitored, at, "o", mfc=colour, label=law, **style)
         panel.set(xscale="log", xlabel=label, ylim=(len(lines) - 0.5, -0.5))
         panel.minorticks_off()
         panel.grid(axis="x", lw=0.4, color="0.85")

@@ -23,7 +23,7 @@ from truepose.paper.reproduce import Reproduction
 from truepose.show import page
 from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
-from truepose.simulation.moves import MOVE_TO
+from truepose.simulation.paths import MOVE_TO
 
 PAGE = "report.html"
 #: File endings in the folder.

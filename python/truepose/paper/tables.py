@@ -19,7 +19,7 @@ from truepose.robot.frames import coordinates
 from truepose.robot.laws import LAWS
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.units import PRINT
-from truepose.simulation.moves import MOVE_TO
+from truepose.simulation.paths import MOVE_TO
 
 #: Names for people of :data:`article.QUANTITIES` and :data:`article.STATISTICS`.
 QUANTITY_NAMES = ("x", "y", "z", "θ", "norm")
@@ -295,7 +295,7 @@ def faults(lines: list[lying.Line]) -> Table:
     for line in lines:
         row: list[str] = [line.fault]
         for law in LAWS:
-            ways = {"": line.alone[law], "watched ": line.watched[law]}
+            ways = {"": line.alone[law], "monitored ": line.monitored[law]}
             data = {
                 f"{law}, {way}{name} ({what})": max(getattr(run, name) for run in runs)
                 for way, runs in ways.items()

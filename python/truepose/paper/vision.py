@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, check_seed
+from truepose.arguments import Array, check_seed, finite, positive, whole
 from truepose.exceptions import InputError
 from truepose.robot.frames import frames, rotation
 from truepose.robot.robot import Robot
@@ -64,11 +64,10 @@ class Setup:
         for name, value in vars(self).items():
             if not np.isfinite(np.asarray(value, dtype=float)).all():
                 raise InputError(f"{name} = {value}: must be finite")
-            if name in _POSITIVE and value <= 0:
-                raise InputError(f"{name} = {value}: must be greater than 0")
-        for name, least in (("led_tolerance", 0), ("artefact_points", 2)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name} = {getattr(self, name)}: must be at least {least}")
+            if name in _POSITIVE:
+                positive(name, value)
+        finite("led_tolerance", self.led_tolerance, 0)
+        whole("artefact_points", self.artefact_points, 2)
         if np.shape(self.leds)[1:] != (3,) or len(self.leds) < 3:
             raise InputError(f"leds: shape {np.shape(self.leds)}, must be (3 or more, 3)")
         if np.linalg.matrix_rank(np.array(self.leds) - np.mean(self.leds, axis=0), 1e-6) < 2:

@@ -39,6 +39,31 @@ def flattened(
     return rows, array.shape[:-1]
 
 
+def as_rows(
+    robot: Description,
+    values: ArrayLike,
+    name: str,
+    least: int = 0,
+    width: int | None = None,
+    errors: Errors = "raise",
+) -> Array:
+    """Check at least so many rows, (N, width), by default poses, (N, n)."""
+    width = robot.n if width is None else width
+    rows, lead = flattened(robot, values, width, name, errors)
+    if len(lead) != 1 or len(rows) < least:
+        more = f", N at least {least}" if least else ""
+        raise InputError(f"{name}: shape {(*lead, width)}, must be (N, {width}){more}")
+    return rows
+
+
+def as_row(robot: Description, values: ArrayLike, name: str) -> Array:
+    """Check a single vector, (n,), such as a pose."""
+    rows, lead = flattened(robot, values, robot.n, name, "raise")
+    if lead:
+        raise InputError(f"{name}: shape {(*lead, robot.n)}, must be ({robot.n},)")
+    return rows[0]
+
+
 def _by_name(
     robot: Description, table: Any, columns: list[Any], width: int, name: str
 ) -> ArrayLike:

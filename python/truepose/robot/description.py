@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
-import numbers
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
@@ -13,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, files, robotfile
-from truepose.arguments import Array, Level, numbers_of, require, selected
+from truepose.arguments import Array, Level, finite, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
 from truepose.robotfile.base import COMMON, is_compliance
@@ -257,8 +255,7 @@ class Description:
         for name, value in values.items():
             if name not in self._values:
                 raise InputError(choose("parameter", name, self._values))
-            if not (isinstance(value, numbers.Real) and math.isfinite(value)):
-                raise InputError(f"{name} = {value!r}: must be a finite number")
+            finite(name, value)
             if wrong := robotfile.reading.wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
         return self._like(self._values | {k: float(v) for k, v in values.items()})

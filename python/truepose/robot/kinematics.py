@@ -11,7 +11,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import compliance
-from truepose.robot.batches import at_poses, flattened, require_answers, together
+from truepose.robot.batches import as_row, at_poses, flattened, require_answers, together
 from truepose.robot.description import Description
 from truepose.robotfile.base import is_compliance
 from truepose.robotfile.to_core import columns, padded
@@ -293,11 +293,9 @@ class Kinematics(Description):
         P on the motor's axis, B at the arm's end, A at the rod's other end, C the platform anchor
         that carries A (A itself where there is no bar).
         """
-        rows, lead = flattened(self, x, self.n, "x", "raise")
-        if lead:
-            raise InputError(f"x: shape {(*lead, self.n)}, must be ({self.n},)")
-        points, status, chain = _core.skeleton(self.core, padded(rows[0]))
-        require_answers(self, "pose", rows, (), np.array([status]), np.array([chain]), "raise")
+        x = as_row(self, x, "x")
+        points, status, chain = _core.skeleton(self.core, padded(x))
+        require_answers(self, "pose", x[None], (), np.array([status]), np.array([chain]), "raise")
         return points
 
     def linearize(

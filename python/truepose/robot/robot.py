@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, files, robotfile
-from truepose.arguments import Array, Errors, Level, check_seed, fraction
+from truepose.arguments import Array, Errors, Level, check_seed, fraction, whole
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import compliance, knowledge
-from truepose.robot.batches import at_poses, flattened, require_answers, together
+from truepose.robot.batches import as_row, at_poses, flattened, require_answers, together
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
@@ -117,14 +117,9 @@ class Robot(Kinematics, Shown):
         >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
         (2, True, 2.0)
         """
-        rows, lead = flattened(self, q, self.n, "q", "raise")
-        if lead:
-            raise InputError(f"q: shape {(*lead, self.n)}, must be ({self.n},)")
-        if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
-            raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
-        return AssemblyModes(
-            *_core.assembly_modes(self.core, padded(rows[0]), starts, check_seed(seed))
-        )
+        q = as_row(self, q, "q")
+        whole("starts", starts, 1, 1_000_000)
+        return AssemblyModes(*_core.assembly_modes(self.core, padded(q), starts, check_seed(seed)))
 
     def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Compute the mass matrix M(x) of the free twist, (..., n, n); kg, kg·m and kg·m².

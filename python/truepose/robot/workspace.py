@@ -30,6 +30,13 @@ def workspace_samples(robot: Description, count: int, rng: np.random.Generator) 
     return rng.uniform(box.minimum, box.maximum, (count, robot.n))
 
 
+def samples_or_home(robot: Description, count: int) -> Array:
+    """Return the same `count` poses of the workspace box each time; without a box home, (1, n)."""
+    if robot.spec.workspace is None:
+        return robot.home[None]
+    return workspace_samples(robot, count, np.random.default_rng(0))
+
+
 def workspace_grid(robot: Description, points: int | None = None) -> Array:
     """Return the poses of a grid over the workspace box, faces included, (N, n)."""
     box = workspace(robot)

@@ -13,8 +13,8 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from truepose import files
 from truepose.exceptions import RobotFileError, choose, shortened
-from truepose.files import contents
 from truepose.robotfile import consistency
 from truepose.robotfile.base import COORDINATES, Section
 from truepose.robotfile.consistency import Problem, tables
@@ -95,14 +95,7 @@ def read(robot: str | Path) -> RobotFile:
 
 def text_of(path: Path, where: str) -> str:
     """Read a file; `where` names it in the message."""
-    try:
-        data = contents(path, MOST_BYTES + 1)
-        text = data.decode("utf-8") if len(data) <= MOST_BYTES else ""
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise RobotFileError(f"{where}: cannot be read: {reason}") from None
-    if len(data) > MOST_BYTES:
-        raise RobotFileError(f"{where}: cannot be read: more than {MOST_BYTES} bytes")
+    text = files.text(path, MOST_BYTES, where, RobotFileError)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -154,13 +147,13 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
     described = {}  # copies of a chain have the same problem: report it once
     for problem in found:
-        location = _where_written(problem["loc"], data, motif)
+        location = where_written(problem["loc"], data, motif)
         text = _describe(problem | {"loc": location})
         described[text] = Problem(tuple(p for p in location if p not in SENSORS), text)
     return None, [*described.values(), *problems]
 
 
-def _where_written(location: tuple, data: dict, motif: int) -> tuple:
+def where_written(location: tuple, data: dict, motif: int) -> tuple:
     """Return where the file has a chain's key: in the motif, or shared by all chains."""
     if len(location) < 2 or location[0] != "chain" or not motif:
         return location
@@ -277,11 +270,11 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
 
 def _based_on(data: dict) -> dict:
     """Merge a file into the shipped robot it is based on: tables by key, the rest whole."""
-    files = shipped()
+    robots = shipped()
     name = data.pop("based_on")
-    if not isinstance(name, str) or name not in files:
-        raise RobotFileError(("based_on",), "based_on: " + choose("robot", name, files))
-    result = tomllib.loads(files[name].read_text(encoding="utf-8"))
+    if not isinstance(name, str) or name not in robots:
+        raise RobotFileError(("based_on",), "based_on: " + choose("robot", name, robots))
+    result = tomllib.loads(robots[name].read_text(encoding="utf-8"))
     for key, value in data.items():
         both = isinstance(result.get(key), dict) and isinstance(value, dict)
         result[key] = result[key] | value if both else value

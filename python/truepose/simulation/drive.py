@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, finite, positive, whole
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control import delays
 from truepose.control.controller import (
@@ -19,7 +19,6 @@ from truepose.control.controller import (
     OwnLaw,
     law_name,
     pose_of,
-    positive,
     require_same_readings,
 )
 from truepose.control.effects import Effects
@@ -32,7 +31,7 @@ from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
-from truepose.simulation.moves import MOVE_DURATION
+from truepose.simulation.paths import MOVE_DURATION
 
 RESTLESS = 1e-3  #: m or rad, largest peak to peak at rest in the last 50 ms
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
@@ -53,25 +52,20 @@ class Settings:
     time: float = 0.0
     learn: OnlineCalibrator | None = None
     faults: Sequence[Fault] = ()
-    watch: FaultMonitor | None = None
+    monitor: FaultMonitor | None = None
 
     def check(self, controller: Controller) -> None:
         """Raise InputError for settings without a meaning."""
         positive("duration", self.duration)
-        if not (math.isfinite(self.hold) and self.hold >= 0):
+        finite("hold", self.hold, 0, " (s)")
+        if (total := self.duration + self.hold) / controller.period > _MOST_PERIODS:
             raise InputError(
-                f"hold = {self.hold}: must be a finite number of seconds of at least 0"
+                f"duration + hold = {total:g} s: at most {_MOST_PERIODS} control periods"
             )
-        if (whole := self.duration + self.hold) / controller.period > _MOST_PERIODS:
+        whole("steps", 1 if self.steps is None else self.steps, 1, 1000)
+        if callable(controller.law) and (self.learn is not None or self.monitor is not None):
             raise InputError(
-                f"duration + hold = {whole:g} s: at most {_MOST_PERIODS} control periods"
-            )
-        steps = 1 if self.steps is None else self.steps
-        if not (isinstance(steps, int) and 1 <= steps <= 1000):
-            raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
-        if callable(controller.law) and (self.learn is not None or self.watch is not None):
-            raise InputError(
-                f"law {law_name(controller.law)}: learn and watch need a built-in law "
+                f"law {law_name(controller.law)}: learn and monitor need a built-in law "
                 f"({', '.join(LAWS)})"
             )
 
@@ -108,7 +102,7 @@ def begin(
     require_same_readings(robot, truth)
     settings.check(controller)
     steps = settings.steps_of(truth, controller.period)
-    effects, learn, watch, seed = settings.effects, settings.learn, settings.watch, settings.seed
+    effects, learn, seed = settings.effects, settings.learn, settings.seed
     if learn is not None and learn.prior != robot:
         raise InputError("learn: must be an OnlineCalibrator of the robot that is controlled")
     faults = in_core(truth, settings.faults, controller.period)
@@ -126,9 +120,10 @@ def begin(
     if callable(controller.law):
         at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
     filtered = None if learn is None else learn._filter
-    guarding = None if watch is None else watch.guarding(robot, controller)
+    monitor = settings.monitor
+    fault_setup = None if monitor is None else monitor.setup(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
-    first = (believed.core, truth.core, gains, known, plant, filtered, faults, guarding, slow)
+    first = (believed.core, truth.core, gains, known, plant, filtered, faults, fault_setup, slow)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, origin, first, (steps, held, check_seed(seed)))
 

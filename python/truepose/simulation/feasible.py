@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.control.controller import positive
+from truepose.arguments import positive
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
 from truepose.simulation.chart import Setpoints

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, check_seed, numbers_of
+from truepose.arguments import Array, check_seed, numbers_of, whole
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
@@ -23,8 +23,7 @@ from truepose.show.units import PRINT
 from truepose.simulation.chart import Setpoints, difference
 from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
-from truepose.simulation.moves import MOVE_DURATION
-from truepose.simulation.paths import Path, path_of
+from truepose.simulation.paths import MOVE_DURATION, Path, path_of
 from truepose.simulation.simulate import simulate
 
 #: Share of a path's largest speed below which it stands. Cosine of a corner's turn in one period.
@@ -158,8 +157,7 @@ class PathAccuracy(Shown):
         if attained.ndim != 3 or attained.shape[1] < count or attained.shape[2] != robot.n:
             shape = f"(R, T, {robot.n}), T at least {count}"
             raise InputError(f"runs: shape {attained.shape}, must be {shape}")
-        if not (isinstance(points, int) and points > 0):
-            raise InputError(f"points = {points!r}: must be a whole number of at least 1")
+        whole("points", points, 1)
         speed = np.linalg.norm(setpoints.rate[:, ~angles(robot)], axis=1)
         if not speed.max() > 0:
             raise InputError("path: pure rotation: path accuracy needs a translation")
@@ -242,8 +240,7 @@ def path_accuracy(
     ('0.97 m/s, AT 11.8 mm', True)
     """
     truth = robot if truth is None else truth
-    if not (isinstance(runs, int) and runs > 0):
-        raise InputError(f"runs = {runs!r}: must be a whole number of at least 1")
+    whole("runs", runs, 1)
     controller = controller_of(controller, robot, effects)
     asked = path_of(path, duration)
     if speed is not None:

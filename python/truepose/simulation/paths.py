@@ -1,4 +1,4 @@
-"""Paths: lines, circles, waypoints, samples, functions of time."""
+"""Paths: the default move, lines, circles, waypoints, samples, functions of time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,19 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, numbers_of
-from truepose.control.controller import pose_of, positive
-from truepose.exceptions import InputError, TrueposeError
-from truepose.robot.batches import flattened
+from truepose.arguments import Array, numbers_of, positive
+from truepose.control.controller import pose_of
+from truepose.exceptions import InputError
+from truepose.plugins import package
+from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
 from truepose.simulation.chart import Chart, Setpoints
-from truepose.simulation.moves import MOVE_DURATION
+
+#: The paper's move, Figures 11 to 13: start and end (m, rad; θ is the nacelle's), duration (s).
+MOVE_FROM = (0.0, 0.0, -0.5, 0.0)
+MOVE_TO = (0.1, -0.1, -0.4, 0.2)
+MOVE_DURATION = 0.2
 
 
 @runtime_checkable
@@ -51,9 +56,7 @@ class _Moves:
         for name, limits in (("linear", self.linear), ("angular", self.angular)):
             if limits is not None and (np.shape(limits) != (3,) or not np.min(limits) > 0):
                 raise InputError(f"{name} = {limits}: must be a speed, an acceleration and a jerk")
-        rows, lead = flattened(robot, poses, robot.n, "path", "raise")
-        if len(lead) != 1 or len(rows) < 2:
-            raise InputError(f"path: shape {np.shape(poses)}, must be (N, {robot.n}), N at least 2")
+        rows = as_rows(robot, poses, "path", 2)
         moves, start = [], 0.0
         for number, (a, b) in enumerate(itertools.pairwise(rows), 1):
             chart = Chart(robot, a)
@@ -327,12 +330,8 @@ def _quintic(t: Array, duration: float) -> tuple[Array, Array, Array]:
 
 def _jerk_limited(limits: Array) -> tuple[Callable, float]:
     """Return s(t) from 0 to 1, as fast as the speed, acceleration and jerk allow, and its end."""
-    try:
-        import ruckig
-    except ImportError:
-        raise TrueposeError(
-            "jerk-limited moves need ruckig: pip install 'truepose[paths]'"
-        ) from None
+    missing = "jerk-limited moves need ruckig: pip install 'truepose[paths]'"
+    ruckig = package("ruckig", missing)
     asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
     asked.target_position = [1.0]
     asked.max_velocity, asked.max_acceleration, asked.max_jerk = ([float(v)] for v in limits)
@@ -365,3 +364,21 @@ def _through(
         spline = make_interp_spline(time, y[0], k=k - (k % 2 == 0))
     at = np.minimum(_periods(time[-1], period), time[-1])
     return chart.out(*(spline(at, order) for order in range(3)))
+
+
+def default_move(robot: Robot) -> tuple[Array, Array]:
+    """Return start and end of a move that this robot can make.
+
+    The paper's move of Figures 11 to 13 if the robot reaches its start and its end is in the
+    workspace, as for the H4; otherwise from home half way to the workspace's upper corner. Raises
+    InputError without a workspace.
+    """
+    box = robot.spec.workspace
+    if robot.n == len(MOVE_TO):
+        start, end = np.array([MOVE_FROM, MOVE_TO])
+        inside = box is None or ((box.minimum <= end) & (end <= box.maximum)).all()
+        if inside and np.isfinite(robot.ikm([start, end], errors="nan")).all():
+            return start, end
+    if box is None:
+        raise InputError(f"{robot.name}: no [workspace] in its file: name start and end")
+    return robot.home, (robot.home + box.maximum) / 2

@@ -17,7 +17,7 @@ from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault
-from truepose.faults.monitor import FaultMonitor, failed, watched
+from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
@@ -38,10 +38,9 @@ from truepose.simulation.drive import (
     unanswered,
 )
 from truepose.simulation.feasible import require_feasible, require_feasible_move
-from truepose.simulation.moves import MOVE_DURATION, default_move
-from truepose.simulation.paths import Line, Path, path_of
+from truepose.simulation.paths import MOVE_DURATION, Line, Path, default_move, path_of
 
-_WATCHED = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
+_REST = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,12 +147,12 @@ class Simulation(Shown):
         """
         if self.ended:
             return self.ended
-        if said := watched(self.robot, self.time, self.health, self.symptom, self.stops):
+        if said := failures(self.robot, self.time, self.health, self.symptom, self.stops):
             return said
         if not self.answered.all():
             reason = self.cycle_status[self.answered.argmin()]
             return unanswered(int((~self.answered).sum()), int(reason))
-        last = self.time >= self.time[-1] - min(_WATCHED, self.hold)
+        last = self.time >= self.time[-1] - min(_REST, self.hold)
         if not np.ptp(self.x[last], axis=0).max() <= RESTLESS:
             return NO_REST
         held = self.saturated.any(axis=0)
@@ -200,7 +199,7 @@ def simulate(
     time: float = 0.0,
     learn: OnlineCalibrator | None = None,
     faults: Sequence[Fault] = (),
-    watch: FaultMonitor | None = None,
+    monitor: FaultMonitor | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
@@ -240,7 +239,7 @@ def simulate(
     learn : OnlineCalibrator, optional
         Online calibration of `robot` from every new row of readings; the controller uses its
         current estimate. It keeps that for the next run.
-    watch : FaultMonitor, optional
+    monitor : FaultMonitor, optional
         Fault monitor of the controller's readings; none by default.
     faults : sequence of Fault
         Faulty readings. The robot is at rest before the first of them. Without a result from the
@@ -289,8 +288,8 @@ def simulate(
     truth = robot if truth is None else truth
     for one, name in ((robot, "robot"), (truth, "truth")):
         require(one, Robot, name, "truepose.load(name)")
-    kinds = {"effects": Effects, "learn": OnlineCalibrator, "watch": FaultMonitor}
-    for value, (name, kind) in zip((effects, learn, watch), kinds.items(), strict=True):
+    kinds = {"effects": Effects, "learn": OnlineCalibrator, "monitor": FaultMonitor}
+    for value, (name, kind) in zip((effects, learn, monitor), kinds.items(), strict=True):
         if value is not None:
             require(value, kind, name, f"truepose.{kind.__name__}(…), or None")
     for one in {robot, truth}:
@@ -308,7 +307,7 @@ def simulate(
         usual = default_move(robot)
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
-    settings = Settings(duration, hold, steps, seed, effects, time, learn, faults, watch)
+    settings = Settings(duration, hold, steps, seed, effects, time, learn, faults, monitor)
     drive = begin(robot, truth, controller, ("start", start), settings)
     if law is None and callable(controller.law):
         law = Torques(controller, robot, drive.origin[: robot.n])

@@ -16,7 +16,7 @@ from truepose.robot import knowledge
 from truepose.robot.frames import frames, rotation, rotation_vector
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.workspace import workspace
+from truepose.robot.workspace import workspace_samples
 from truepose.simulation.plants.exact import ExactPlant
 
 #: σ of a tracker's coordinates, m: a calibration's default.
@@ -54,7 +54,7 @@ def simulate_log(
     file has no workspace, or too little of it can be reached.
     """
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
-    x_d = _drawn(robot, _DRAWN * poses, where)
+    x_d = workspace_samples(robot, _DRAWN * poses, where)
     x_d = x_d[np.isfinite(robot.ikm(x_d, errors="nan", own_mode=True)).all(axis=1)]
     effects = Effects().only("quantization") if effects is None else effects
     plant = ExactPlant(truth, effects, level=truth.level, seed=seed)
@@ -69,11 +69,6 @@ def simulate_log(
     elif tracker:
         measured = _tracked(robot, visit.frame[there], seen)
     return SimulatedLog(truth, x, visit.q_e[there], measured)
-
-
-def _drawn(robot: Robot, poses: int, rng: np.random.Generator) -> Array:
-    box = workspace(robot)
-    return rng.uniform(box.minimum, box.maximum, (poses, robot.n))
 
 
 def _tracked(robot: Robot, frame: Array, rng: np.random.Generator) -> Array:
@@ -128,7 +123,7 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
     )
     root = knowledge.root(found, names)
     nees = float(np.sum(np.linalg.solve(root, after - true) ** 2))
-    x_d = np.vstack([robot.home, _drawn(robot, poses, np.random.default_rng([seed, 3]))])
+    x_d = np.vstack([robot.home, workspace_samples(robot, poses, np.random.default_rng([seed, 3]))])
     pose = {
         "nominal, by the motors": _led(robot, truth, x_d, "joint"),
         "calibrated, by the motors": _led(found, truth, x_d, "joint"),

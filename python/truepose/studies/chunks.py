@@ -12,6 +12,7 @@ from typing import Any
 import truepose.studies.cases as asked
 from truepose import files
 from truepose.exceptions import InputError
+from truepose.plugins import package
 
 MANIFEST = "study.json"
 
@@ -21,13 +22,10 @@ class Chunks:
 
     def __init__(self, folder: Path, cases: asked.Cases, function: asked.Asked, size: int) -> None:
         self.folder, self.size = folder, size
-        try:
-            import pyarrow.parquet
-        except ImportError:
-            raise InputError(
-                "study: --out: pyarrow is not installed; pip install 'truepose[cluster]'"
-            ) from None
-        self._arrow: Any = pyarrow
+        self._arrow = package(
+            "pyarrow.parquet",
+            "study: --out: pyarrow is not installed; pip install 'truepose[cluster]'",
+        )
         manifest = manifest_of(cases, function, size)
         place = folder / MANIFEST
         try:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose import files
+from truepose.arguments import Array, whole
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
-from truepose.files import contents
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
@@ -72,8 +72,8 @@ def require_keys(
             raise InputError(f"{where}: {choose('key', key, [known])}")
         if key == "law" and not callable(value) and value not in LAWS:
             raise InputError(f"{where}: {choose('law', value, LAWS)}")
-        if key == "poses" and not (isinstance(value, int | np.integer) and value >= 1):
-            raise InputError(f"{where}: poses = {value}: must be a whole number of at least 1")
+        if key == "poses":
+            whole(f"{where}: poses", value, 1)
 
 
 def _rms(robot: Robot, off: Array, of: str) -> dict[str, Answer]:
@@ -123,10 +123,6 @@ def function_of(word: str) -> Asked:
         if word not in READY:
             raise InputError(f"{choose('function', word, READY)}, or file.py:function")
         return READY[word]
-    try:
-        asked = OfFile(path, name, contents(Path(path)).decode())
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "no text"
-        raise InputError(f"{path}: cannot be read: {why}") from None
+    asked = OfFile(path, name, files.text(Path(path)))
     _compiled(asked)  # fail before the study starts
     return asked

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from truepose import files
 from truepose.exceptions import InputError, choose
-from truepose.files import contents
 
 #: SI value of each unit, by the unit of the model.
 UNITS = {
@@ -58,8 +58,8 @@ class Life:
             Unknown keys, rates without their unit, or values that are not positive numbers.
         """
         try:
-            told = tomllib.loads(contents(Path(path)).decode())
-        except (OSError, ValueError) as error:
+            told = tomllib.loads(files.text(Path(path)))
+        except tomllib.TOMLDecodeError as error:
             raise InputError(f"{path}: cannot be read: {error}") from None
         return cls(**{key: cls._value(f"{path}: {key}", key, v) for key, v in told.items()})
 

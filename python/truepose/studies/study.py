@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truepose.arguments import Array
-from truepose.exceptions import InputError
+from truepose.arguments import Array, whole
 from truepose.robot.robot import Robot, load
 from truepose.show.charts import ranges
 from truepose.show.results import Shown
@@ -164,8 +163,7 @@ def monte_carlo(
     cases = Cases(loaded, dict(grid or {}), seed)
     require_keys(asked, cases.grid, cases.robots)
     for name, value in (("count", count), ("chunk", chunk)):
-        if value < 1:
-            raise InputError(f"study: {name} = {value}: must be at least 1")
+        whole(f"study: {name}", value, 1)
     total = count * cases.each
     kept = None if out is None else Chunks(Path(out), cases, asked, chunk)
     done: dict[int, list[dict[str, Answer]]] = {}

@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from truepose.arguments import whole
 from truepose.exceptions import InputError, choose
 from truepose.plugins import plugins
 
@@ -57,8 +58,7 @@ class Workers:
     def __post_init__(self) -> None:
         if self.on not in (known := get_args(On)):
             raise InputError(choose("on", self.on, known))
-        if self.count < 0:
-            raise InputError(f"workers = {self.count}: must be at least 0")
+        whole("workers", self.count, 0)
 
     def each(
         self, function: Callable[..., Any], tasks: dict[Any, tuple[Any, ...]]

@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from typing import Any
 
 from truepose.exceptions import InputError
+from truepose.plugins import package
 from truepose.studies.workers import versions
 
 #: Timeout of the connection to a cluster, s.
@@ -17,16 +18,14 @@ PATIENCE = 10
 @contextlib.contextmanager
 def executor(cluster: Any, retries: int) -> Iterator[Executor]:
     """Yield an executor on a dask cluster whose workers have the local versions."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("study: dask is not installed; pip install 'truepose[cluster]'") from None
+    missing = "study: dask is not installed; pip install 'truepose[cluster]'"
+    Client = package("distributed", missing).Client
     if isinstance(cluster, Client):
         require_same(cluster)
-        yield cluster.get_executor(pure=False, retries=retries)  # type: ignore[no-untyped-call]
+        yield cluster.get_executor(pure=False, retries=retries)
         return
     try:
-        client: Any = Client(cluster, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        client = Client(cluster, timeout=PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"--cluster {cluster}: no scheduler responds there ({error})") from None
     with client:

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from truepose.exceptions import InputError, TrueposeError, choose, one_line
-from truepose.files import contents
+from truepose import files
+from truepose.exceptions import InputError, choose, one_line
 from truepose.integrations.importers.links import Closure, Mechanism, Model
+from truepose.plugins import package
 
 _MOST = 1 << 24  # largest number of bytes of a model
 #: Largest number of elements with all copies; MuJoCo compiles as many in some seconds.
@@ -97,26 +98,14 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
 
 
 def _mujoco() -> Any:
-    try:
-        import mujoco
-    except ImportError:
-        raise TrueposeError(
-            'models are read by MuJoCo, which is not installed: pip install "truepose[import]"'
-        ) from None
+    missing = 'models are read by MuJoCo, which is not installed: pip install "truepose[import]"'
+    mujoco = package("mujoco", missing)
     mujoco.set_mju_user_warning(lambda _: None)
     return mujoco
 
 
 def _text(path: Path) -> str:
-    try:
-        data = contents(path, _MOST + 1)
-        if len(data) > _MOST:
-            raise InputError(f"{path}: more than {_MOST} bytes")
-        return data.decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: cannot be read: not a text file") from None
+    return files.text(path, _MOST).removeprefix("\ufeff")
 
 
 def _model(path: Path) -> ET.Element:
@@ -168,12 +157,8 @@ def _size(path: Path, folder: Path, sizes: dict[Path, float]) -> tuple[ET.Elemen
 
 def _yaml(path: Path) -> Any:
     """Read YAML; refuse aliases, as a few lines of them can expand to gigabytes."""
-    try:
-        import yaml
-    except ImportError:
-        raise TrueposeError(
-            'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
-        ) from None
+    missing = 'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
+    yaml = package("yaml", missing)
     text = _text(path)
     if len(text) > _YAML:
         raise InputError(

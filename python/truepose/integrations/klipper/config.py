@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from truepose import files
 from truepose.exceptions import InputError, one_line, shortened
-from truepose.files import contents
 
 #: Largest file size; the longest real configurations have a tenth of it.
 MOST_BYTES = 1_000_000
@@ -56,15 +56,7 @@ class Config:
     @classmethod
     def read(cls, path: str | Path) -> Self:
         """Read a file; InputError (one line) if it is unreadable or not a configuration."""
-        try:
-            data = contents(Path(path), MOST_BYTES + 1)
-            text = data.decode() if len(data) <= MOST_BYTES else ""
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or "not a text file (UTF-8)"
-            raise InputError(f"{path}: cannot be read: {reason}") from None
-        if len(data) > MOST_BYTES:
-            raise InputError(f"{path}: cannot be read: more than {MOST_BYTES} bytes")
-        return cls.parse(text, path)
+        return cls.parse(files.text(Path(path), MOST_BYTES), path)
 
     @classmethod
     def parse(cls, text: str, path: str | Path = "printer.cfg") -> Self:

@@ -45,13 +45,13 @@ _SHOWN = {"m": 1e3, "rad": math.degrees(1)}
 _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
 
 
-def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes:
+def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> bytes:
     """Return a robot as deploy/linuxcnc/table.h reads it: the C interface's structs, by name.
 
     The table is valid on the kind of machine that wrote it; others refuse it.
 
-    `robot` is the controller's model, nominal or calibrated. The fault monitor `watch` uses period
-    and gains of `controller`.
+    `robot` is the controller's model, nominal or calibrated. `monitor` uses period and gains of
+    `controller`.
 
     Examples
     --------
@@ -72,7 +72,9 @@ def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes
             )
         blocks |= {
             b"fine": _core.c_description_bytes(robot.at_highest_level.core),
-            b"wtch": _core.c_watch_bytes(watch.guarding(robot, controller, still_sensors=False)),
+            b"wtch": _core.c_fault_monitor_bytes(
+                monitor.setup(robot, controller, still_sensors=False)
+            ),
             b"sigm": np.asarray(sigma, dtype=float).tobytes(),
             b"colm": np.asarray(column, dtype=np.int32).tobytes(),
             b"root": np.asarray(root, dtype=float).tobytes(),
@@ -88,14 +90,14 @@ def _speeds(unit: str) -> dict[str, float]:
 
 
 def to_configuration(
-    robot: Robot, controller: Controller, watch: FaultMonitor, machine: Robot | None = None
+    robot: Robot, controller: Controller, monitor: FaultMonitor, machine: Robot | None = None
 ) -> dict[str, str | bytes]:
     """Return the files of a LinuxCNC configuration by name.
 
     ``robot.ini`` and ``robot.hal`` run a simulated machine; ``robot.table`` is the controller's
     model, ``machine.table`` the true machine.
 
-    `robot`, `controller` and `watch` are as in :func:`to_table`. `machine` is the true robot with
+    `robot`, `controller` and `monitor` are as in :func:`to_table`. `machine` is the true robot with
     the same sensors, default `robot`.
 
     Examples
@@ -147,8 +149,8 @@ def to_configuration(
     )
     return {
         **{n: templates.get_template(f"{n}.j2").render(values) for n in ("robot.ini", "robot.hal")},
-        "robot.table": to_table(robot, controller, watch),
-        "machine.table": to_table(machine, controller, watch),
+        "robot.table": to_table(robot, controller, monitor),
+        "machine.table": to_table(machine, controller, monitor),
     }
 
 

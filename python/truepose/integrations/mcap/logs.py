@@ -14,6 +14,7 @@ from truepose.files import mark
 from truepose.logs.limits import require
 from truepose.logs.reading import spoilt
 from truepose.logs.writing import Column
+from truepose.plugins import package
 
 MAGIC = b"\x89MCAP"
 #: Largest time between messages of two channels at one pose, s.
@@ -22,7 +23,7 @@ TOLERANCE = 0.01
 
 def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
     """Return the columns of an MCAP file's bytes; `wanted` are the names of the readings."""
-    make_reader = _mcap(path)[0].make_reader
+    make_reader = _mcap(path).reader.make_reader
     channels: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     owner: dict[str, str] = {}
     try:
@@ -83,7 +84,7 @@ def write(path: Path, listed: list[Column]) -> bytes:
     The time of a row is the run's, or one second per pose.
     """
     buffer = io.BytesIO()
-    writer = _mcap(path)[1].Writer(buffer)
+    writer = _mcap(path).writer.Writer(buffer)
     writer.start(profile="", library=mark("log"))
     times = np.round(1e9 * listed[0].values).astype(np.int64).tolist()
     for topic in dict.fromkeys(c.topic for c in listed):
@@ -108,11 +109,7 @@ def write(path: Path, listed: list[Column]) -> bytes:
 
 
 def _mcap(path: Path) -> Any:
-    """Return mcap's modules reader and writer."""
-    try:
-        from mcap import reader, writer
-    except ImportError:
-        raise InputError(
-            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs no package"
-        ) from None
-    return reader, writer
+    """Return the package mcap with its modules reader and writer."""
+    missing = f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs no package"
+    package("mcap.reader", missing)
+    return package("mcap.writer", missing)

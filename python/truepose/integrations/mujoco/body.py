@@ -9,9 +9,10 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.exceptions import InputError, PoseError, TrueposeError
+from truepose.exceptions import InputError, PoseError
 from truepose.integrations.mujoco.mechanism import Posture
 from truepose.integrations.mujoco.mjcf import TIMESTEP, Model
+from truepose.plugins import package
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
@@ -28,12 +29,8 @@ class Settled(NamedTuple):
 
 
 def require() -> Any:
-    """Return the module mujoco; raise TrueposeError with the install command if missing."""
-    try:
-        import mujoco
-    except ImportError:
-        raise TrueposeError('MuJoCo is not installed: pip install "truepose[mujoco]"') from None
-    return mujoco
+    """Return the module mujoco; raise InputError with the install command if missing."""
+    return package("mujoco", 'MuJoCo is not installed: pip install "truepose[mujoco]"')
 
 
 class Body:

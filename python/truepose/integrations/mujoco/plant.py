@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, check_seed, numbers_of
+from truepose.arguments import Array, check_seed, finite, positive
 from truepose.control import delays
-from truepose.control.controller import Controller, positive, require_same_readings
+from truepose.control.controller import Controller, require_same_readings
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.integrations.mujoco.body import Body, Settled, require
 from truepose.integrations.mujoco.mjcf import TIMESTEP
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
 from truepose.simulation.drive import unanswered
@@ -54,8 +54,7 @@ class MujocoPlant:
         for name in ("duration", "timestep", "longest"):
             positive(name, getattr(self, name))
         for name in ("hold", "pose_time"):
-            if not (math.isfinite(value := getattr(self, name)) and value >= 0):
-                raise InputError(f"{name} = {value}: must be a finite number of at least 0")
+            finite(name, getattr(self, name), 0)
         in_core(self.truth, self.faults, math.inf)  # for any control period
         self.longest = max(self.hold, self.longest)
         phases = self.effects.plant(self.truth, check_seed(self.seed)).phase
@@ -89,10 +88,8 @@ class MujocoPlant:
         in parallel, each from home; neither they nor the results depend on the number of cores.
         With faults all poses are one range.
         """
-        x_d = numbers_of(x_d, "x_d")
+        x_d = as_rows(robot, x_d, "x_d", errors="nan")
         require_same_readings(robot, self.truth)
-        if x_d.ndim != 2 or x_d.shape[1] != robot.n:
-            raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
         n, count = robot.n, len(x_d)
         shapes = (n + robot.r,), (4, 4), (n,)
         q_e, frame, x = (np.full((count, *shape), np.nan) for shape in shapes)

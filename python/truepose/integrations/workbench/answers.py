@@ -14,6 +14,7 @@ from truepose.robot.frames import frames, rotation_vector
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
+from truepose.robot.workspace import samples_or_home
 from truepose.simulation.equilibrium import steady_state
 
 #: Cases of the accuracy by their label on the page: (self-calibrated, referenced).
@@ -116,10 +117,7 @@ def bounds(robot: Robot) -> dict[str, Array]:
 
 def workspace_poses(robot: Robot) -> Array:
     """Return reachable poses sampled from the workspace; home only without a workspace."""
-    box = robot.spec.workspace
-    if box is None:
-        return robot.home[None]
-    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, robot.n))
+    poses = samples_or_home(robot, POSES)
     good = np.isfinite(accuracy(robot, poses, errors="nan")).all(axis=(1, 2))
     if not good.any():
         raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")

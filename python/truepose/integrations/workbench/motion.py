@@ -9,15 +9,14 @@ from truepose.faults.fault import Fault
 from truepose.faults.monitor import HEALTH, SYMPTOMS, FaultMonitor
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import Law
-from truepose.simulation.moves import default_move
-from truepose.simulation.paths import Waypoints
+from truepose.simulation.paths import Waypoints, default_move
 from truepose.simulation.simulate import Simulation, simulate
 
 LAPS, LEG = 2, 0.6  #: laps (there and back) of a run; time of one way, s
 
 
 def run(
-    state: State, law: Law | None = None, faults: Sequence[Fault] = (), watched: bool = True
+    state: State, law: Law | None = None, faults: Sequence[Fault] = (), monitored: bool = True
 ) -> Simulation:
     """Simulate `LAPS` laps of the true robot, there and back.
 
@@ -35,8 +34,8 @@ def run(
     """
     start, end = default_move(state.robot)
     path = Waypoints(poses=[start, *[end, start] * LAPS], duration=LEG)
-    watch = FaultMonitor() if watched else None
-    return simulate(state.robot, state.truth, law, path=path, faults=faults, watch=watch)
+    monitor = FaultMonitor() if monitored else None
+    return simulate(state.robot, state.truth, law, path=path, faults=faults, monitor=monitor)
 
 
 def lights(played: Simulation, k: int) -> list[tuple[str, str, str]]:

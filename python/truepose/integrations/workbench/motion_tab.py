@@ -42,7 +42,7 @@ class MotionTab(Tab):
         self._move = page.on(move, lambda _: self._begin())
         law = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
         self._law = page.on(law, lambda _: self._again())
-        self._watched = page.on(gui.add_checkbox("Fault monitor", True), lambda _: self._again())
+        self._monitored = page.on(gui.add_checkbox("Fault monitor", True), lambda _: self._again())
         self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
         self._kind: Any = gui.add_dropdown("Fault", FAULT_KINDS, initial_value="stuck")
         self._size: Any = gui.add_number("Size", 0.0, step=0.01)
@@ -75,8 +75,8 @@ class MotionTab(Tab):
         state = self.page.state
         self._of = state.robot, state.truth
         try:
-            watched = bool(self._watched.value)
-            self._run = motion.run(state, self._law.value, self._faults, watched)
+            monitored = bool(self._monitored.value)
+            self._run = motion.run(state, self._law.value, self._faults, monitored)
         except TrueposeError:
             self._move.value = self.page.moving = False
             self._run = None
@@ -139,7 +139,7 @@ class MotionTab(Tab):
         total = summed(run.robot)
         far = printed(float(np.linalg.norm(off[total.columns])), total.unit)
         parts = [words.note(f"{self._time:.2f} s, off by {far}")]
-        if self._watched.value:
+        if self._monitored.value:
             parts.insert(0, words.lights(motion.lights(run, k)))
         if run.stops[k]:
             parts.append(words.note("The fault monitor stops the robot.", wrong=True))

@@ -154,7 +154,7 @@ def lights(readings: Sequence[tuple[str, str, str]]) -> str:
         [dot(LIGHTS[health]) + escape(name), escape(f"{health} ({why})" if why else health)]
         for name, health, why in readings
     ]
-    return table(["reading", "watch"], rows)
+    return table(["reading", "monitor"], rows)
 
 
 def residuals(played: Playback, line: int) -> str:

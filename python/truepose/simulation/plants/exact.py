@@ -13,13 +13,14 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, choose
 from truepose.faults.fault import Fault, in_core
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_rows
 from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
-from truepose.simulation.plants import Visit, backlash
+from truepose.simulation.plants import Visit
 
 #: Groups of effects that act at rest.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
+TOLERANCE = 1e-12  #: of the tool's angle, rad
 
 
 class ExactPlant:
@@ -91,9 +92,7 @@ class ExactPlant:
 
         See :class:`truepose.simulation.plants.Plant`.
         """
-        x_d, lead = flattened(robot, x_d, robot.n, "x_d", "raise")
-        if len(lead) != 1:
-            raise InputError(f"x_d: shape {(*lead, robot.n)}, must be (N, {robot.n})")
+        x_d = as_rows(robot, x_d, "x_d")
 
         def rest(poses: Array | slice, ahead: Array) -> tuple[Array, Array]:
             return self._settle(robot, x_d[poses], controller, ahead)
@@ -124,7 +123,7 @@ class ExactPlant:
         return frames(self.truth, x, self._exact.residual_motion(x)[:, :tilts])
 
     def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
-        """Return poses, the tool's lead on the platform (rad), and statuses: see `backlash`."""
+        """Return poses, the tool's lead on the platform (rad), and statuses."""
         from scipy.optimize.elementwise import find_root  # takes its time to import
 
         half = 0.5 * self.effects.tool_backlash
@@ -132,7 +131,7 @@ class ExactPlant:
         (low, status), (high, other) = (rest(slice(None), np.full(count, a)) for a in sides)
         lowest = np.where(status == "ok", low[:, -1] - half, np.nan)
         highest = np.where(other == "ok", high[:, -1] + half, np.nan)
-        tool, end = backlash.follow(lowest, highest, float(self.truth.home[-1]))
+        tool, end = follow_backlash(lowest, highest, float(self.truth.home[-1]))
         at_high, ahead = end == 1, half * end
         status = np.where(at_high | (status == "ok") & np.isnan(end), other, status)
         x = np.where(at_high[:, None], high, low)
@@ -142,10 +141,10 @@ class ExactPlant:
                 lambda a, pose: rest(pose, a)[0][:, -1] + a - tool[pose],
                 tuple(np.repeat(sides[:, None], stays.size, axis=1)),
                 args=(stays,),
-                tolerances={"fatol": backlash.TOLERANCE},
+                tolerances={"fatol": TOLERANCE},
             )
             ahead[stays] = np.where(found.success, found.x, np.nan)
-            same = np.abs(highest - lowest) <= backlash.TOLERANCE
+            same = np.abs(highest - lowest) <= TOLERANCE
             ahead[(end == 0) & same] = 0.0  # any lead is a zero: the middle
             x[stays], status[stays] = rest(stays, ahead[stays])
         return x, ahead, status
@@ -174,3 +173,35 @@ class ExactPlant:
             for s, beyond in zip(status.tolist(), by_truth, strict=True)
         ]
         return x, np.array(words, dtype=object)
+
+
+def follow_backlash(lowest: Array, highest: Array, start: float) -> tuple[Array, Array]:
+    """Find the tool's angle after each pose, and at which end of its backlash it is.
+
+    Held a ahead of the platform, -half <= a <= half, the tool is at t = θ(a) + a, where θ(a) is the
+    platform's rest angle. The tool begins at `start`, in the middle of its backlash, and may be
+    anywhere between `lowest` = t(-half) and `highest` = t(half), (N,), rad; NaN where the robot
+    does not rest with the tool there. It stays if it may, otherwise it moves to the nearer end (the
+    play operator of hysteresis). Returns the angles, (N,), unchanged by poses that are not reached,
+    and the ends, (N,): 1 or -1, ahead or behind by half the backlash; 0, between, where a remains
+    to be found; NaN, the pose is not reached.
+
+    A law that uses the encoder alone has lowest = highest: the backlash stays as it was. A law that
+    corrects by more than the encoder shows has lowest > highest and rests at either end: the one
+    towards which it would leave the middle.
+    """
+    ends, tools, last, end = [], [], start, 0.0
+    for low, high in zip(lowest, highest, strict=True):
+        above, below = last - high, low - last
+        if abs(above) <= TOLERANCE and abs(below) <= TOLERANCE:
+            found = end
+        elif above >= 0 and not below > above:
+            found, last = 1.0, high
+        elif below >= 0:
+            found, last = -1.0, low
+        else:
+            found = 0.0 if above < 0 and below < 0 else np.nan
+        end = end if np.isnan(found) else found
+        tools.append(last)
+        ends.append(found)
+    return np.array(tools), np.array(ends)

@@ -117,12 +117,12 @@ def test_a_law_of_redundant_sensors_is_refused_for_a_robot_without(run, law):
     assert not Path("here").exists()
 
 
-def test_an_exported_robot_with_sensors_is_watched_and_motion_reads_what_the_law_holds(any_robot):
+def test_an_exported_robot_with_sensors_is_monitored_and_motion_reads_what_the_law_holds(any_robot):
     if refused(any_robot):
         return
     made = configuration(any_robot)
     said = ini(made)["TRUEPOSE"]
-    assert (said["WATCH"] == "1") == bool(any_robot.r)
+    assert (said["MONITOR"] == "1") == bool(any_robot.r)
     assert (float(said["LARGEST_CHI2"]) > 0) == bool(any_robot.r)
     for i in range(any_robot.n):
         fed = rf"truepose_tej\.{i}\.pid-fb => pid\.{i}\.feedback joint\.{i}\.motor-pos-fb\n"

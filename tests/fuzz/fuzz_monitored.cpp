@@ -1,5 +1,5 @@
-// Does a guarded controller stay within its limits, whatever its readings, its path, its laws and
-// the people who restore readings do?
+// Does a fault-tolerant controller stay within its limits, whatever its readings, its path, its
+// laws and the people who restore readings do?
 //
 // Promised for any input: numbers, torques that the motors can, time that does not run backwards,
 // a brake where nobody knows any more. How large a step is at most is a question to a healthy law
@@ -14,29 +14,29 @@ using namespace fuzz;
 namespace {
 
 void finite(const ControlState& state, int n, int rows) {
-  require(all_finite(state.torque, n), "guarded: the torque is finite");
+  require(all_finite(state.torque, n), "fault-tolerant: the torque is finite");
   require(all_finite(state.error, n) && all_finite(state.error_rate, n) &&
               all_finite(state.integral, n) && all_finite(state.load, n) &&
               all_finite(state.held, n) && all_finite(state.q_d, n),
-          "guarded: what the controller keeps is finite");
+          "fault-tolerant: what the controller keeps is finite");
   require(all_finite(state.position, rows) && all_finite(state.rate, rows) &&
               all_finite(state.desired, rows),
-          "guarded: the tracking loops are finite");
+          "fault-tolerant: the tracking loops are finite");
 }
 
-void finite(const FaultMonitor& watch, int rows, int r) {
+void finite(const FaultMonitor& monitor, int rows, int r) {
   for (int c = 0; c < rows; ++c) {
-    const MonitoredReading& reading = watch.reading[c];
+    const MonitoredReading& reading = monitor.reading[c];
     require(std::isfinite(reading.own.value) && std::isfinite(reading.own.rate) &&
                 std::isfinite(reading.spread),
-            "watch: what it knows of a reading is finite");
+            "monitor: what it knows of a reading is finite");
     require(reading.health >= Health::valid && reading.health <= Health::failed &&
                 reading.symptom >= Symptom::none && reading.symptom <= Symptom::disagrees,
-            "watch: health and symptom exist");
+            "monitor: health and symptom exist");
   }
   for (int k = 0; k < r; ++k)
-    require(std::isfinite(watch.parity[k].value) && std::isfinite(watch.parity[k].rate),
-            "watch: the parity's trackers are finite");
+    require(std::isfinite(monitor.parity[k].value) && std::isfinite(monitor.parity[k].rate),
+            "monitor: the parity's trackers are finite");
 }
 
 /// One reading is spoilt, or two change places.
@@ -61,21 +61,21 @@ void drive(Bytes& bytes, const Subject& subject) {
   settings.gains = static_cast<Gains>(bytes.below(2));
   static_cast<void>(place_poles(robot, robot.home, 100, 1, settings));
   if (!all_finite(settings.kp, n)) settings.kp = settings.kd = {};
-  FaultTolerantSettings guarding;
-  if (bytes.one_in(2)) guarding.watch.fastest.fill(500);
-  if (bytes.one_in(2)) guarding.watch.moved.fill(2e-3);
+  FaultTolerantSettings fault_settings;
+  if (bytes.one_in(2)) fault_settings.monitor.fastest.fill(500);
+  if (bytes.one_in(2)) fault_settings.monitor.moved.fill(2e-3);
   if (bytes.one_in(2)) {
-    guarding.watch.rests.fill(bytes.one_in(4) ? bytes.number() : 1e-3);
-    guarding.watch.kp = settings.kp;
-    guarding.watch.kd = settings.kd;
+    fault_settings.monitor.rests.fill(bytes.one_in(4) ? bytes.number() : 1e-3);
+    fault_settings.monitor.kp = settings.kp;
+    fault_settings.monitor.kd = settings.kd;
   }
-  if (bytes.one_in(4)) guarding.watch.shaken.fill(bytes.one_in(4) ? bytes.number() : 1e-4);
-  if (bytes.one_in(4)) guarding.watch.refresh = bytes.below(4);
-  if (bytes.one_in(4)) guarding.watch.spikes = bytes.byte() - 5;
-  prepare(guarding.watch);
+  if (bytes.one_in(4)) fault_settings.monitor.shaken.fill(bytes.one_in(4) ? bytes.number() : 1e-4);
+  if (bytes.one_in(4)) fault_settings.monitor.refresh = bytes.below(4);
+  if (bytes.one_in(4)) fault_settings.monitor.spikes = bytes.byte() - 5;
+  prepare(fault_settings.monitor);
   mechanisms::Prior prior(robot);
   ControlState state;
-  FaultTolerantState guard;
+  FaultTolerantState fault_state;
   PathClock clock;
   // Mostly long enough for the trackers to settle, and to be led out and stopped.
   const int cycles = 40 + bytes.byte();
@@ -107,22 +107,24 @@ void drive(Bytes& bytes, const Subject& subject) {
       kept = q_e;
     }
     if (bytes.one_in(32)) settings.law = static_cast<Law>(bytes.below(5));
-    if (bytes.one_in(32)) acknowledge(guard, bytes.below(rows + 2) - 1);
+    if (bytes.one_in(32)) acknowledge(fault_state, bytes.below(rows + 2) - 1);
     const double before = clock.time;
-    clock.advance(settings.period, guard.stop);
+    clock.advance(settings.period, fault_state.stop);
     require(clock.time >= before && clock.rate >= 0 && clock.rate <= 1,
             "a path's time does not run backwards, nor faster");
-    static_cast<void>(control_fault_tolerant<K>(robot, settings, guarding, clock.paced(at), q_e,
-                                                state, prior.weighing(), guard));
+    static_cast<void>(control_fault_tolerant<K>(robot, settings, fault_settings, clock.paced(at),
+                                                q_e, state, prior.weighing(), fault_state));
     finite(state, n, rows);
-    finite(guard.watch, rows, robot.r);
+    finite(fault_state.monitor, rows, robot.r);
     for (int i = 0; i < n; ++i) {
       const double limit = robot.chain[i].torque_limit;
       require(!(limit > 0) || std::fabs(state.torque[i]) <= limit, "a torque that the motor can");
     }
-    require(!(guard.unanswered > guarding.held) || (guard.stops && guard.brakes),
+    require(!(fault_state.unanswered > fault_settings.held) ||
+                (fault_state.stops && fault_state.brakes),
             "without an answer the brakes hold");
-    require(!guard.watch.lost || (guard.stops && (guard.brakes & guard.watch.lost)),
+    require(!fault_state.monitor.lost ||
+                (fault_state.stops && (fault_state.brakes & fault_state.monitor.lost)),
             "a motor that nobody reads is held by its brake");
   }
 }
