@@ -111,7 +111,8 @@ instructions: build/dev/build.ninja
 mutants: $(VENV)/developing
 	@python tests/mutants.py $(ARGS)
 
-# The same with changes drawn at random; an hour for 300 on two cores. First, once: make coverage-python.
+# The same with changes drawn at random; those of the core are in one build, which the environment
+# chooses from. First, for those of the package, once: make coverage-python.
 random-mutants: $(VENV)/developing
 	@python tests/random_mutants.py $(ARGS)
 

@@ -2,12 +2,12 @@
 
     python tests/random_mutants.py [--count 300] [--seed 0] [--jobs N] [part of a file's name …]
 
-An operator, a constant or an extremum of the package or of the core's headers is changed, in a
-copy. A mutant of the package is tried on the tests that run its line, as coverage.py recorded them
-(`make coverage-python`): the most specific ones, and two that compare answers with kept ones. One
-of a header is tried on the C++ tests that are labelled with it (tests/cpp/CMakeLists.txt),
-unoptimised and for one mobility. The table counts noticed mutants by room. The run fails below
-85 % overall, or 75 % in a room of 8 or more.
+An operator, a constant or an extremum of the package or of the core is changed, or a statement
+of the core is left out. A mutant of the package is tried, in a copy, on the tests that run its
+line, as coverage.py recorded them (`make coverage-python`): the most specific ones, and two that
+compare answers with kept ones. Mutants of the core are compiled together (cpp_mutants.py), and each
+is tried on the C++ tests that are labelled with its header (tests/cpp/CMakeLists.txt). The table
+counts noticed mutants by room. The run fails below 85 % overall, or 75 % in a room of 8 or more.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import ast
 import importlib.util
 import os
 import random
-import re
 import shutil
 import sys
 import tempfile
@@ -28,14 +27,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import coverage
-from mutants import CPP, ROOT, Tools, VerdictError
+import cpp_mutants
+from mutants import ROOT, Tools, VerdictError
 
 RECORD = ROOT / "build/coverage-python"
 #: How many test functions a mutant is tried on, and how many more of those that compare answers
-#: with kept ones, whose files begin so; and the mobility whose tests see most of a header.
+#: with kept ones, whose files begin so.
 TRIED, KEPT = 8, 2
 ANSWERS = "test_same_"
-PIVOTS = {"angles_of", "gyro", "so3"}
 SWAPS = {
     "+": "-", "-": "+", "*": "/", "/": "*", "**": "*", "//": "/", "%": "*", "+=": "-=", "-=": "+=",
     "<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&",
@@ -43,24 +42,22 @@ SWAPS = {
     "min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "sin": "cos",
     "cos": "sin", "True": "False", "False": "True", "true": "false", "false": "true",
 }  # fmt: skip
-#: Of a header: operators stand between blanks, which templates' brackets and pointers do not.
-TOKEN = re.compile(
-    r"(?<= )(?:[-+*/<>]|[-+]=|[<>=!]=|&&|\|\|)(?= )|\b(?:min|max|sin|cos)\b(?=\()"
-    r"|\b(?:true|false)\b|(?<![\w.\[<{])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.>\]])"
-)
 #: What is looked at instead.
 PICTURES = ("show/", "figures.py", "chart.py", "scene.py", "page.py")
 #: Lines that compute nothing.
 NAMES = ("raise ", "from ", "import ", "for ", "@")
-DECLARES = re.compile(r"\s*(?://|#|template|static_assert|using|enum|case )")
+#: What is read of the core: what the C++ tests link.
+CORE = ("include/truepose", "src/c")
 
-Site = tuple[str, int, int, int, str]  #: file, line, first and last column, what is to stand there
+Site = tuple[str, int, int, int, str]  #: file, line, first and last column, what stands there
 
 
 def other(said: str) -> str:
-    """Return what is written instead of an operator, a word or a number."""
+    """Return what is written instead of an operator, a word, a number or a statement."""
     if said in SWAPS:
         return SWAPS[said]
+    if said.endswith(";"):
+        return "(left out)"
     value = ast.literal_eval(said)
     return repr(value + 1 if isinstance(value, int) else 2 * value or 1.0)
 
@@ -79,21 +76,14 @@ def in_module(path: Path) -> Iterator[tuple[int, int, int, str]]:
             before = said
 
 
-def in_header(path: Path) -> Iterator[tuple[int, int, int, str]]:
-    """Yield the places of a header that can be changed."""
-    for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        if not DECLARES.match(text):
-            for found in TOKEN.finditer(text.partition("//")[0]):
-                yield line, found.start(), found.end(), found[0]
-
-
 class Tests:
     """The tests that notice what is wrong with a line."""
 
     def __init__(self) -> None:
-        listed = (CPP / "CMakeLists.txt").read_text(encoding="utf-8")
-        labelled = re.findall(r"^truepose_test\((\w+) ([^)]*)\)", listed, re.MULTILINE)
-        self.labels = [(name, about.split()) for name, about in labelled]
+        if not RECORD.is_file():
+            sys.exit(
+                "random_mutants: no record of which test runs which line: make coverage-python"
+            )
         data = coverage.CoverageData(str(RECORD))
         data.read()
         package = Path(importlib.util.find_spec("truepose").origin).parent  # tests make copies
@@ -106,9 +96,6 @@ class Tests:
 
     def of(self, file: str, line: int) -> list[str]:
         """Return the tests of a line, those that run least else first."""
-        if file.endswith(".hpp"):
-            header = Path(file).stem
-            return [f"{name}::*" for name, about in self.labels if header in about]
         found = []
         rows = self.lines.get(file.removeprefix("python/truepose/"), {})
         run = set(rows.get(line, ())) - {""}
@@ -125,10 +112,11 @@ class Tests:
 def drawn(words: list[str], seed: int) -> list[Site]:
     """Return file, line, columns and change of all mutants, in a random order."""
     sites = []
-    for folder, changes in (("python/truepose", in_module), ("include/truepose", in_header)):
-        for path in sorted((ROOT / folder).rglob("*.[ph]*")):
+    folders = {"python/truepose": in_module, **dict.fromkeys(CORE, cpp_mutants.places)}
+    for folder, changes in folders.items():
+        for path in sorted((ROOT / folder).rglob("*.[chp]*")):
             name = str(path.relative_to(ROOT))
-            if name.endswith(PICTURES) or path.suffix not in (".py", ".hpp"):
+            if name.endswith(PICTURES) or path.suffix not in (".py", ".hpp", ".cpp"):
                 continue
             if any(word in name for word in words or [""]):
                 sites += [(name, *site) for site in changes(path)]
@@ -136,31 +124,32 @@ def drawn(words: list[str], seed: int) -> list[Site]:
     return sites
 
 
-def tried(site: Site, tests: Tests, tools: Tools) -> tuple[str, str, str]:
-    """Return the room, what became of a mutant, and the mutant."""
+def shown(site: Site) -> tuple[str, str]:
+    """Return the room of a mutant, and its line as it is changed."""
+    file, line, begin, end, right = site
+    text = (ROOT / file).read_text(encoding="utf-8").splitlines()[line - 1]
+    said = f"{file}:{line}: {(text[:begin] + other(right) + text[end:]).strip()}"
+    return "/".join(file.split("/")[:2] if file.startswith("src") else file.split("/")[1:3]), said
+
+
+def tried(site: Site, tests: Tests, tools: Tools) -> tuple[str, str]:
+    """Return what became of a mutant of the package, and why it is none if it is none."""
     file, line, begin, end, right = site
     text = (ROOT / file).read_text(encoding="utf-8").splitlines(keepends=True)
     changed = text[line - 1][:begin] + other(right) + text[line - 1][end:]
-    said = f"{file}:{line}: {changed.strip()}"
-    room = "/".join(file.split("/")[1:3])
     if not (asked := tests.of(file, line)):
-        return room, "no test", said
+        return "no test", ""
     with tempfile.TemporaryDirectory(prefix="truepose-mutant-") as folder:
-        tree, part = Path(folder), file.partition("/")[0]
-        shutil.copytree(tools.clean / part, tree / part, symlinks=True)
+        tree = Path(folder)
+        shutil.copytree(tools.clean / "python", tree / "python", symlinks=True)
         (tree / file).write_text("".join([*text[: line - 1], changed, *text[line:]]), "utf-8")
         for compiled in (tree / file).parent.glob(f"__pycache__/{Path(file).stem}.*"):
             compiled.unlink()
         try:
-            if part == "python":
-                ast.parse((tree / file).read_text("utf-8"))
-                passed = tools.python(set(asked), tree)
-            else:
-                mobility = "rotational_2" if Path(file).stem in PIVOTS else "schoenflies"
-                passed = all(tools.cpp({test}, mobility, tree) for test in asked)
+            ast.parse((tree / file).read_text("utf-8"))
+            return "SURVIVED" if tools.python(set(asked), tree) else "noticed", ""
         except (SyntaxError, VerdictError) as why:
-            return room, "noticed" if str(why) == "HANGS" else "invalid", f"{said} ({why})"
-    return room, "SURVIVED" if passed else "noticed", said
+            return "noticed" if str(why) == "HANGS" else "invalid", str(why)
 
 
 def main() -> None:
@@ -171,18 +160,21 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("words", nargs="*", help="parts of files' names")
     arguments = parser.parse_args()
-    if not RECORD.is_file():
-        sys.exit("random_mutants: no record of which test runs which line: make coverage-python")
-    tests, rooms = Tests(), defaultdict(Counter)
-    sites = drawn(arguments.words, arguments.seed)
-    with tempfile.TemporaryDirectory(prefix="truepose-mutants-") as clean:
-        tools = Tools(Path(clean))
+    sites = drawn(arguments.words, arguments.seed)[: arguments.count]
+    core = {site: other(site[4]) for site in sites if not site[0].endswith(".py")}
+    rooms = defaultdict(Counter)
+    with tempfile.TemporaryDirectory(prefix="truepose-mutants-") as folder:
+        (clean := Path(folder, "clean")).mkdir()
+        tests, tools = (Tests(), Tools(clean)) if len(core) < len(sites) else (None, None)
+        build = cpp_mutants.Build(Path(folder), core, arguments.jobs) if core else None
         with ThreadPoolExecutor(arguments.jobs) as pool:
-            for room, what, said in pool.map(
-                lambda s: tried(s, tests, tools), sites[: arguments.count]
-            ):
+            found = pool.map(
+                lambda s: tried(s, tests, tools) if s[0].endswith(".py") else build.tried(s), sites
+            )
+            for site, (what, why) in zip(sites, found, strict=True):
+                room, said = shown(site)
                 rooms[room][what] += 1
-                print(f"{what:9} {said[:150]}", flush=True)
+                print(f"{what:9} {said[:150]}{f' ({why[:80]})' if why else ''}", flush=True)
     total = sum(rooms.values(), Counter())
     for room, count in [*sorted(rooms.items()), ("all", total)]:
         valid = count.total() - count["invalid"]

@@ -60,6 +60,14 @@ TEST("whatever fails, the last torque is held, nothing else changes, and the sta
   });
 }
 
+TEST("where the robot is not finished, no chain is named") {
+  Robot robot = h4().robot;
+  robot.finished = false;
+  ControlState state;
+  const Outcome outcome = control<Mobility::schoenflies>(robot, {}, {}, {}, state);
+  CHECK(outcome.status == Status::unfinished && outcome.chain == -1);
+}
+
 TEST("a singular setpoint holds the torque too") {
   Robot robot = planar("3-RPR", Actuator::telescopic).robot;
   const ControlSettings settings = settings_for(robot, Law::tej);

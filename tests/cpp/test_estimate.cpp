@@ -109,6 +109,16 @@ TEST("fuse is generalised least squares: gain and covariance against dense algeb
     CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {}, scene.work, error)));
     const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
     CHECK((sum - P).norm() < 1e-7 * P.norm());
+    // Two influences, in the place of the last two parameters, act as these do.
+    RowMatrix pattern(rows, 2);
+    for (int c = 0; c < rows; ++c)
+      for (int j = 0; j < 2; ++j)
+        pattern(c, j) =
+            scene.work[c * parameter_count(robot) + scene.known.column[scene.known.count - 2 + j]];
+    PoseError same;
+    CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {2, pattern.data()},
+                          scene.work, same)));
+    CHECK((same.by_geometry - error.by_geometry).norm() < 1e-12 * error.by_geometry.norm());
   });
 }
 

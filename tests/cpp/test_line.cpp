@@ -169,10 +169,14 @@ TEST("an unknown registration is seen by what was measured, and by nothing else"
     Scene<K> scene(mechanism, true);
     const int readings = scene.readings(), p = scene.known.count, first = scene.parameters();
     Registration by;
-    by.base = {Vec3(0.5, -0.3, 0.2), exp_so3(Vec3(0, 0, 0.4))};
+    by.base = {Vec3(0.5, -0.3, 0.2), exp_so3(Vec3(0.1, -0.2, 0.4))};
     by.marker.t = Vec3(0.03, -0.02, 0.05);
     Joint sigma{};
     for (int i = 0; i < n; ++i) sigma[i] = 1e-4 * (1 + 2 * i);
+    Joint spread = sigma;  // θ's, less certain the nearer the marker's x axis is to the tracker's z
+    const Seen here = seen(K, by, scene.pose);
+    const Vec3 a = here.Q.col(0);
+    if (turns_about_z(K)) spread[n - 1] /= std::hypot(a.x(), a.y());
     const Joint nothing{};
     // What the tracker reads at a step of the pose and of the registration, against 0.
     const auto seen_at = [&](const Joint& step, const std::array<double, kRegistration>& frames) {
@@ -194,7 +198,10 @@ TEST("an unknown registration is seen by what was measured, and by nothing else"
       const Joint up = seen_at(step, {});
       step[j] = -h;
       const Joint down = seen_at(step, {});
-      for (int i = 0; i < n; ++i) A(readings + i, j) = (down[i] - up[i]) / (2 * h * sigma[i]);
+      for (int i = 0; i < n; ++i) {
+        CHECK_NEAR(here.H_x[i][j], (down[i] - up[i]) / (2 * h), 1e-8);
+        A(readings + i, j) = (down[i] - up[i]) / (2 * h * spread[i]);
+      }
     }
     for (int j = 0; j < kRegistration; ++j) {
       std::array<double, kRegistration> frames{};
@@ -203,8 +210,10 @@ TEST("an unknown registration is seen by what was measured, and by nothing else"
       frames[j] = -h;
       const Joint down = seen_at({}, frames);
       const double own = scene.known.root[(first + j) * (p + 1)];
-      for (int i = 0; i < n; ++i)
-        B(readings + i, first + j) = own * (down[i] - up[i]) / (2 * h * sigma[i]);
+      for (int i = 0; i < n; ++i) {
+        CHECK_NEAR(here.H[i][j], (down[i] - up[i]) / (2 * h), 1e-8);
+        B(readings + i, first + j) = own * (down[i] - up[i]) / (2 * h * spread[i]);
+      }
     }
     Outside outside;
     outside.x = measured.data(), outside.sigma = sigma.data();
@@ -213,4 +222,28 @@ TEST("an unknown registration is seen by what was measured, and by nothing else"
     CHECK((found.information - expected.information).norm() < 1e-7 * expected.information.norm());
     CHECK_NEAR(found.chi2, expected.chi2, 1e-7 * expected.chi2);
   });
+}
+
+TEST("the marker's orientation is that of its measurements, however little they weigh") {
+  const Mat3 base = exp_so3(Vec3(0.1, -0.2, 0.4));
+  Pose pose;
+  for (const Mobility mobility : {Mobility::spatial, Mobility::schoenflies}) {
+    const bool spatial = mobility == Mobility::spatial;
+    const Mat3 marker = exp_so3(spatial ? Vec3(0.2, -0.1, 0.3) : Vec3(0, 0, 0.3));
+    const Vec3 turn = spatial ? Vec3(0.4, 0.3, -0.2) : Vec3(0, 0, 0.5);  // as measured
+    if (spatial)
+      pose.R = base.transpose() * exp_so3(turn) * marker.transpose();
+    else
+      pose.R = base.transpose() * rotation_z(0.2);
+    std::array<double, 6> measured{0, 0, 0, turn.x(), turn.y(), turn.z()};
+    if (!spatial) measured[3] = turn.z();
+    for (const double weight : {1e-3, 1.0}) {
+      const Mat3 found = registration_detail::marker_turn(
+          mobility, base, Mat3::Identity(), {{{}, {}, 0, weight}}, &pose, measured.data());
+      CHECK((found - marker).norm() < 1e-12);
+    }
+    measured.fill(NAN);
+    CHECK(registration_detail::marker_turn(mobility, base, marker, {{{}, {}, 0, 1}}, &pose,
+                                           measured.data()) == marker);
+  }
 }

@@ -86,3 +86,21 @@ TEST("the velocity filter's lag is no tracking error: a circle stays one, under 
     CHECK(contouring(settings) < 5e-5);
   }
 }
+
+TEST("a leg that stretches reads longer by the force on it over its stiffness") {
+  constexpr Mobility K = Mobility::spatial;
+  constexpr double kStiffness = 2e6;
+  const Robot robot = hexapod("6-UPS", Actuator::telescopic).robot;
+  Effects effects;
+  effects.rod_stiffness = kStiffness;
+  const Pose home = to_pose<K>(robot.home);
+  Plant<K> rigid(robot, {}, home, 1), elastic(robot, effects, home, 1);
+  Extended q{}, stretched{};
+  Joint force{};
+  CHECK(rigid.rest() && elastic.rest() && hold<K>(robot, home, force));
+  CHECK(rigid.measure(q) && elastic.measure(stretched));
+  for (int i = 0; i < robot.motors; ++i) {
+    CHECK(std::fabs(force[i]) > 1);
+    CHECK_NEAR(stretched[i] - q[i], force[i] / kStiffness, 1e-6 * std::fabs(force[i]) / kStiffness);
+  }
+}
