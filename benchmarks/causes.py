@@ -1,10 +1,10 @@
 """Causes found in simulated logs with one known mistake: shares, pose errors, time.
 
-    python benchmarks/causes.py [--logs 300] [--clean 300] [--seed 0] [--robot h4 …]
+    python benchmarks/causes.py [--logs 1000] [--clean 1000] [--seed 0] [--jobs 2] [--verbose]
 
-A mistake is *identifiable* if its size, or for one without a size the square root of twice the gain
-in log likelihood, is at least 6 σ after all else is profiled out. Errors are those of the log's
-poses, in units of the covariance predicted for a robot whose wrong part is known.
+Real robots, every rod on its own, 60 poses. Sizes are 3 to 100 tolerances. A mistake is identifiable
+if its hypothesis gains at least 18 in log likelihood (6 σ) over no mistake. Errors of the log's poses
+are in units of the covariance of a robot whose wrong part is known.
 """
 
 from __future__ import annotations
@@ -13,15 +13,18 @@ import argparse
 import math
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
-import truepose as tp
 from tqdm import tqdm
+
+import truepose as tp
 from truepose.calibration import causes, log_checks
 from truepose.calibration.bound import accuracy
-from truepose.calibration.causes.hypothesis import Case, Hypothesis, evidence
+from truepose.calibration.causes.hypothesis import GROSS, Case, evidence
 from truepose.robot.units import reading_units
 
 ROBOTS = {
@@ -33,219 +36,224 @@ ROBOTS = {
     "stewart, tilt + z": ("stewart", ("roll", "pitch", "z_telemeter")),
     "ankle": ("g1-ankle", ("foot_pitch", "foot_roll")),
 }
-POSES = 60
-Rng = np.random.Generator
+POSES, SEEN = 60, 18.0
 
 
 class Wrong(NamedTuple):
-    """A log with a mistake: its cause, a word of its text, the rows."""
+    """A log with a mistake, the poses, and what a right cause says."""
 
     kind: str
     word: str
     rows: np.ndarray
-    true: tp.Robot
+    x: np.ndarray
 
 
-def size(rng: Rng, tolerance: float) -> float:
-    """Return 3 to 100 tolerances, logarithmically uniform, either sign."""
-    return tolerance * math.exp(rng.uniform(math.log(3), math.log(100))) * rng.choice([-1, 1])
+class Found(NamedTuple):
+    """The result of one search."""
+
+    mistake: str
+    verdict: str
+    right: bool
+    identifiable: bool
+    seconds: float
+    ratio2: float  #: squared pose errors over their covariance; NaN where not decisive
+    text: str
 
 
-def mistakes(robot: tp.Robot, rng: Rng) -> dict[str, Callable[[], Wrong]]:
-    """Return what can be wrong with a robot's log, by cause."""
-    n, names = robot.n, robot.readings
-    box = robot.spec.workspace
-    x = rng.uniform(box.minimum, box.maximum, (POSES, n))
-    true = robot.sample(seed=int(rng.integers(1 << 30)))
-    seed = int(rng.integers(1 << 30))
-    k, s = int(rng.integers(n)), n + int(rng.integers(robot.r))
-    column = int(rng.integers(n + robot.r))
+class Maker:
+    """A sampled robot, its readings, and what can be wrong with them."""
 
-    def read(by: tp.Robot) -> np.ndarray:
-        return by.read(x, seed=seed, level=robot.highest_level)
+    def __init__(self, label: str, rng: np.random.Generator) -> None:
+        name, sensors = ROBOTS[label]
+        self.robot, self.rng = tp.load(name).with_sensors(*sensors), rng
+        box, n, r = self.robot.spec.workspace, self.robot.n, self.robot.r
+        self.x = rng.uniform(box.minimum, box.maximum, (POSES, n))
+        self.true = self.robot.sample(seed=int(rng.integers(1 << 30)))
+        self.seed = int(rng.integers(1 << 30))
+        self.motor, self.sensor = int(rng.integers(n)), n + int(rng.integers(r))
+        self.column = int(rng.integers(n + r))
+        self.names = self.robot.readings
 
-    def part(kind: str, name: str, word: str) -> Callable[[], Wrong]:
-        def made() -> Wrong:
-            value = true.parameters[name].value + size(rng, robot.parameters[name].sigma)
-            wrong = true.replace({name: value})
-            return Wrong(kind, word, read(wrong), wrong)
+    def size(self, tolerance: float) -> float:
+        """Return 3 to 100 tolerances, logarithmically uniform, of either sign."""
+        factor = math.exp(self.rng.uniform(math.log(3), math.log(100)))
+        return tolerance * factor * self.rng.choice([-1, 1])
 
-        return made
+    def read(self, robot: tp.Robot | None = None) -> np.ndarray:
+        """Return readings with every rod."""
+        level = self.robot.highest_level
+        return (robot or self.true).read(self.x, seed=self.seed, level=level)
 
-    def changed(kind: str, word: str, change: Callable[[np.ndarray], None]) -> Callable[[], Wrong]:
-        def made() -> Wrong:
-            rows = read(true)
-            change(rows)
-            return Wrong(kind, word, rows, true)
+    def part(self, kind: str, name: str, word: str) -> Wrong:
+        """Return a log of a robot with a wrong part."""
+        value = self.true.parameters[name].value + self.size(self.robot.parameters[name].sigma)
+        return Wrong(kind, word, self.read(self.true.replace({name: value})), self.x)
 
-        return made
+    def scaled(self, kind: str, column: int, factor: float) -> Wrong:
+        """Return a log with a column times a factor."""
+        rows = self.read()
+        rows[:, column] *= factor
+        return Wrong(kind, f"{self.names[column]}:", rows, self.x)
 
-    def scale(at: int, factor: float) -> Callable[[np.ndarray], None]:
-        def change(rows: np.ndarray) -> None:
-            rows[:, at] *= factor
+    def ordered(self, *columns: int) -> Wrong:
+        """Return a log whose first columns hold those of these motors."""
+        rows = self.read()
+        rows[:, : len(columns)] = rows[:, list(columns)]
+        return Wrong("order", "", rows, self.x)
 
-        return change
+    def shifted(self) -> Wrong:
+        """Return a log with one column a row late."""
+        rows, k = self.read(), self.column
+        rows[:, k] = np.roll(rows[:, k], 1)
+        rows[0, k] = np.nan
+        return Wrong("shifted rows", f"{self.names[k]}:", rows, self.x)
 
-    def exchange(rows: np.ndarray) -> None:
-        rows[:, [k, (k + 1) % n]] = rows[:, [(k + 1) % n, k]]
+    def slipped(self) -> Wrong:
+        """Return a log with a column that slips."""
+        rows, k = self.read(), self.column
+        rows[self.rng.integers(8, POSES - 8) :, k] += self.size(1e-3)
+        return Wrong("slip", f"{self.names[k]}:", rows, self.x)
 
-    def rotate(rows: np.ndarray) -> None:
-        rows[:, :n] = np.roll(rows[:, :n], 1, axis=1)
+    def stuck(self) -> Wrong:
+        """Return a log with a sensor that is stuck on a third of the rows."""
+        rows, k = self.read(), self.sensor
+        at = int(self.rng.integers(POSES // 2))
+        rows[at : at + POSES // 3, k] = rows[at, k]
+        return Wrong("stuck", f"{self.names[k]}:", rows, self.x)
 
-    def shift(rows: np.ndarray) -> None:
-        rows[:, column] = np.roll(rows[:, column], 1)
-        rows[0, column] = np.nan
+    def gross(self) -> Wrong:
+        """Return a log with gross errors of a sensor in 10 to 40 % of the rows."""
+        rows, k = self.read(), self.sensor
+        which = self.rng.random(POSES) < self.rng.uniform(0.1, 0.4)
+        spread = 100 * self.robot.reading_sigma[k] + 0.1 * np.ptp(rows[:, k])
+        rows[which, k] += self.rng.normal(0, spread, which.sum())
+        return Wrong("gross errors", "", rows, self.x)
 
-    def slip(rows: np.ndarray) -> None:
-        at = int(rng.integers(8, POSES - 8))
-        rows[at:, column] += size(rng, max(10 * robot.reading_sigma[column], 1e-4))
+    def constant(self, kind: str, columns: list[int], tolerance: float) -> Wrong:
+        """Return a log with one constant in several columns."""
+        rows = self.read()
+        rows[:, columns] += self.size(tolerance)
+        return Wrong(kind, "", rows, self.x)
 
-    def stick(rows: np.ndarray) -> None:
-        at = int(rng.integers(0, POSES // 2))
-        rows[at : at + POSES // 3, s] = rows[at, s]
-
-    def gross(rows: np.ndarray) -> None:
-        which = rng.random(POSES) < rng.uniform(0.1, 0.4)
-        spread = 100 * robot.reading_sigma[s] + 0.1 * np.ptp(rows[:, s])
-        rows[which, s] += rng.normal(0, spread, which.sum())
-
-    def lean(rows: np.ndarray) -> None:
-        rows[:, n:] += np.deg2rad(size(rng, 0.05)) * np.array(
-            [1.0 if "pitch" in name else 0.0 for name in names[n:]]
-        )
-
-    def common(rows: np.ndarray) -> None:
-        rows[:, n:] += size(rng, 3.5e-4)
-
-    units = reading_units(robot)
-    factor = {"rad": 180 / math.pi, "m": 1000.0}[units[column]]
-    known = robot.parameters
-    offset = f"{names[s]}.offset"
-    found = {
-        "homing": part("homing", f"chain{k + 1}.encoder_offset", f"q{k + 1}:"),
-        "sensor offset": part("sensor offset", offset, f"{names[s]}:"),
-        "gain": changed("gain", f"{names[k]}:", scale(k, 1 + size(rng, 1e-3))),
-        "gear": changed("gain", f"{names[s]}:", scale(s, 4.0)),
-        "sign of a motor": changed("sign", f"{names[k]}:", scale(k, -1.0)),
-        "sign of a sensor": changed("sign", f"{names[s]}:", scale(s, -1.0)),
-        "unit": changed("unit", f"{names[column]}:", scale(column, factor)),
-        "exchanged": changed("order", "", exchange),
-        "shifted": changed("shifted rows", f"{names[column]}:", shift),
-        "slip": changed("slip", f"{names[column]}:", slip),
-        "stuck": changed("stuck", f"{names[s]}:", stick),
-        "gross errors": changed("gross errors", "", gross),
-    }
-    if n > 2:
-        found["rotated"] = changed("order", "", rotate)
-    for of in ("rod", "arm"):
-        if (name := f"chain{k + 1}.{of}") in known and known[name].sigma > 0:
-            found[of] = part(of, name, f"chain {k + 1}:")
-    kinds = [sensor.kind for sensor in robot.spec.used]
-    if "inclinometer" in kinds:
-        found["lean"] = changed("lean", "", lean)
-    if len(kinds) > 1 and len(set(kinds)) == 1:
-        found["common constant"] = changed("common constant", "", common)
-    return found
+    def every(self) -> dict[str, Callable[[], Wrong]]:
+        """Return all mistakes that this robot can have."""
+        n, k, s, c = self.robot.n, self.motor, self.sensor, self.column
+        factor = {"rad": 180 / math.pi, "m": 1000.0}[reading_units(self.robot)[c]]
+        found = {
+            "homing": partial(self.part, "homing", f"chain{k + 1}.encoder_offset", f"q{k + 1}:"),
+            "sensor offset": partial(
+                self.part, "sensor offset", f"{self.names[s]}.offset", f"{self.names[s]}:"
+            ),
+            "gain": partial(self.scaled, "gain", k, 1 + self.size(1e-3)),
+            "gear": partial(self.scaled, "gain", s, 4.0),
+            "sign of a motor": partial(self.scaled, "sign", k, -1.0),
+            "sign of a sensor": partial(self.scaled, "sign", s, -1.0),
+            "unit": partial(self.scaled, "unit", c, factor),
+            "exchanged": partial(self.ordered, 1, 0),
+            "shifted": self.shifted,
+            "slip": self.slipped,
+            "stuck": self.stuck,
+            "gross errors": self.gross,
+        }
+        if n > 2:
+            found["rotated"] = partial(self.ordered, *range(1, n), 0)
+        for of in ("rod", "arm"):
+            parameter = self.robot.parameters.get(name := f"chain{k + 1}.{of}")
+            if parameter and parameter.sigma > 0:
+                found[of] = partial(self.part, of, name, f"chain {k + 1}:")
+        kinds = [sensor.kind for sensor in self.robot.spec.used]
+        if "inclinometer" in kinds:
+            pitch = [n + j for j, name in enumerate(self.robot.sensors) if "pitch" in name]
+            found["lean"] = partial(self.constant, "lean", pitch, 1e-3)
+        if len(kinds) > 1 and len(set(kinds)) == 1:
+            columns = list(range(n, n + len(kinds)))
+            found["common constant"] = partial(self.constant, "common constant", columns, 4e-4)
+        return found
 
 
-def identifiable(case: Case, wrong: Wrong) -> bool:
-    """Return whether the true hypothesis gains at least 6 σ over no mistake."""
-    best = -math.inf
-    none = case.nothing()
-    base = case.fit(none)
-    for of in causes.CAUSES[wrong.kind](case):
-        if wrong.word in of.text and (fit := case.fit(of)) is not None:
-            count = causes._equations(case)
-            best = max(best, evidence(fit, of, count) - of.log_odds)
-    own = -9.0 * POSES if base is None else evidence(base, none, causes._equations(case))
-    return best - own > 18
+def gained(case: Case, wrong: Wrong) -> float:
+    """Return the log likelihood of the best true hypothesis over that of no mistake."""
+    count = int(np.isfinite(case.log.readings[:, case.robot.n :]).sum())
+    base = case.fit(none := case.nothing())
+    own = -GROSS * count if base is None else evidence(base, none, count)
+    true = [of for of in causes.CAUSES[wrong.kind](case) if wrong.word in of.text]
+    fits = [(of, fit) for of in true if (fit := case.fit(of)) is not None]
+    return max((evidence(fit, of, count) - of.log_odds - own for of, fit in fits), default=-1.0)
+
+
+def searched(number: int, seed: int) -> Found:
+    """Make one log and search for its mistake."""
+    rng = np.random.default_rng([seed, number])
+    made = Maker(list(ROBOTS)[number % len(ROBOTS)], rng)
+    every = made.every()
+    mistake = list(every)[(number // len(ROBOTS)) % len(every)]
+    wrong = every[mistake]()
+    log = log_checks.log_of(made.robot, wrong.rows)
+    begun = time.process_time()
+    result, found, _ = causes.search(made.robot, log)
+    seconds = time.process_time() - begun
+    first = result.found[: max(result.alike, 1)]
+    right = any(of.kind == wrong.kind and wrong.word in of.text for of in first)
+    able = gained(Case(made.robot, log, {"loss": "squares"}), wrong) > SEEN
+    ratio2 = math.nan
+    if result.verdict == "decisive":
+        fit = found[0].fit
+        good = np.isfinite(fit.x).all(axis=1)
+        off = fit.x[good] - wrong.x[good]
+        inverse = np.linalg.inv(accuracy(fit.robot, wrong.x[good], level=fit.level))
+        ratio2 = float(np.einsum("ki,kij,kj->k", off, inverse, off).mean()) / made.robot.n
+    text = f"{number}, {list(ROBOTS)[number % len(ROBOTS)]}, {wrong.word} {result.text}"
+    return Found(mistake, result.verdict, right, able, seconds, ratio2, text)
+
+
+def clean(number: int, seed: int) -> str:
+    """Return the verdict on a good log, and its text."""
+    made = Maker(list(ROBOTS)[number % len(ROBOTS)], np.random.default_rng([seed, 1, number]))
+    found = causes.search(made.robot, log_checks.log_of(made.robot, made.read())).causes
+    return f"{found.verdict} {found.text}"
+
+
+def show(found: list[Found]) -> None:
+    """Print the table and the figures over all logs."""
+    by: dict[str, list[Found]] = defaultdict(list)
+    for of in found:
+        by[of.mistake].append(of)
+    print(f"{'mistake':18}{'logs':>6}{'decisive':>10}{'right':>7}{'identifiable':>14}{'right':>7}")
+    for mistake, some in {**by, "all": found}.items():
+        decisive = [of.right for of in some if of.verdict == "decisive"]
+        able = [of.right for of in some if of.identifiable]
+        counts = f"{len(decisive):10}{sum(decisive):7}{len(able):14}{sum(able):7}"
+        print(f"{mistake:18}{len(some):6}{counts}")
+    ratios = [of.ratio2 for of in found if of.verdict == "decisive" and of.right]
+    wrong = [of for of in found if of.verdict == "decisive" and not of.right]
+    print(f"right of decisive {1 - len(wrong) / max(len(decisive), 1):.3f}", end=", ")
+    print(f"of identifiable {sum(able) / max(len(able), 1):.3f}")
+    print(f"pose error over its bound, rms: {math.sqrt(np.nanmean(ratios)):.2f}", end=", ")
+    print(f"median {math.sqrt(np.nanmedian(ratios)):.2f}")
+    seconds = [of.seconds for of in found]
+    print(f"seconds of a search: median {np.median(seconds):.1f}, most {max(seconds):.1f}")
 
 
 def main() -> None:
     """Print the shares."""
     parse = argparse.ArgumentParser(description=__doc__)
-    parse.add_argument("--logs", type=int, default=300)
-    parse.add_argument("--clean", type=int, default=300)
-    parse.add_argument("--seed", type=int, default=0)
-    parse.add_argument("--robot", nargs="*", default=[])
+    for name, default in (("logs", 1000), ("clean", 1000), ("seed", 0), ("jobs", 2)):
+        parse.add_argument(f"--{name}", type=int, default=default)
     parse.add_argument("--verbose", action="store_true")
     asked = parse.parse_args()
-    robots = {k: v for k, v in ROBOTS.items() if not asked.robot or v[0] in asked.robot}
-    counts: dict[str, list[Any]] = defaultdict(list)
-    ratios, times = [], []
-    for number in tqdm(range(asked.logs), disable=asked.verbose):
-        rng = np.random.default_rng([asked.seed, number])
-        label = list(robots)[number % len(robots)]
-        name, sensors = robots[label]
-        robot = tp.load(name).with_sensors(*sensors)
-        every = mistakes(robot, rng)
-        kind = list(every)[(number // len(robots)) % len(every)]
-        wrong = every[kind]()
-        log = log_checks.log_of(robot, wrong.rows)
-        case = Case(robot, log, {"loss": "squares"})
-        begun = time.process_time()
-        found, fits = causes.search(robot, log)
-        times.append(time.process_time() - begun)
-        alike = found.found[: max(found.alike, 1)]
-        right = any(of.kind == wrong.kind and wrong.word in of.text for of in alike)
-        seen = found.verdict in ("decisive", "undecided") and identifiable(case, wrong)
-        seen = seen or (found.verdict in ("none", "unexplained") and identifiable(case, wrong))
-        counts[kind].append((found.verdict, right, seen))
-        if (
-            asked.verbose
-            and (not right or found.verdict != "decisive")
-            and (seen or found.verdict == "decisive")
-        ):
-            print(f"{number} {label}: {kind} {wrong.word} -> {found.verdict}: {found.text[:240]}")
-        if found.verdict == "decisive" and right:
-            fit = fits[0]
-            good = np.isfinite(fit.x).all(axis=1)
-            x = _truth(wrong, fit)
-            if x is not None:
-                off = fit.x[good] - x[good]
-                sigma = accuracy(fit.robot, fit.x[good], level=fit.level)
-                white = np.einsum("ki,kij,kj->k", off, np.linalg.inv(sigma), off)
-                ratios.append(white.mean() / robot.n)
-    _show(counts)
-    print(f"seconds a search: median {np.median(times):.2f}, most {max(times):.2f}")
-    if ratios:
-        print(f"pose error over its bound, rms over logs: {math.sqrt(np.mean(ratios)):.3f}")
-    if asked.clean:
-        claimed = 0
-        for number in range(asked.clean):
-            label = list(robots)[number % len(robots)]
-            name, sensors = robots[label]
-            robot = tp.load(name).with_sensors(*sensors)
-            rng = np.random.default_rng([asked.seed, 1, number])
-            box = robot.spec.workspace
-            x = rng.uniform(box.minimum, box.maximum, (POSES, robot.n))
-            rows = robot.sample(seed=number).read(x, seed=number, level=robot.highest_level)
-            found, _ = causes.search(robot, log_checks.log_of(robot, rows))
-            claimed += found.verdict != "none"
-            if asked.verbose and found.verdict != "none":
-                print(f"clean {number} {label}: {found.verdict}: {found.text[:200]}")
-        print(f"clean logs with a cause claimed: {claimed} of {asked.clean}")
-
-
-def _truth(wrong: Wrong, fit: tp.Calibration) -> np.ndarray | None:
-    return None
-
-
-def _show(counts: dict[str, list[Any]]) -> None:
-    print(
-        f"{'mistake':18} {'logs':>5} {'decisive':>9} {'right':>6} {'identifiable':>13} {'right first':>12}"
-    )
-    total = [0, 0, 0, 0, 0]
-    for kind, each in counts.items():
-        decisive = [right for verdict, right, _ in each if verdict == "decisive"]
-        seen = [right for _, right, able in each if able]
-        row = [len(each), len(decisive), sum(decisive), len(seen), sum(seen)]
-        total = [a + b for a, b in zip(total, row, strict=True)]
-        print(f"{kind:18} {row[0]:5} {row[1]:9} {row[2]:6} {row[3]:13} {row[4]:12}")
-    print(f"{'all':18} {total[0]:5} {total[1]:9} {total[2]:6} {total[3]:13} {total[4]:12}")
-    print(
-        f"right of decisive {total[2] / max(total[1], 1):.3f}, of identifiable {total[4] / max(total[3], 1):.3f}"
-    )
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        run = pool.map(partial(searched, seed=asked.seed), range(asked.logs))
+        found = list(tqdm(run, total=asked.logs, desc="logs"))
+        run = pool.map(partial(clean, seed=asked.seed), range(asked.clean))
+        good = list(tqdm(run, total=asked.clean, desc="clean logs"))
+    if asked.verbose:
+        for of in found:
+            if not of.right and (of.identifiable or of.verdict == "decisive"):
+                print(f"{of.mistake}: {of.verdict}: {of.text}")
+        print(*(text for text in good if not text.startswith("none")), sep="\n")
+    show(found)
+    claimed = sum(not text.startswith(("none", "unexplained")) for text in good)
+    print(f"good logs with a cause claimed: {claimed} of {len(good)}")
 
 
 if __name__ == "__main__":

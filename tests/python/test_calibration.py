@@ -73,7 +73,7 @@ def test_passive_joints_teach_every_robot(case, anywhere, rng):
     before, after, nees = [], [], []
     for seed in range(5):
         true = robot.sample(seed)
-        fit = tp.calibrate(robot, true.read(x))
+        fit = tp.calibrate(robot, true.read(x), cause="ignore")
         q_e = true.read(others)
         learnt, drawn = (r.estimate(q_e, guess=others) for r in (fit.robot, robot.expected()))
         after.append(difference(robot, learnt.x, others))

@@ -111,7 +111,10 @@ MISTAKES = {
         lambda: tp.calibrate(H4, "log.csv"),
         r"pass truepose\.logs\.read\(robot, 'log",
     ),
-    "a log in degrees": (lambda: tp.calibrate(H4, np.degrees(some_readings())), "in m and rad"),
+    "a log in degrees": (
+        lambda: tp.calibrate(H4, np.degrees(some_readings())),
+        "in degrees, must be rad",
+    ),
     "a loss misspelt": (lambda: tp.calibrate(H4, some_readings(), loss="hubber"), "mean 'huber'"),
     "motors to estimate": (
         lambda: H4.estimate(Q),

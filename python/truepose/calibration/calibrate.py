@@ -34,7 +34,7 @@ CHOICES: tuple[CauseChoice, ...] = ("refuse", "apply", "ignore")
 
 def calibrate(
     robot: Robot,
-    readings: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    readings: ArrayLike | Mapping[str, ArrayLike] | Log | None = None,
     *,
     known_pose: KnownPose | None = None,
     measured: ArrayLike | None = None,

@@ -153,8 +153,9 @@ def zero(
     rows = np.array([_mean(read_at[of == k]) for k in range(len(x))])
     sigmas = known / np.sqrt(np.bincount(of))[:, None]
     allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first])
-    settings = {"measured_sigma": sigmas, "registration": "known", "cause": "ignore"}
-    fit = calibrate(robot, rows, measured=x, **settings)
+    fit = calibrate(
+        robot, rows, measured=x, measured_sigma=sigmas, registration="known", cause="ignore"
+    )
     _require_agreement(fit, postures, of, known)
     if len(postures) == 1:
         told = np.isfinite(x[0])

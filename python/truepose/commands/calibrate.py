@@ -190,7 +190,7 @@ def _assess(
     try:
         return where, review.assess(robot, table, notes, **settings)
     except InputError as error:
-        raise InputError(f"{where}: {str(error).removeprefix('readings: ')}") from None
+        raise InputError(f"{where}: {options.of_log(error)}") from None
 
 
 def furthest(table: Table) -> Table:

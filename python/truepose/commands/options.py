@@ -345,3 +345,8 @@ class Asked:
 
 def _size(text: str | None, option: str, otherwise: float = 0.0, unit: str = "m") -> float:
     return otherwise if text is None else parse_size(text, option, unit)
+
+
+def of_log(error: InputError) -> str:
+    """Return an error about readings as the command line says it after the log's name."""
+    return str(error).removeprefix("readings: ").replace("cause='apply'", "--cause apply")

@@ -8,6 +8,7 @@ import numpy as np
 from typer import Option
 
 from truepose import logs
+from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.commands import options
@@ -99,9 +100,9 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
     """Calibrate on a log as `truepose calibrate` does; with contacts, without distances."""
     log = logs.read(robot, path)
     try:
-        return calibrate(robot, log, loss="student")
+        return calibrate(robot, log, loss="student", differences=Between().of(robot, log))
     except InputError as error:
-        raise InputError(f"{path}: {str(error).removeprefix('readings: ')}") from None
+        raise InputError(f"{path}: {options.of_log(error)}") from None
 
 
 def notes(found: PosePlan) -> list[str]:

@@ -200,13 +200,13 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     other = [each for each in near if all(each is not of for of in same)]
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
-    counts = {"alike": len(same), "near": len(near)}
+    alike, number = len(same), len(near)
     if not causes[0].consistent or any(each.kind == "tolerances" for each in near):
-        return Search(Causes("unexplained", causes, **counts), found, base)
+        return Search(Causes("unexplained", causes, alike, number), found, base)
     if not other:
-        return Search(Causes("decisive", causes, **counts), found, base)
+        return Search(Causes("decisive", causes, alike, number), found, base)
     where = separating(best.fit, other[0].fit)
-    return Search(Causes("undecided", causes, **counts, separating=where), found, base)
+    return Search(Causes("undecided", causes, alike, number, where), found, base)
 
 
 def _alike(first: Calibration, second: Calibration) -> bool:
