@@ -32,7 +32,7 @@ def fitted(robot: tp.Robot, log: tp.logs.Log, turn: np.ndarray | None = None) ->
         tolerances = {k: v for k, v in robot.spec.tolerances.items() if k != "chain*.gain"}
         robot = tp.Robot(robot.spec.model_copy(update={"tolerances": tolerances}))
         q = q * turn / COUNTED
-    fit = tp.calibrate(robot, q, measured=log.measured, **SIGMA)
+    fit = tp.calibrate(robot, q, measured=log.measured, cause="ignore", **SIGMA)
     return Fitted(fit, position_rms(fit, q, log.measured))
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.calibration import causes, log_checks
+from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
+from truepose.calibration.causes import search as causes
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations
 
 POSES = 60

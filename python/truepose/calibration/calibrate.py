@@ -14,14 +14,15 @@ from truepose import logs
 from truepose.arguments import Level, require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
-from truepose.calibration.causes import search
-from truepose.calibration.causes.hypothesis import Case, Hypothesis
+from truepose.calibration.causes.hypothesis import Case, Hypothesis, lost
+from truepose.calibration.causes.search import DECISIVE, search, suspicion
 from truepose.calibration.differences import Difference, measurements
+from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Loss, ModelError, inflated, misfit
 from truepose.calibration.influences import NuisanceParameter, homings
 from truepose.calibration.registration import KnownPose, Registration
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import Log
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
@@ -29,6 +30,8 @@ from truepose.robot.robot import Robot
 CauseChoice = Literal["refuse", "apply", "ignore"]
 #: Factor of the σ from which a misfit is notable.
 NOTABLE = 1.2
+#: Share of outliers below which a robust fit asks for no cause.
+OUTLIERS = 0.1
 CHOICES: tuple[CauseChoice, ...] = ("refuse", "apply", "ignore")
 
 
@@ -188,9 +191,11 @@ def explained(
         if refused:
             raise InputError(f"readings: {'; '.join(refused)}")
         return case.fitted(none), none
-    causes, found, base = search(robot, log, settings, always=bool(refused), progress=progress)
     squares = settings.get("loss", "squares") == "squares"
-    if not squares and causes.found and causes.found[0].kind == "gross errors":
+    if not (squares or refused) and (robust := case.fit(none)) is not None and agrees(robust):
+        return robust, none
+    causes, found, base = search(robot, log, settings, always=bool(refused), progress=progress)
+    if not squares and any(of.kind == "gross errors" for of in causes.found[: causes.near]):
         causes = replace(causes, verdict="none")  # the loss is for these
     if causes.verdict == "decisive" and cause == "apply":
         of, fit = found[0].of, found[0].fit
@@ -200,10 +205,28 @@ def explained(
         raise InputError(f"readings: {causes.text}; cause='apply' undoes it")
     if refused:
         raise InputError(f"readings: {'; '.join(refused)}")
-    fit = base if squares and base is not None else case.fitted(none)
+    try:
+        fit = base if squares and base is not None else case.fitted(none)
+    except PoseError as error:
+        raise PoseError(f"{error}; {contradicting(robot, log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         fit = inflated(fit, causes.text)
     return replace(fit, causes=causes), none
+
+
+def agrees(fit: Calibration) -> bool:
+    """Return whether a robust fit leaves nothing to explain but a few outliers."""
+    few = len(fit.outliers) <= OUTLIERS * len(fit.status)
+    known = suspicion(fit) < DECISIVE and not fit.departure.rejected
+    return few and known and lost(fit) == 0 and misfit(fit) < NOTABLE
+
+
+def contradicting(robot: Robot, log: Log) -> str:
+    """Name the rows whose sensors are furthest from their prediction by the motors."""
+    seen = expect(robot.expected(), log.readings, loads=log.loads)
+    off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
+    off = np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+    return f"furthest from the motors' prediction: {log.at(np.argsort(-off)[:8])}"
 
 
 def left_out(fit: Calibration, log: Log) -> list[str]:

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from truepose import logs
 from truepose.arguments import Array
-from truepose.calibration import log_faults
+from truepose.calibration.causes import column_check
+from truepose.calibration.causes.column_check import APART, apart
 from truepose.calibration.causes.columns import DEGREES, MILLIMETRES, UNITS
 from truepose.calibration.expectation import expect, poses_of
-from truepose.calibration.log_faults import APART, apart
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot import knowledge
@@ -145,7 +145,9 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     """Return the mistakes that explain motors and sensors; none where these agree."""
     n = robot.n
     read = np.isfinite(log.readings[:, :n]).all(axis=1)
-    found = log_faults.named(robot, log) if read.any() else ["no line has a reading of every motor"]
+    found = (
+        column_check.named(robot, log) if read.any() else ["no line has a reading of every motor"]
+    )
     if found is None:
         return []
     if found:
@@ -156,7 +158,7 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
         lines = np.flatnonzero(read)
         texts = [_stuck_at(log, k, q[0, k], lines) for k in np.flatnonzero(still).tolist()]
         return [Finding(text, refused=True) for text in texts]
-    near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
+    near = column_check.plausible(robot, column_check.few(robot, log).readings)
     if near >= 0.5:
         return []
     share = f"only {100 * near:.0f} % of the lines lie near the robot's workspace"
@@ -169,7 +171,7 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
     """Check units of external measurements by distances, which no frame changes."""
     if log.measured is None:
         return
-    few = log_faults.few(robot, log)
+    few = column_check.few(robot, log)
     outside = np.asarray(few.measured)
     x = poses_of(robot, few.readings[:, : robot.n])
     angle = angles(robot)

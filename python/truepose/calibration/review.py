@@ -228,6 +228,7 @@ def beside_table(fit: Calibration) -> Table | None:
 def tables_of(result: Assessment) -> list[Table]:
     """Return every table that applies, in reading order."""
     fit = result.fit
-    tables = [residuals(result) if result.names else None, fit.table(), worst(fit)]
+    causes = fit.causes.table() if fit.causes.verdict != "none" else None
+    tables = [causes, residuals(result) if result.names else None, fit.table(), worst(fit)]
     tables += [differences_table(fit), beside_table(fit), registration_table(fit)]
     return [table for table in (*tables, predicted(result)) if table is not None]

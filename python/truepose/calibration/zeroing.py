@@ -13,9 +13,9 @@ from truepose.arguments import Array, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.causes.column_check import APART, MISFIT
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.log_faults import APART, MISFIT
 from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge

@@ -9,7 +9,8 @@ import pytest
 
 import truepose as tp
 from truepose import _core, logs
-from truepose.calibration import expectation, log_checks, log_faults
+from truepose.calibration import expectation, log_checks
+from truepose.calibration.causes import column_check
 from truepose.robot import frames
 
 SENSORS = {
@@ -181,7 +182,7 @@ def test_every_mistake_is_undone_by_its_undoing(cases):
     for robot, q_e in cases.values():
         log = logs.of(robot, dict(zip(robot.readings, q_e.T, strict=True)))
         marks = np.arange(1.0, q_e.shape[1] + 1)[None]
-        made = log_faults.mistakes(robot, replace(log.only([0]), readings=marks))
+        made = column_check.mistakes(robot, replace(log.only([0]), readings=marks))
         assert len({m.text for m in made}) == len(made)
         for mistake in made:
             undone = np.abs(mistake.log.readings)[0]
@@ -315,7 +316,7 @@ def test_poses_far_from_the_workspace_are_not_plausible():
     )
     for workspace, share in ((h4.spec.workspace, 1), (None, 1), (small, 0.25)):
         robot = tp.Robot(h4.spec.model_copy(update={"workspace": workspace}))
-        assert log_faults.plausible(robot, q) == share
+        assert column_check.plausible(robot, q) == share
 
 
 def test_much_memory_is_said_before_it_is_taken(cases, monkeypatch):

@@ -1,0 +1,236 @@
+"""Search for the cause that explains a log: wrong parts, columns, rows, surroundings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
+from truepose.calibration.cause import Cause, Causes
+from truepose.calibration.causes import columns, hypothesis, parts, rows, surroundings
+from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, evidence, lost
+from truepose.calibration.expectation import expect
+from truepose.calibration.fit import Calibration
+from truepose.calibration.learnt import chi2_quantile
+from truepose.logs import Log
+from truepose.robot.robot import Robot
+from truepose.show.units import PRINT
+
+#: Every cause by name; a new one is a generator of hypotheses and an entry here.
+CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
+    "homing": parts.homing,
+    "rod": parts.rod,
+    "arm": parts.arm,
+    "joint": parts.joint,
+    "tolerances": parts.tolerances,
+    "sensor offset": parts.sensor_offset,
+    "gain": columns.gain,
+    "sign": columns.sign,
+    "unit": columns.unit,
+    "order": columns.order,
+    "outside coordinates": columns.outside,
+    "sensor body": columns.body,
+    "common constant": columns.common,
+    "shifted rows": rows.shifted,
+    "stuck": rows.stuck,
+    "slip": rows.slipped,
+    "gross errors": rows.gross,
+    "lean": surroundings.lean,
+    "load": surroundings.load,
+}
+#: Probability of a consistent log below which causes are searched; below which one is unexplained.
+DOUBT, REJECTED = 0.05, 1e-4
+#: Odds that decide.
+DECISIVE = math.log(100.0)
+#: Column and row mistakes that are fitted, of those that motors and sensors contradict least.
+FITTED = 16
+#: A log with more rows is searched by blocks of consecutive ones; then so many causes by all.
+ROWS, BLOCK, AGAIN = 120, 12, 5
+#: Causes that are kept.
+SHOWN = 12
+#: Mistakes without a size that are always fitted.
+ALWAYS = ("stuck", "gross errors", "sensor body", "tolerances")
+
+
+class Search(NamedTuple):
+    """Causes, what explains the log best first, and the fit without any; None if that failed."""
+
+    causes: Causes
+    found: list[Explained]
+    base: Calibration | None
+
+
+def search(
+    robot: Robot,
+    log: Log,
+    settings: Mapping[str, Any] | None = None,
+    *,
+    always: bool = False,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Search:
+    """Find the causes of a log's disagreement with a robot.
+
+    Nothing is searched, unless `always`, where log, tolerances and noise agree. `settings` are
+    those of :func:`fitting.fit_to`; gross errors are a cause, so that the loss is that of squares.
+    A long log is searched by some of its rows. `progress` is called with the share done.
+    """
+    case = Case(robot, log, {**(settings or {}), "loss": "squares", "tuning": None})
+    none = case.nothing()
+    base = case.fit(none)
+    if base is not None and not always and consistent(base, DOUBT) and suspicion(base) < DECISIVE:
+        return Search(Causes("none"), [], base)
+    some = _some(case)
+    most = _equations(case, some)
+    begun = base if some is None else case.fit(none, some)
+    own = -hypothesis.GROSS * most if begun is None else evidence(begun, none, most)
+    tried, found = _tried(case), []
+    for k, (kind, of) in enumerate(tried):
+        progress(k / len(tried))
+        if (fit := case.fit(of, some)) is not None:
+            found.append(Explained(kind, of, fit, evidence(fit, of, most) - own))
+    found.sort(key=lambda each: -each.log_odds)
+    if some is not None:  # the most probable ones by every row
+        found = [
+            each._replace(fit=fit)
+            for each in found[:AGAIN]
+            if (fit := case.fit(each.of)) is not None
+        ]
+    return _judged(base, found)
+
+
+class Explained(NamedTuple):
+    """A hypothesis, the calibration under it, and its log odds against no mistake."""
+
+    kind: str
+    of: Hypothesis
+    fit: Calibration
+    log_odds: float
+
+    @property
+    def cause(self) -> Cause:
+        """The cause with its size."""
+        text, size, sigma = self.of.text, None, None
+        if (kind := self.of.size) is not None:
+            name = kind.parameter
+            known = self.fit.parameters[name] if name else self.fit.influences["cause"]
+            size, sigma = known.value - known.prior, known.sigma
+            if kind.gain is not None:
+                size, sigma = 1 / (1 - size), sigma / (1 - size) ** 2
+            factor, unit = PRINT[kind.unit]
+            text += f" {factor * size:.4g} ± {factor * sigma:.2g}{f' {unit}' if unit else ''}"
+        return Cause(self.kind, text, self.log_odds, consistent(self.fit, REJECTED), size, sigma)
+
+
+def _some(case: Case) -> Array | None:
+    """Return blocks of consecutive rows of a long log; None where all rows are searched."""
+    count = len(case.log.readings)
+    if count <= ROWS or case.settings.get("differences"):
+        return None
+    starts = np.linspace(0, count - BLOCK, ROWS // BLOCK).astype(int)
+    return np.unique(starts[:, None] + np.arange(BLOCK))
+
+
+def _equations(case: Case, rows: Array | None) -> int:
+    """Return the number of equations of a log beyond those that its poses take."""
+    n, log = case.robot.n, case.log if rows is None else case.log.only(rows)
+    read = np.isfinite(log.readings[:, :n]).all(axis=1)
+    count = int(np.isfinite(log.readings[read, n:]).sum())
+    if log.measured is not None:
+        count += int(np.isfinite(log.measured[read]).sum())
+    return count
+
+
+def consistent(fit: Calibration, probability: float) -> bool:
+    """Return whether cost and rows of a fit are those of a correct model.
+
+    The least cost, Σ d² plus the squared deviations from the prior in units of σ, has the χ²
+    distribution of as many freedoms as there are equations, whatever the number of unknowns.
+    """
+    limit = chi2_quantile(1 - probability, max(equations(fit), 1))
+    return lost(fit) == 0 and bool(fit.cost <= limit)
+
+
+def suspicion(fit: Calibration) -> float:
+    """Return the largest log odds of a parameter far beyond its tolerance, to first order.
+
+    With more variance v of one parameter, ln (marginal likelihood) rises by
+    ½ (g² v / (1 + v h) - ln (1 + v h)), g = [Σ₀⁻¹ (ξ̂ - μ)], h = [Σ₀⁻¹ - Σ₀⁻¹ Σ Σ₀⁻¹].
+    """
+    off = np.array([p.value - p.prior for p in fit.parameters.values()])
+    inverse = np.linalg.inv(fit.prior_covariance)
+    g = inverse @ off
+    h = np.maximum(np.diag(inverse - inverse @ fit.covariance @ inverse), 0.0)
+    v = hypothesis.WIDE**2 * np.diag(fit.prior_covariance)
+    gain = (g**2 * v / (1 + v * h) - np.log1p(v * h)) / 2
+    return float(gain.max(initial=-math.inf)) + hypothesis.LN_RATE
+
+
+def _tried(case: Case) -> list[tuple[str, Hypothesis]]:
+    """Return every hypothesis of one unknown, and of the others those that contradict least."""
+    every = [(kind, of) for kind, generate in CAUSES.items() for of in generate(case)]
+    sized = [pair for pair in every if pair[1].size is not None or pair[0] in ALWAYS]
+    others = [pair for pair in every if pair not in sized]
+    far = [_contradiction(of) for _, of in others]
+    return sized + [others[k] for k in np.argsort(far, kind="stable")[:FITTED]]
+
+
+def _contradiction(of: Hypothesis) -> float:
+    """Return how far readings are from the motors' prediction; a row without one counts most."""
+    seen = expect(of.robot, of.log.readings)
+    if of.robot.r == 0:
+        return float((~np.isfinite(seen.x).all(axis=1)).sum())
+    each = np.log1p((seen.residual / seen.sigma) ** 2)
+    read = np.isfinite(of.log.readings[:, of.robot.n :])
+    return float(np.where(np.isfinite(each), each, 30.0)[read].mean()) if read.any() else np.inf
+
+
+def _judged(base: Calibration | None, found: list[Explained]) -> Search:
+    """Return the verdict: the first cause must explain the log, and be likelier than any other."""
+    causes = tuple(each.cause for each in found[:SHOWN])
+    if not found or found[0].log_odds < DECISIVE:
+        agrees = base is not None and consistent(base, REJECTED)
+        return Search(Causes("none" if agrees else "unexplained", causes), found, base)
+    best = found[0]
+    near = [each for each in found if each.log_odds > best.log_odds - DECISIVE]
+    same = [each for each in near if each is best or _alike(best.fit, each.fit)]
+    other = [each for each in near if all(each is not of for of in same)]
+    found = same + other + found[len(near) :]
+    causes = tuple(each.cause for each in found[:SHOWN])
+    alike, number = len(same), len(near)
+    if not causes[0].consistent or any(each.kind == "tolerances" for each in near):
+        return Search(Causes("unexplained", causes, alike, number), found, base)
+    if not other:
+        return Search(Causes("decisive", causes, alike, number), found, base)
+    where = separating(best.fit, other[0].fit)
+    return Search(Causes("undecided", causes, alike, number, where), found, base)
+
+
+def _alike(first: Calibration, second: Calibration) -> bool:
+    """Return whether two calibrations give the same poses of the log, within their σ."""
+    if first.x.shape != second.x.shape:
+        return False
+    off = first.x - second.x
+    good = np.isfinite(off).all(axis=1)
+    if not good.any():
+        return False
+    sigma2 = np.linalg.inv(accuracy(first.robot, first.x[good], level=first.level))
+    return bool(np.einsum("ki,kij,kj->k", off[good], sigma2, off[good]).mean() < off.shape[1])
+
+
+def separating(first: Calibration, second: Calibration) -> Array | None:
+    """Return the pose of the workspace at which the readings of two robots differ most, in σ."""
+    box = first.robot.spec.workspace
+    if box is None:
+        return None
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (200, first.robot.n))
+    q = first.robot.ikm(x, errors="nan")
+    rows = np.hstack([q, np.zeros((len(q), first.robot.r))])
+    a, b = (expect(of.robot, rows) for of in (first, second))
+    off = np.abs(a.expected - b.expected) / np.hypot(a.sigma, b.sigma)
+    if not np.isfinite(off).any():
+        return None
+    return np.asarray(x[np.nanargmax(np.nan_to_num(off).sum(axis=1))])
