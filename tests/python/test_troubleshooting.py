@@ -50,6 +50,7 @@ CAUSES = {
     "in degrees": lambda _: log("q1", np.degrees),
     "sign": lambda _: log("q1", np.negative),
     "stuck": lambda _: log("theta", lambda column: np.full_like(column, 0.1)),
+    "against no mistake": lambda _: log("q1", lambda column: column + 0.09),
     "motors determine only the pose": motors_alone,
     "would need": lambda _: tp.simulate(tp.load("h4"), duration=0.02),
     "cannot hold": lambda _: tp.Controller.for_robot(tp.load("h4"), period=0.02),
