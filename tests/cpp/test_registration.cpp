@@ -58,7 +58,7 @@ struct Scene {
     return registered(mobility, known, unknown_marker, unknown_marker, rows(), pose.data(),
                       status.data(), measured.data());
   }
-  /// Largest difference of what was measured in row k from what a registration expects.
+  /// Largest difference of row k's measurement from the expected one.
   double apart(const Registration& by, int k) const {
     const Coordinates e = innovation(mobility, seen(mobility, by, pose[k]), &measured[k * n]);
     double most = 0;
