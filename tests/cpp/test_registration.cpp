@@ -43,7 +43,13 @@ struct Scene {
     for (int k = 0; k < rows; ++k) {
       pose.push_back(some_pose(mobility, random));
       status.push_back(Status::ok);
-      const Seen at = seen(mobility, truth, pose.back());
+    }
+    measure();
+  }
+  void measure() {
+    measured.clear();
+    for (const Pose& there : pose) {
+      const Seen at = seen(mobility, truth, there);
       const Vec3 turn = log_so3(at.Q);
       for (int i = 0; i < n; ++i)
         measured.push_back(i < positions_of(mobility)      ? at.p[i]
@@ -110,7 +116,10 @@ TEST("what a tracker sees changes with pose, frame and marker as its derivatives
                      1e-8);
       }
     }
-    if (turns_about_z(mobility)) CHECK_NEAR(here.blunt * here.Q.col(0).head<2>().norm(), 1, 1e-12);
+    const double level = turns_about_z(mobility) ? here.Q.col(0).head<2>().norm() : 1;
+    CHECK_NEAR(here.blunt * level, 1, 1e-12);
+    const Coordinates e = innovation(mobility, here, measured.data());
+    for (int i = n; i < kMaxDof; ++i) CHECK(std::isnan(e[i]));
   }
 }
 
@@ -200,6 +209,93 @@ TEST("where positions span no plane, tracker and base are parallel and apart by 
         CHECK_NEAR(found.base.t[i], sum / count, 1e-12);
       }
     }
+  }
+}
+
+TEST("an angle may be measured whole turns away, and half a turn wrong") {
+  for (const Mobility mobility : {Mobility::planar, Mobility::schoenflies}) {
+    const int last = dof(mobility) - 1;
+    const Seen here = seen(mobility, {}, Pose{});
+    for (const double apart : {-3.1, 0.2, 3.1})
+      for (const int whole : {-2, 0, 1}) {
+        std::array<double, 4> measured{};
+        measured[last] = apart + 2 * std::numbers::pi * whole;
+        CHECK_NEAR(innovation(mobility, here, measured.data())[last], apart, 1e-12);
+      }
+  }
+}
+
+TEST("angles of passive axes are measured as they are, without a frame") {
+  for (const Mobility mobility : {Mobility::rotational_2, Mobility::rotational_3}) {
+    const int n = dof(mobility);
+    Pose pose;
+    pose.D = Vec3(0.1, -0.2, 0.3);
+    Registration known;
+    known.base = {Vec3(0.5, -0.3, 0.2), exp_so3(Vec3(0.3, -0.2, 0.4))};
+    const Seen here = seen(mobility, known, pose);
+    CHECK(here.blunt == 1);
+    const std::array<double, 3> measured{0.4, 0.5, 0.7};
+    const Coordinates e = innovation(mobility, here, measured.data());
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(e[i], measured[i] - pose.D[i], 1e-12);
+      for (int j = 0; j < n; ++j) CHECK(here.H_x[i][j] == (i == j));
+      for (const double slope : here.H[i]) CHECK(slope == 0);
+    }
+    const Status status = Status::ok;
+    const Registration found =
+        registered(mobility, known, true, true, 1, &pose, &status, measured.data());
+    CHECK(found.base.t == known.base.t && found.base.R == known.base.R);
+  }
+}
+
+TEST("the nearest rotation is a rotation, and none is nearer, whatever the matrix") {
+  check::Random random(3);
+  for (int sample = 0; sample < 20; ++sample) {
+    Mat3 A;
+    for (double& entry : A.reshaped()) entry = random();
+    if (sample % 2) A.col(2) = A.col(0) - A.col(1);  // points of a plane
+    const Mat3 R = nearest_rotation(A);
+    CHECK((R * R.transpose() - Mat3::Identity()).norm() < 1e-12);
+    CHECK_NEAR(R.determinant(), 1, 1e-12);
+    for (int other = 0; other < 20; ++other) {
+      const Mat3 turned = exp_so3(Vec3(random(), random(), random())) * R;
+      CHECK((turned.transpose() * A).trace() < (R.transpose() * A).trace());
+    }
+  }
+}
+
+TEST("a robot of a thousandth of the size has the same rotation of its tracker") {
+  Scene scene(Mobility::translation);
+  for (Pose& pose : scene.pose) pose.D *= 1e-3;
+  for (double& value : scene.measured) value *= 1e-3;
+  CHECK((scene.found(false).base.R - scene.truth.base.R).norm() < 1e-6);
+}
+
+TEST("a marker's angle under a slightly tilted tracker is right to the square of its tilt") {
+  constexpr double tilt = 0.02;
+  const Mobility mobility = Mobility::schoenflies;
+  Scene scene(mobility);
+  scene.truth.base.R = exp_so3(Vec3(tilt, 0, 0)) * scene.truth.base.R;
+  scene.measure();
+  const Registration found = scene.found();
+  CHECK((found.base.R - scene.truth.base.R).norm() < 1e-6);
+  CHECK((found.marker.R - scene.truth.marker.R).norm() < 4 * tilt * tilt);
+}
+
+TEST("where a platform hardly turns, all is explained, and noise does not move the marker") {
+  for (const double most : {5e-3, 1e-4}) {
+    Scene scene(Mobility::spatial);
+    check::Random random(3);
+    for (Pose& pose : scene.pose) pose.R = exp_so3(2 * most * Vec3(random(), random(), random()));
+    scene.truth.marker.t = Vec3(0.3, -0.4, 0.2);
+    scene.measure();
+    const bool noisy = most < 1e-3;
+    for (int k = 0; k < scene.rows() && noisy; ++k)
+      for (int i = 0; i < 3; ++i) scene.measured[k * scene.n + i] += 1e-3 * random();
+    const Registration found = scene.found();
+    for (int k = 0; k < scene.rows(); ++k) CHECK(scene.apart(found, k) < 2e-3);
+    // Noise, which its place would have to explain, does not move it.
+    if (noisy) CHECK(found.marker.t.norm() < 0.02);
   }
 }
 
