@@ -40,7 +40,7 @@ struct Scene {
       line.B = RowMatrix::Zero(n, p);
       for (int i = 0; i < n; ++i) {
         line.e[i] = random();
-        for (int j = i; j < n; ++j) line.R[i][j] = i == j ? 3 : random();
+        for (int j = i; j < n; ++j) line.R[i][j] = i == j ? 2 + 8 * k : random();
         for (int j = 0; j < p; ++j) line.B(i, j) = random();
       }
     }
@@ -194,12 +194,37 @@ TEST("a block of links is the marginal of all its equations over poses and noise
 }
 
 TEST("a link that says nothing of itself is a touched plane across z, measured as 0 within 1") {
-  Scene scene;
+  Scene scene(false);
+  scene.lines[0].B.setZero();
+  scene.links = Links{};
+  scene.links.mean = {0.1, -0.2, 0.3, 5, 5};  // c, which are also h, a, b
   scene.links.link = {Link{}};
-  scene.links.mean.assign(8, 0);
   const LinkBlock block = scene.blocks()[0];
-  CHECK_NEAR(block.e[0], -scene.poses[0].D.z(), 0);
-  CHECK_NEAR(scene.links.link[0].sigma, 1, 0);
+  const Vec3 at = scene.poses[0].D + Vec3(0.1, -0.2, 0.3);
+  CHECK_NEAR(block.e[0], -(at.z() - 0.1 + 0.2 * at.x() - 0.3 * at.y()), 1e-12);
+  const double slopes[]{0.2 - 1, -0.3 - at.x(), 1 - at.y()};
+  for (int k = 0; k < Scene::p; ++k) CHECK_NEAR(block.B(0, k), k < 3 ? slopes[k] : 0, 1e-12);
+}
+
+TEST("a plane slopes along the axis after its own and the one after that, cyclically") {
+  const Pose pose;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Link link{LinkKind::plane, {0}, 0, 3, axis};
+    const int next = (axis + 1) % 3, after = (axis + 2) % 3;
+    std::array<double, 6> w{0, 0, 0, 0.1, 0.2, 0.3};
+    w[next] = 0.5, w[after] = -0.7;
+    w[axis] = 0.1 + 0.2 * w[next] + 0.3 * w[after];  // a tool point of the plane
+    CHECK_NEAR(expected(Mobility::translation, link, &pose, w.data()).value, 0, 1e-15);
+  }
+}
+
+TEST("a length from middle to middle does not depend on the width of a printed line") {
+  const std::array<Pose, 2> poses{Pose{}, Pose{Vec3(0.3, 0.4, 0)}};
+  std::array<double, 5> w{0, 0, 0, 0.01, 0.2};
+  Link link{LinkKind::distance, {0, 1}, 0, 3};
+  CHECK_NEAR(expected(Mobility::translation, link, poses.data(), w.data()).value, 0.505, 1e-15);
+  link.times = 1;
+  CHECK_NEAR(expected(Mobility::translation, link, poses.data(), w.data()).value, 0.705, 1e-15);
 }
 
 TEST("links that share no row are apart, and those of a row without a pose are ignored") {
@@ -249,7 +274,7 @@ TEST("parameters, poses and links left out are those of all equations at once") 
       block.y -= block.B * u;  // as linearised where the search ended
       cross_validate(scene.links, block, information.llt().matrixL(), result);
     }
-    for (const int k : {2, 5, 7}) CHECK(std::isnan(result[k].left_out));
+    for (const int k : {2, 5, 7}) CHECK(std::isnan(result[k].left_out) && result[k].weight == 0);
     for (const LinkBlock& block : blocks)
       for (const int k : block.link) {
         AtOnce others = none;
