@@ -146,6 +146,8 @@ TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on pat
       refreshed += q != scene.kept.q;
       ++cycles;
     }
+    CHECK(scene.kept.slope > 0);  // learnt from one refresh to the next
+    CHECK(scene.kept.reach != kFirstReach);
   });
   std::printf("     %.3f of a σ at most, refreshed in %.1f %% of %ld cycles\n", most,
               100.0 * refreshed / cycles, cycles);

@@ -8,35 +8,47 @@ using namespace mechanisms;
 
 namespace {
 
-constexpr Mobility K = Mobility::planar_translation;
-constexpr int n = kDof<K>;
-
-/// A five-bar with two telemeters that differs from its drawing, and a log of it.
-class Scene {
+/// A robot with two telemeters that differs from its drawing, and a log of it.
+template <Mobility K>
+class SceneOf {
  public:
+  static constexpr int n = kDof<K>;
   Robot robot, truth;
   Knowledge known;
-  std::vector<double> mean, q_e, measured, measured_sigma;
+  std::vector<double> mean, q_e, measured, measured_sigma, influence;
   std::vector<Joint> x;
   CalibrationSettings settings;
   Registration registration;
+  Links links;
 
-  explicit Scene(int lines, int r = 2, bool in_unknown_frame = false)
-      : robot(five_bar().robot), prior_((robot.r = r, robot)) {
+  /// @param influences, nuisances  their numbers
+  /// @param unsure  scale of the robot's prior
+  /// @param of_links  number of the links' unknowns
+  SceneOf(const Mechanism& mechanism, int lines, int r, bool in_unknown_frame = false,
+          int influences = 0, int nuisances = 0, double unsure = 1, int of_links = 0)
+      : robot(mechanism.robot), prior_((robot.r = r, robot)) {
+    settings.influences = influences, settings.nuisances = nuisances;
     const Knowledge of_robot = prior_.known();
     column_.assign(of_robot.column, of_robot.column + of_robot.count);
     if (in_unknown_frame) {
       settings.registration = of_robot.count;
       column_.insert(column_.end(), kRegistration, -1);
     }
+    links.first = static_cast<int>(column_.size());
+    column_.insert(column_.end(), of_links + settings.influences, -1);
+    for (int i = 0; i < settings.nuisances; ++i)
+      column_.push_back(chain_column(i) + static_cast<int>(ChainParameter::tilt));
     const int p = static_cast<int>(column_.size());
     root = RowMatrix::Zero(p, p);
     for (int k = 0; k < of_robot.count; ++k) {
-      root(k, k) = 3e-4 * (1 + k % 3);
+      root(k, k) = unsure * 3e-4 * (1 + k % 3);
       if (k > 0) root(k, k - 1) = 1e-4 * random_();
     }
     if (in_unknown_frame)
       for (const int k : {0, 1, 5}) root(of_robot.count + k, of_robot.count + k) = k < 5 ? 10 : 2;
+    for (int k = links.first; k < links.first + of_links; ++k) root(k, k) = 3e-3;
+    for (int k = p - settings.influences - settings.nuisances; k < p; ++k)
+      root(k, k) = k < p - settings.nuisances ? 2 : 5e-4;
     known = {p, column_.data(), root.data(), {}};
     for (double& sigma : known.sigma) sigma = 1e-5 * (2 + random_());
 
@@ -46,15 +58,24 @@ class Scene {
     for (int k = 0; k < of_robot.count; ++k) true_xi[column_[k]] += 1.5 * root(k, k) * random_();
     truth = robot;
     CHECK(set_parameters(robot, true_xi.data(), truth));
-    const Mechanism mechanism = five_bar();
     for (int k = 0; k < lines; ++k) {
       x.push_back(random_pose(mechanism, random_));
       Extended read{};
       CHECK(extended<K>(truth, to_pose<K>(x.back()), read));
-      for (int c = 0; c < readings(); ++c)
-        q_e.push_back(read[c] + std::sqrt(3) * known.sigma[c] * random_());
+      add(read);
     }
+    for (int k = 0; k < lines * readings() * settings.influences; ++k) act(k);
   }
+  void add(const Extended& read) {
+    for (int c = 0; c < readings(); ++c)
+      q_e.push_back(read[c] + std::sqrt(3) * known.sigma[c] * random_());
+  }
+  /// Lets an influence act on a reading: entry k of all patterns.
+  void act(int k) {
+    influence.push_back(3e-5 * random_());
+    q_e[k / settings.influences] += influence.back() * amount(k % settings.influences);
+  }
+  static double amount(int influence) { return 1.5 - 2 * influence; }
   int readings() const { return n + robot.r; }
   int lines() const { return static_cast<int>(q_e.size()) / readings(); }
   double* line(int k) { return q_e.data() + k * readings(); }
@@ -72,6 +93,7 @@ class Scene {
   CalibrationResult calibrate() const {
     ReadingLog log;
     log.count = lines(), log.q_e = q_e.data(), log.registration = registration;
+    log.influence = influence.data(), log.links = links;
     if (!measured.empty())
       log.measured = measured.data(), log.measured_sigma = measured_sigma.data();
     const Kernels model = kernels<K, IdealModel>();
@@ -89,6 +111,15 @@ class Scene {
   std::vector<int> column_;
 };
 
+constexpr Mobility K = Mobility::planar_translation;
+constexpr int n = kDof<K>;
+
+/// That of a five-bar.
+struct Scene : SceneOf<K> {
+  explicit Scene(int lines, int r = 2, bool in_unknown_frame = false)
+      : SceneOf(five_bar(), lines, r, in_unknown_frame) {}
+};
+
 /// Largest difference of two calibrations' parameters, in units of the first one's σ.
 double apart(const Scene& scene, const CalibrationResult& a, const CalibrationResult& b) {
   double most = 0;
@@ -99,49 +130,180 @@ double apart(const Scene& scene, const CalibrationResult& a, const CalibrationRe
   return most;
 }
 
+/// Checks that a calibration ended where the cost is level in every parameter and every pose, and
+/// that its covariance is that of all equations.
+/// @param exact  1, or more where D is that of poses a step before
+template <Mobility K>
+void check_level(const SceneOf<K>& scene, const CalibrationResult& result, double exact = 1) {
+  CHECK(result.outcome);
+  const int rows = scene.readings(), p = scene.known.count, m = scene.settings.nuisances;
+  const int given = scene.settings.influences;
+  Robot fitted = scene.robot;
+  CHECK(set_parameters(scene.robot, result.xi.data(), fitted));
+  Knowledge axes = scene.known;
+  axes.count = m;
+  axes.column += p - m;
+  constexpr int freedoms = kDof<K>;
+  const int poses = freedoms * scene.lines(), links = static_cast<int>(scene.links.link.size());
+  // All equations at once: readings, links, prior; in all poses, then u.
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows * scene.lines() + links + p, poses + p);
+  Eigen::VectorXd e = Eigen::VectorXd::Zero(J.rows());
+  for (int k = 0; k < scene.lines(); ++k) {
+    Extended q_e{}, expected, residual;
+    std::copy_n(scene.q_e.data() + k * rows, rows, q_e.begin());
+    Matrix<kMaxReadings, freedoms> H_x;
+    RowMatrix H_xi(2 * rows, parameter_count(fitted)), D(rows, 0);
+    if constexpr (kRodByRod<K>) CHECK(left_out<K>(fitted, axes, result.pose[k], H_xi.data(), D));
+    CHECK(linearise<K>(fitted, result.pose[k], expected, H_x, H_xi.data()));
+    innovation(fitted, q_e, expected, residual);
+    Eigen::MatrixXd B = Eigen::MatrixXd::Zero(rows, p);
+    for (int c = 0; c < rows; ++c) {
+      const double sigma = scene.known.sigma[c];
+      e[k * rows + c] = residual[c] / sigma;
+      for (int j = 0; j < freedoms; ++j) J(k * rows + c, k * freedoms + j) = H_x[c][j] / sigma;
+      for (int i = 0; i < p - m - given; ++i)
+        if (scene.known.column[i] >= 0) B(c, i) = H_xi(c, scene.known.column[i]) / sigma;
+      for (int j = 0; j < given; ++j)
+        B(c, p - m - given + j) = scene.influence[(k * rows + c) * given + j] / sigma;
+    }
+    B.rightCols(m) = D;
+    B *= scene.root;
+    J.block(k * rows, poses, rows, p) = B;
+    e.segment(k * rows, rows) -= B.rightCols(m + given) * result.u.tail(m + given);
+    const double square = e.segment(k * rows, rows).squaredNorm();
+    if (links == 0) CHECK_NEAR(result.chi2[k], square, exact * 1e-5);
+    CHECK(result.redundancy[k] == 2 && result.weight[k] == 1);
+  }
+  for (int k = 0; k < links; ++k) {
+    const Link& link = scene.links.link[k];
+    const LinkExpected at = expected(K, link, result.pose.data(), result.w.data());
+    const int row = rows * scene.lines() + k;
+    e[row] = (link.measured - at.value) / link.sigma;
+    CHECK_NEAR(result.link[k].residual, link.measured - at.value, 1e-3 * link.sigma);
+    CHECK(result.link[k].weight == 1);
+    for (int a = 0; a < link.ends(); ++a)
+      for (int j = 0; j < freedoms; ++j)
+        J(row, freedoms * link.line[a] + j) += at.H_x[a][j] / link.sigma;
+    for (int i = 0; i < 6; ++i) {
+      const double slope = i < 3 ? at.tool[i] : at.shape[i - 3];
+      const int column = scene.links.first + (i < 3 ? link.tool + i : link.shape + i - 3);
+      if (slope != 0) J(row, poses + column) += slope * scene.root(column, column) / link.sigma;
+    }
+  }
+  J.bottomRightCorner(p, p).setIdentity();
+  e.tail(p) = -result.u;
+  const Eigen::VectorXd pull = J.transpose() * e, size = J.cwiseAbs().transpose() * e.cwiseAbs();
+  for (int k = 0; k < poses + p; ++k) CHECK_NEAR(pull[k], 0, exact * 1e-4 * (1 + size[k]));
+  CHECK_NEAR(result.cost, e.squaredNorm(), exact * 1e-5 * result.cost);
+  const Eigen::MatrixXd covariance =
+      (scene.root * reference::inverse(J.transpose() * J).bottomRightCorner(p, p) *
+       scene.root.transpose())
+          .topLeftCorner(p - m, p - m);
+  CHECK((result.covariance - covariance).norm() < exact * 1e-6 * covariance.norm());
+}
+
+/// That of a five-bar whose tool touches a plane and prints lines.
+struct Printer : SceneOf<K> {
+  std::vector<double> w;  ///< true unknowns of its links
+
+  Printer() : SceneOf(five_bar(), 10, 2, false, 0, 0, 1, 8) {
+    check::Random random(8);
+    links.mean = {0.02, 0.01, 0, -0.3, 0.1, 0.2, 0.001, 0};  // c; h, a, b; scale, width
+    links.link = {{LinkKind::distance, {0, 1}, 0, 6, 0, 1, 0, 2e-5},
+                  {LinkKind::distance, {2, 1}, 0, 6, 0, -1, 0, 3e-5},
+                  {LinkKind::plane, {3}, 0, 3, 1, 0, 0, 1e-5},
+                  {LinkKind::plane, {4}, 0, 3, 1, 0, 0, 2e-5},
+                  {LinkKind::plane, {0}, 0, 3, 1, 0, 0, 2e-5},
+                  {LinkKind::point, {5, 6}, 0, 0, 0, 0, 0, 2e-5}};
+    w = links.mean;
+    for (double& each : w) each += 4e-3 * random();
+    std::vector<Pose> poses;
+    for (const Joint& there : x) poses.push_back(to_pose<K>(there));
+    for (Link& link : links.link)
+      link.measured = expected(K, link, poses.data(), w.data()).value + link.sigma * random();
+  }
+};
+
 }  // namespace
 
 TEST("a calibration ends where the cost is level in every parameter and every pose") {
   Scene scene(12);
+  check_level(scene, scene.calibrate());
+}
+
+TEST("influences of unknown amounts are learnt with the geometry") {
+  SceneOf<K> scene(five_bar(), 30, 2, false, 2, 0);
   const CalibrationResult result = scene.calibrate();
-  CHECK(result.outcome);
-  const int rows = scene.readings(), p = scene.known.count;
-  Robot fitted = scene.robot;
-  CHECK(set_parameters(scene.robot, result.xi.data(), fitted));
-  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-  Eigen::VectorXd pull = -result.u, size = Eigen::VectorXd::Ones(p);
-  double cost = result.u.squaredNorm();
-  for (int k = 0; k < scene.lines(); ++k) {
-    Extended q_e{}, expected, residual;
-    std::copy_n(scene.line(k), rows, q_e.begin());
-    Matrix<kMaxReadings, n> H_x;
-    RowMatrix H_xi(rows, parameter_count(fitted));
-    CHECK(linearise<K>(fitted, result.pose[k], expected, H_x, H_xi.data()));
-    innovation(fitted, q_e, expected, residual);
-    Eigen::MatrixXd A(rows, n), B(rows, p);
-    Eigen::VectorXd e(rows);
-    for (int c = 0; c < rows; ++c) {
-      const double sigma = scene.known.sigma[c];
-      e[c] = residual[c] / sigma;
-      for (int j = 0; j < n; ++j) A(c, j) = H_x[c][j] / sigma;
-      for (int i = 0; i < p; ++i) B(c, i) = H_xi(c, scene.known.column[i]) / sigma;
-    }
-    B *= scene.root;
-    const Eigen::VectorXd by_pose = A.transpose() * e;
-    CHECK(by_pose.norm() < 1e-3 * A.norm());
-    const Eigen::MatrixXd left = B - A * reference::solve(A, B);
-    information += B.transpose() * left;
-    pull += left.transpose() * e;
-    size += left.cwiseAbs().transpose() * e.cwiseAbs();
-    cost += e.squaredNorm();
-    CHECK_NEAR(result.chi2[k], e.squaredNorm(), 1e-5);
-    CHECK(result.redundancy[k] == 2 && result.weight[k] == 1);
+  check_level(scene, result);
+  CHECK(result.amount.size() == 2);
+  for (int j = 0; j < 2; ++j) {
+    const int at = scene.known.count - 2 + j;
+    const double sigma = std::sqrt(result.covariance(at, at));
+    CHECK(sigma < 0.5);
+    CHECK(std::fabs(result.amount[j] - scene.amount(j)) < 4 * sigma);
   }
-  for (int k = 0; k < p; ++k) CHECK_NEAR(pull[k], 0, 1e-5 * size[k]);
-  CHECK_NEAR(result.cost, cost, 1e-5 * cost);
-  const Eigen::MatrixXd covariance =
-      scene.root * reference::inverse(information) * scene.root.transpose();
-  CHECK((result.covariance - covariance).norm() < 1e-7 * covariance.norm());
+}
+
+TEST("differences between poses teach geometry, tool and touched plane together") {
+  const Printer scene;
+  const CalibrationResult result = scene.calibrate();
+  check_level(scene, result);
+  for (int k = 0; k < 8; ++k) {
+    const int at = scene.links.first + k;
+    CHECK(std::fabs(result.w[k] - scene.w[k]) < 4 * std::sqrt(result.covariance(at, at)));
+  }
+}
+
+TEST("under a robust loss a difference that is grossly wrong costs itself and no other") {
+  constexpr int wrong = 5;
+  Printer scene, without;
+  scene.settings.loss = without.settings.loss = Loss::student;
+  scene.settings.tuning = without.settings.tuning = 4;
+  scene.links.link[wrong].measured += 0.02;
+  without.links.link.erase(without.links.link.begin() + wrong);
+  const CalibrationResult result = scene.calibrate(), other = without.calibrate();
+  CHECK(result.outcome && other.outcome);
+  for (int k = 0; k < 6; ++k) CHECK((result.link[k].weight < kOutlier) == (k == wrong));
+  const LinkResult& of = result.link[wrong];
+  CHECK(std::fabs(of.left_out - 0.02) < 5 * of.sigma && of.sigma < 1e-3);
+  for (int k = 0; k < scene.known.count; ++k) {
+    const double sigma = std::sqrt(other.covariance(k, k));
+    CHECK(std::fabs((scene.root * (result.u - other.u))[k]) < 0.05 * sigma);
+    CHECK_NEAR(std::sqrt(result.covariance(k, k)), sigma, 1e-2 * sigma);
+  }
+}
+
+TEST("axes of which the ideal level does not see the errors widen what it learns") {
+  const SceneOf<Mobility::translation> scene(delta(), 12, 2, false, 1, 3),
+      without(delta(), 12, 2, false, 1, 0);
+  const CalibrationResult result = scene.calibrate(), other = without.calibrate();
+  check_level(scene, result, 100);
+  CHECK(result.covariance.rows() == other.covariance.rows());
+  CHECK(result.covariance.trace() > 1.01 * other.covariance.trace());
+}
+
+TEST("a line that is out of the drawn robot's reach counts once the learnt one reaches it") {
+  SceneOf<K> scene(five_bar(), 12, 2, false, 1, 0, 10);
+  check::Random random(3);
+  const int ordinary = scene.lines();
+  for (int sample = 0; sample < 100000 && scene.lines() < ordinary + 3; ++sample) {
+    Joint q{};
+    CHECK(ikm(scene.robot, scene.robot.home, q));
+    for (int i = 0; i < n; ++i) q[i] += 1.5 * random();
+    Pose drawn = to_pose<K>(scene.robot.home), there = drawn;
+    if (fkm<K>(scene.robot, q, drawn).status == Status::ok ||
+        fkm<K>(scene.truth, q, there).status != Status::ok)
+      continue;
+    Extended read{};
+    CHECK(extended<K>(scene.truth, there, read));
+    scene.add(read);
+    for (int k = scene.lines() - 1, c = 0; c < scene.readings(); ++c)
+      scene.act(k * scene.readings() + c);
+  }
+  CHECK(scene.lines() == ordinary + 3);
+  const CalibrationResult result = scene.calibrate();
+  for (const Status status : result.status) CHECK(status == Status::ok);
+  check_level(scene, result);
 }
 
 TEST("a line whose sensors were not read teaches nothing, one without a motor is left out") {

@@ -61,6 +61,32 @@ TEST("the two working modes are the two intersections, one on each side of the r
   });
 }
 
+TEST("a rod is too short for the nearest point that its motor reaches, too long for the farthest") {
+  check::Random random(4);
+  long apart[3] = {};
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    for (int i = 0; i < kDof<mobility()>; ++i) {
+      const Chain& chain = mechanism.robot.chain[i];
+      for (int sample = 0; sample < 40; ++sample) {
+        const Vec3 d = 0.4 * Vec3(random(), random(), random()) * (1 + sample % 4);
+        double nearest = INFINITY, farthest = 0;
+        for (int k = -10000; k <= 10000; ++k) {  // a turn, or 4 m of a rail
+          const double distance = (d - drive(chain, 2e-4 * std::numbers::pi * k).p).norm();
+          nearest = std::min(nearest, distance);
+          farthest = std::max(farthest, distance);
+        }
+        double short_by = std::max(nearest - chain.rod, 0.0);
+        if (chain.actuator == Actuator::revolute && farthest < chain.rod)
+          short_by = farthest - chain.rod;
+        if (chain.actuator == Actuator::telescopic) short_by = 0;
+        CHECK_NEAR(shortfall(chain, d), short_by, 1e-6);
+        ++apart[short_by > 0 ? 2 : short_by < 0 ? 0 : 1];
+      }
+    }
+  });
+  for (const long cases : apart) CHECK(cases > 20);
+}
+
 TEST("an encoder's offset is taken off its reading and nothing else") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

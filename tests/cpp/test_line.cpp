@@ -223,27 +223,3 @@ TEST("an unknown registration is seen by what was measured, and by nothing else"
     CHECK_NEAR(found.chi2, expected.chi2, 1e-7 * expected.chi2);
   });
 }
-
-TEST("the marker's orientation is that of its measurements, however little they weigh") {
-  const Mat3 base = exp_so3(Vec3(0.1, -0.2, 0.4));
-  Pose pose;
-  for (const Mobility mobility : {Mobility::spatial, Mobility::schoenflies}) {
-    const bool spatial = mobility == Mobility::spatial;
-    const Mat3 marker = exp_so3(spatial ? Vec3(0.2, -0.1, 0.3) : Vec3(0, 0, 0.3));
-    const Vec3 turn = spatial ? Vec3(0.4, 0.3, -0.2) : Vec3(0, 0, 0.5);  // as measured
-    if (spatial)
-      pose.R = base.transpose() * exp_so3(turn) * marker.transpose();
-    else
-      pose.R = base.transpose() * rotation_z(0.2);
-    std::array<double, 6> measured{0, 0, 0, turn.x(), turn.y(), turn.z()};
-    if (!spatial) measured[3] = turn.z();
-    for (const double weight : {1e-3, 1.0}) {
-      const Mat3 found = registration_detail::marker_turn(
-          mobility, base, Mat3::Identity(), {{{}, {}, 0, weight}}, &pose, measured.data());
-      CHECK((found - marker).norm() < 1e-12);
-    }
-    measured.fill(NAN);
-    CHECK(registration_detail::marker_turn(mobility, base, marker, {{{}, {}, 0, 1}}, &pose,
-                                           measured.data()) == marker);
-  }
-}

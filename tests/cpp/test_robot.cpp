@@ -129,9 +129,6 @@ std::vector<std::pair<const char*, Answer>> ask(const Robot& robot) {
   add("estimate", answer(estimated, to_coordinates<kH4>(near)));
   add("forward_dynamics",
       answer(forward_dynamics<kH4>(robot, pose, Joint{}, Joint{}, acceleration), acceleration));
-  Energy energies;
-  const Outcome energetic = energy<kH4>(robot, pose, Joint{}, energies);
-  add("energy", answer(energetic, std::array{energies.kinetic, energies.potential}));
   ControlSettings settings;
   add("place_poles", answer(place_poles(robot, x, 100, 1, settings), settings.kp));
   for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::weighted, Law::estimated}) {
@@ -243,5 +240,20 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
     Joint q{};
     CHECK(ikm(robot, {0, 0, -0.5}, q).status == Status::unfinished);
     CHECK(finish_full(robot).status == Status::unfinished);
+  }
+}
+
+TEST("a refusal names the chain or the sensor that is wrong") {
+  for (int part = 0; part < 3; ++part) {
+    Robot robot = drawn();
+    robot.r = 3;
+    robot.chain[part].working_mode = 0;
+    CHECK(finish(robot).chain == part);
+    robot.chain[part].working_mode = 1;
+    robot.sensor[part].kind = wild<SensorKind>(10);
+    CHECK(finish(robot).chain == kSensorPart + part);
+    robot.sensor[part].kind = SensorKind{};
+    robot.sensor[part].rod = 0;
+    CHECK(finish(robot).chain == kSensorPart + part);
   }
 }

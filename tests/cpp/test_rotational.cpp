@@ -1,4 +1,5 @@
 // Rotational platforms. Kinematics, torques, H_ξ, dynamics.
+#include "energy.hpp"
 #include "rotational.hpp"
 #include "truepose/control/dynamics.hpp"
 #include "truepose/estimation/estimate.hpp"

@@ -165,7 +165,7 @@ template <class F>
 void for_each_with_sensors(F&& f) {
   for_each([&](const Mechanism& mechanism, auto mobility) {
     Robot robot = mechanism.robot;
-    const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
+    const bool full = robot.full.kind == FullKind::same || robot.full.own();
     for (int i = 0; i < dof(mobility()); ++i) {
       robot.chain[i].encoder_offset = 0.01 * (i + 1);
       robot.chain[i].encoder_gain = i == 2 ? -0.8 : 1 + 0.1 * i;  // one counts backwards

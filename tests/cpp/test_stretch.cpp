@@ -8,7 +8,8 @@ using namespace mechanisms;
 namespace {
 
 /// Calls f(mechanism, robot, full, mobility) at every level that a mechanism has: encoders of their
-/// own, both sensors in use; where its rods are a pair, one longer than the other.
+/// own, both sensors in use; where its rods are a pair, one longer than the other; bodies on bars;
+/// heavy rods, and a base that is mounted askew.
 template <class F>
 void for_each_level(F&& f) {
   for_each([&](const Mechanism& mechanism, auto mobility) {
@@ -19,6 +20,12 @@ void for_each_level(F&& f) {
       robot.chain[i].encoder_gain = i == 1 ? -0.9 : 1 + 0.1 * i;
       if (robot.chain[i].actuator != Actuator::revolute) robot.chain[i].encoder_buildup = 0.04 * i;
       if (robot.full.kind == FullKind::exists) robot.chain[i].rod_difference = 2e-5 * (i + 1);
+    }
+    for (int i = 0; i < dof(mobility()); ++i) robot.chain[i].rod_mass *= 10;
+    robot.gravity() += Vec3(2, 1, 0);
+    for (int k = 1; k < robot.bodies; ++k) {
+      robot.body[k].bar = robot.chain[k == 1 ? 0 : 1].bar;
+      robot.body[k].anchor = Vec3(0.02, 0.03 * k, 0.01);
     }
     CHECK(finish(robot) && finish_full(robot));
     f(mechanism, robot, false, mobility);
@@ -171,5 +178,49 @@ TEST("what carries nothing, or is stiff, stays as long as it is") {
                        stiff ? some_load() : Load{}, H_xi.data(), at));
       for (int c = 0; c < model.n + robot.r; ++c) CHECK_NEAR(at.q_e[c], q_e[c], 1e-12);
     }
+  });
+}
+
+TEST("two rods share what is measured of their tension beyond what the load explains") {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(83);
+    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+    Load load = some_load();
+    Pull computed, measured;
+    measured.difference.fill(1);
+    CHECK(pull(robot, pose, full, load, computed));
+    for (int i = 0; i < kDof<K>; ++i) load.tension[i] = computed.tension[i] + 10 * (i + 1);
+    CHECK(pull(robot, pose, full, load, measured));
+    Closure<K> at;
+    CHECK(ikm<K>(robot, pose, at));
+    for (int i = 0; i < kDof<K>; ++i) {
+      const double more = 10 * (i + 1);
+      const Chain& chain = robot.chain[i];
+      const bool leg = chain.actuator == Actuator::telescopic;
+      const double length = leg ? at.chain[i].v.norm() : double(chain.rod);
+      const double apart = full ? chain.rod_difference : 0;
+      CHECK_NEAR(measured.tension[i], computed.tension[i] + more, 1e-9);
+      CHECK_NEAR(measured.length[i] - computed.length[i], more * length, 1e-9);
+      CHECK_NEAR(measured.difference[i] - computed.difference[i], more * apart, 1e-9);
+      CHECK(full || measured.difference[i] == 0);
+      CHECK_NEAR(measured.rate[i], at.chain[i].rate, 1e-3 * std::fabs(at.chain[i].rate));
+    }
+  });
+}
+
+TEST("rods that hold nothing along a freedom have no tension") {
+  for_each_level([](const Mechanism&, const Robot& robot, bool full, auto mobility) {
+    constexpr Mobility K = mobility();
+    Pull by;
+    Robot other = robot;
+    other.finished = false;
+    const Pose pose = to_pose<K>(robot.home);
+    const Outcome unfinished = pull(other, pose, full, some_load(), by);
+    CHECK(unfinished.status == Status::unfinished && unfinished.chain == -1);
+    other = robot;
+    for (int i = 0; i < kDof<K>; ++i) other.chain[i] = robot.chain[0];
+    const Outcome outcome = pull(other, pose, full, some_load(), by);
+    CHECK(full ? !outcome : outcome.status == Status::singular && outcome.chain == -1);
   });
 }
