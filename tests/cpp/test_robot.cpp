@@ -218,7 +218,7 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
       {"working mode 0", part, [](Robot& r) { r.chain[0].working_mode = 0; }},
       {"bar of a chain", part, [](Robot& r) { r.chain[2].bar = kMaxBars; }},
       {"bar of a body", part, [](Robot& r) { r.body[0].bar = -2; }},
-      {"kind", part, [](Robot& r) { r.sensor[0].kind = wild<SensorKind>(10); }},
+      {"kind", part, [](Robot& r) { r.sensor[0].kind = wild<SensorKind>(kSensorKinds); }},
       {"kind -1", part, [](Robot& r) { r.sensor[0].kind = wild<SensorKind>(-1); }},
       {"chain of a sensor", part, [](Robot& r) { r.sensor[0].chain = 1; }},  // it sees none
       {"sensor's chain 4", part,
@@ -250,7 +250,7 @@ TEST("a refusal names the chain or the sensor that is wrong") {
     robot.chain[part].working_mode = 0;
     CHECK(finish(robot).chain == part);
     robot.chain[part].working_mode = 1;
-    robot.sensor[part].kind = wild<SensorKind>(10);
+    robot.sensor[part].kind = wild<SensorKind>(kSensorKinds);
     CHECK(finish(robot).chain == kSensorPart + part);
     robot.sensor[part].kind = SensorKind{};
     robot.sensor[part].rod = 0;
