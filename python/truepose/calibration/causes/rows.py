@@ -76,7 +76,7 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
         return
     stacked = F.reshape(-1, F.shape[-1])
     half = np.linalg.cholesky(stacked.T @ stacked + np.eye(F.shape[-1]))
-    spans = np.nanmax(case.log.readings, axis=0) - np.nanmin(case.log.readings, axis=0)
+    spans = np.ma.ptp(np.ma.masked_invalid(case.log.readings), axis=0).filled(0.0)
     for k in range(width):
         d = A[None, :, :, k] * (rows >= np.arange(1, count)[:, None])[..., None]
         d = d.reshape(count - 1, -1)
@@ -126,9 +126,8 @@ def gross(case: Case) -> Iterator[Hypothesis]:
         return
     limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
     seen = expect(case.robot.expected(), readings)
-    off = np.nansum(
-        ((seen.residual - np.nanmedian(seen.residual, axis=0)) / seen.sigma) ** 2, axis=1
-    )
+    usual = np.ma.median(np.ma.masked_invalid(seen.residual), axis=0).filled(0.0)
+    off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
     off = np.where((count > 0) & np.isfinite(seen.x).all(axis=1), off, np.inf)
     median = float(np.median(chi2_quantile(0.5, count[count > 0])))
     bad = (count > 0) & (off > np.median(off[count > 0]))
