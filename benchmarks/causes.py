@@ -201,8 +201,10 @@ def searched(number: int, seed: int) -> Found:
         fit = found[0].fit
         good = np.isfinite(fit.x).all(axis=1)
         off = fit.x[good] - wrong.x[good]
-        inverse = np.linalg.inv(accuracy(fit.robot, wrong.x[good], level=fit.level))
-        ratio2 = float(np.einsum("ki,kij,kj->k", off, inverse, off).mean()) / made.robot.n
+        sigma2 = accuracy(fit.robot, wrong.x[good], level=fit.level, errors="nan")
+        some = np.isfinite(sigma2).all(axis=(1, 2))
+        inverse = np.linalg.inv(sigma2[some])
+        ratio2 = np.einsum("ki,kij,kj->k", off[some], inverse, off[some]).mean() / made.robot.n
     text = f"{number}, {list(ROBOTS)[number % len(ROBOTS)]}, {wrong.word} {result.text}"
     return Found(mistake, result.verdict, right, able, seconds, ratio2, text)
 

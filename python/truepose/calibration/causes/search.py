@@ -215,10 +215,12 @@ def _alike(first: Calibration, second: Calibration) -> bool:
         return False
     off = first.x - second.x
     good = np.isfinite(off).all(axis=1)
-    if not good.any():
+    sigma2 = accuracy(first.robot, first.x[good], level=first.level, errors="nan")
+    seen = np.isfinite(sigma2).all(axis=(1, 2))
+    if not seen.any():
         return False
-    sigma2 = np.linalg.inv(accuracy(first.robot, first.x[good], level=first.level))
-    return bool(np.einsum("ki,kij,kj->k", off[good], sigma2, off[good]).mean() < off.shape[1])
+    off, inverse = off[good][seen], np.linalg.inv(sigma2[seen])
+    return bool(np.einsum("ki,kij,kj->k", off, inverse, off).mean() < off.shape[1])
 
 
 def separating(first: Calibration, second: Calibration) -> Array | None:
