@@ -126,7 +126,10 @@ def gross(case: Case) -> Iterator[Hypothesis]:
         return
     limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
     seen = expect(case.robot.expected(), readings)
-    usual = np.ma.median(np.ma.masked_invalid(seen.residual), axis=0).filled(0.0)
+    read = np.isfinite(seen.residual)
+    usual = [
+        np.median(of[k]) if k.any() else 0.0 for of, k in zip(seen.residual.T, read.T, strict=True)
+    ]
     off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
     off = np.where((count > 0) & np.isfinite(seen.x).all(axis=1), off, np.inf)
     median = float(np.median(chi2_quantile(0.5, count[count > 0])))
