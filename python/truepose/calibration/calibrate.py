@@ -201,8 +201,10 @@ def explained(
         of, fit = found[0].of, found[0].fit
         fit = fit if squares else case.fitted(of)
         return replace(fit, causes=causes, notes=(f"undone: {causes.text}", *fit.notes)), of
-    if causes.verdict in ("decisive", "undecided"):
+    if causes.verdict == "decisive":
         raise InputError(f"readings: {causes.text}; cause='apply' undoes it")
+    if causes.verdict == "undecided":
+        raise InputError(f"readings: {causes.text}")
     if refused:
         raise InputError(f"readings: {'; '.join(refused)}")
     try:

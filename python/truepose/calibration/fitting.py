@@ -324,12 +324,17 @@ def inflated(fit: Calibration, why: str) -> Calibration:
     learnt = fit.robot.spec.calibration
     assert learnt is not None
     root = tuple(tuple(factor * value for value in row) for row in learnt.root)
+    seen = fit.registration
+    if seen is not None:
+        covariance, cross = factor**2 * seen.covariance, factor**2 * seen.cross
+        seen = replace(seen, covariance=covariance, cross=cross)
     said = f"{why}: all σ are enlarged by {factor:.2g}"
     return replace(
         fit,
         robot=fit.robot.with_calibration(learnt.model_copy(update={"root": root})),
         covariance=factor**2 * fit.covariance,
         beside=factor**2 * fit.beside,
+        registration=seen,
         notes=(*fit.notes, said),
     )
 

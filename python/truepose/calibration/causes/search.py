@@ -172,8 +172,9 @@ def suspicion(fit: Calibration) -> float:
 def _tried(case: Case) -> list[tuple[str, Hypothesis]]:
     """Return every hypothesis of one unknown, and of the others those that contradict least."""
     every = [(kind, of) for kind, generate in CAUSES.items() for of in generate(case)]
-    sized = [pair for pair in every if pair[1].size is not None or pair[0] in ALWAYS]
-    others = [pair for pair in every if pair not in sized]
+    fitted = [of.size is not None or kind in ALWAYS for kind, of in every]
+    sized = [pair for pair, always in zip(every, fitted, strict=True) if always]
+    others = [pair for pair, always in zip(every, fitted, strict=True) if not always]
     far = [_contradiction(of) for _, of in others]
     return sized + [others[k] for k in np.argsort(far, kind="stable")[:FITTED]]
 
