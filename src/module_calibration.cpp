@@ -120,7 +120,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
                      int registration, const Links& links, int influences, const Rows& influence,
-                     Loss loss, double tuning, bool full, int referenced) {
+                     Loss loss, double tuning, int iterations, bool full, int referenced) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
@@ -139,7 +139,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     CalibrationSettings settings;
     settings.influences = influences, settings.nuisances = nuisances,
     settings.registration = registration;
-    settings.loss = loss, settings.tuning = tuning;
+    settings.loss = loss, settings.tuning = tuning, settings.iterations = iterations;
     settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
   }

@@ -200,6 +200,32 @@ def test_a_long_log_is_searched_by_some_rows_and_fitted_by_all(h4_z):
     assert len(fit.x) == 400
 
 
+def test_the_share_of_causes_tried_is_told(h4_z):
+    shares = []
+    log = log_checks.log_of(h4_z, read(h4_z, **{"chain1.encoder_offset": 0.09})[1])
+    causes.search(h4_z, log, progress=shares.append)
+    assert shares == sorted(shares) and shares[0] == 0 and 0.9 < shares[-1] < 1
+
+
+def test_a_hypothesis_is_given_up_after_some_iterations(h4_z):
+    log = log_checks.log_of(h4_z, read(h4_z, **{"chain1.encoder_offset": 0.09})[1])
+    case = Case(h4_z, log)
+    assert case.fit(case.nothing()).iterations > 2
+    with pytest.raises(tp.PoseError, match="the search ended after 2 steps: not converged"):
+        case.fitted(case.nothing(), iterations=2)
+
+
+def test_an_online_calibration_that_stopped_is_explained(h4_z):
+    """θ's encoder slips in the middle of the rows."""
+    _, rows, _ = read(h4_z)
+    rows[30:, 4] += 0.2
+    online = tp.OnlineCalibrator(h4_z)
+    online.observe(rows)
+    assert "theta" in online.stopped
+    found = online.causes(rows)
+    assert found.verdict == "decisive" and "theta: slipped before row 31, by 11." in found.text
+
+
 def test_a_new_cause_is_a_function_and_an_entry(h4_z, monkeypatch):
     """An encoder with one period per turn, which no other cause describes."""
 

@@ -42,6 +42,8 @@ Loss = Literal["squares", "huber", "student"]
 FALSE_ALARMS = 1e-3
 #: Maximum iterations for compliances; change of a reading, in units of its σ, that ends them.
 ROUNDS, NEGLIGIBLE = 8, 1e-3
+#: Maximum iterations of a fit.
+ITERATIONS = 100
 #: Memory above which a calibration warns, bytes.
 MUCH = 2e9
 #: Default tuning of each loss: Huber's threshold and Student's degrees of freedom.
@@ -61,6 +63,7 @@ def fit_to(
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
     influences: Sequence[NuisanceParameter] = (),
+    iterations: int = ITERATIONS,
 ) -> Calibration:
     """Identify a robot's geometry from a checked log; see :func:`truepose.calibrate`."""
     names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
@@ -114,6 +117,7 @@ def fit_to(
                 every.reshape(len(every), -1),
                 getattr(_core.Loss, loss),
                 tuning,
+                iterations,
                 full,
                 lines.known,
             )

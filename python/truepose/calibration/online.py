@@ -10,8 +10,11 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
+from truepose.calibration.cause import Causes
+from truepose.calibration.causes.search import search
 from truepose.calibration.fitting import MODEL_ERRORS, ModelError
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
+from truepose.calibration.log_checks import log_of
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
@@ -185,6 +188,19 @@ class OnlineCalibrator:
         if (suspect := self._filter.suspect) >= 0:
             said += f"; {self._robot.readings[suspect]} alone would explain it"
         return said
+
+    def causes(self, q_e: ArrayLike) -> Causes:
+        """Search what explains the rows at which updates stopped, as :func:`truepose.calibrate`.
+
+        It starts from :attr:`prior`, so that no row counts twice.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (N, n + r)
+            The last rows, some of them before the disagreement.
+        """
+        settings = {"level": self.level, "model_error": "on" if self._error else "off"}
+        return search(self.prior, log_of(self.prior, q_e), settings).causes
 
     @property
     def covariance(self) -> Array:

@@ -57,6 +57,7 @@ def assess(
     notes: list[str],
     reference_pose: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    searched: Callable[[float], None] = lambda _: None,
     between: Between | None = None,
     cause: CauseChoice = "refuse",
     refused: Sequence[str] = (),
@@ -64,8 +65,9 @@ def assess(
 ) -> Assessment:
     """Calibrate by a checked log, and again without every fifth row; predict the accuracy.
 
-    `progress` is called with each step's name; `settings` are those of :func:`truepose.calibrate`;
-    `refused` are the reasons of a check against a fit, unless a cause is found.
+    `progress` is called with each step's name, `searched` with the share of causes tried;
+    `settings` are those of :func:`truepose.calibrate`; `refused` are the reasons of a check against
+    a fit, unless a cause is found.
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
@@ -78,7 +80,7 @@ def assess(
         return expect(by, part.readings, part.measured, sigma, of, fit.level, part.loads)
 
     settings |= {"differences": between.of(robot, log)}
-    fit, of = explained(robot, log, settings, cause, refused)
+    fit, of = explained(robot, log, settings, cause, refused, searched)
     log = of.log
     progress("fit")
     model, seen = fit.prior.expected(), fit.registration

@@ -140,6 +140,7 @@ def command(
         def done(what: str) -> None:
             bar(advance=1, description=what)
 
+        settings["searched"] = lambda share: bar(description=f"causes {share:.0%}")
         where, result = _assess(made, log, known_pose, asked, settings, done)
 
         def page() -> str:

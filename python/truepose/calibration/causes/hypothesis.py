@@ -64,10 +64,10 @@ class Case:
             influences = [replace(by, pattern=np.asarray(by.pattern)[rows]) for by in influences]
         return fit_to(of.robot, log, **{**settings, "influences": influences})
 
-    def fit(self, of: Hypothesis, rows: Array | None = None) -> Calibration | None:
+    def fit(self, of: Hypothesis, rows: Array | None = None, **more: Any) -> Calibration | None:
         """Return the calibration as of :meth:`fitted`; None without an answer."""
         try:
-            return self.fitted(of, rows)
+            return self.fitted(of, rows, **more)
         except TrueposeError:
             return None
 

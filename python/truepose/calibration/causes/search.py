@@ -50,6 +50,8 @@ DECISIVE = math.log(100.0)
 FITTED = 16
 #: A log with more rows is searched by blocks of consecutive ones; then so many causes by all.
 ROWS, BLOCK, AGAIN = 120, 12, 5
+#: Iterations after which a hypothesis is given up.
+STEPS = 25
 #: Causes that are kept.
 SHOWN = 12
 #: Mistakes without a size that are always fitted.
@@ -90,7 +92,7 @@ def search(
     tried, found = _tried(case), []
     for k, (kind, of) in enumerate(tried):
         progress(k / len(tried))
-        if (fit := case.fit(of, some)) is not None:
+        if (fit := case.fit(of, some, iterations=STEPS)) is not None:
             found.append(Explained(kind, of, fit, evidence(fit, of, most) - own))
     found.sort(key=lambda each: -each.log_odds)
     if some is not None:  # the most probable ones by every row
