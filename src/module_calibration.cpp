@@ -316,6 +316,7 @@ void bind_calibration(nb::module_& m) {
   m.def("estimate", &batch_estimate);
   m.def("gain", &batch_gain, "robot"_a, "known"_a, "x"_a, "full"_a, "influence"_a = nb::none());
   m.def("innovation", &batch_innovation);
+  m.attr("ITERATIONS") = CalibrationSettings{}.iterations;
   m.def("calibrate", &run_calibration);
   m.def("seen", &batch_seen);
   m.def("rows_of_visits", &run_rows_of_visits, "robot"_a, "prior"_a, "x"_a, "outside"_a, "sigma"_a,

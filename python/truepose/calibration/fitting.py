@@ -42,8 +42,6 @@ Loss = Literal["squares", "huber", "student"]
 FALSE_ALARMS = 1e-3
 #: Maximum iterations for compliances; change of a reading, in units of its σ, that ends them.
 ROUNDS, NEGLIGIBLE = 8, 1e-3
-#: Maximum iterations of a fit.
-ITERATIONS = 100
 #: Memory above which a calibration warns, bytes.
 MUCH = 2e9
 #: Default tuning of each loss: Huber's threshold and Student's degrees of freedom.
@@ -63,7 +61,7 @@ def fit_to(
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
     influences: Sequence[NuisanceParameter] = (),
-    iterations: int = ITERATIONS,
+    iterations: int = _core.ITERATIONS,
 ) -> Calibration:
     """Identify a robot's geometry from a checked log; see :func:`truepose.calibrate`."""
     names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
