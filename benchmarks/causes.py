@@ -1,10 +1,11 @@
 """Causes found in simulated logs with one known mistake: shares, pose errors, time.
 
-    python benchmarks/causes.py [--logs 1000] [--clean 1000] [--seed 0] [--jobs 2] [--verbose]
+    python benchmarks/causes.py [--logs 1000] [--clean 1000] [--two 0] [--jobs 2] [--verbose]
 
 Real robots, every rod on its own, 60 poses. Sizes are 3 to 100 tolerances. A mistake is
 identifiable if its hypothesis gains at least 18 in log likelihood (6 σ) over no mistake. Errors of
-the poses of a log are in units of the covariance of a robot whose wrong part is known.
+the poses of a log are in units of the covariance of a robot whose wrong part is known. With --two,
+logs with two mistakes: identifiable if both gain as much over the likelier one alone.
 """
 
 from __future__ import annotations
@@ -87,8 +88,16 @@ class Maker:
 
     def part(self, kind: str, name: str, word: str) -> Wrong:
         """Return a log of a robot with a wrong part."""
-        value = self.true.parameters[name].value + self.size(self.robot.parameters[name].sigma)
-        return Wrong(kind, word, self.read(self.true.replace({name: value})), self.x)
+        value, by = self.true.parameters[name].value, self.size(self.robot.parameters[name].sigma)
+        while True:  # the largest at which all poses can be reached
+            true = self.true.replace({name: value + by})
+            try:
+                wrong = Wrong(kind, word, self.read(true), self.x)
+            except tp.TrueposeError:
+                by /= 2
+            else:
+                self.true = true
+                return wrong
 
     def scaled(self, kind: str, column: int, factor: float) -> Wrong:
         """Return a log with a column times a factor."""
@@ -172,41 +181,62 @@ class Maker:
         return found
 
 
-def gained(case: Case, wrong: Wrong) -> float:
+def gained(case: Case, *wrongs: Wrong) -> float:
     """Return the log likelihood of the best true hypothesis over that of no mistake."""
     count = int(np.isfinite(case.log.readings[:, case.robot.n :]).sum())
     base = case.fit(none := case.nothing())
     own = -GROSS * count if base is None else evidence(base, none, count)
-    true = [of for of in causes.CAUSES[wrong.kind](case) if wrong.word in of.text]
+    cases = [case]
+    for wrong in wrongs:
+        true = [
+            left.beside(of)
+            for left in cases
+            for of in causes.CAUSES[wrong.kind](left)
+            if wrong.word in of.text
+        ]
+        cases = [case.after(of) for of in true]
     fits = [(of, fit) for of in true if (fit := case.fit(of)) is not None]
     return max((evidence(fit, of, count) - of.log_odds - own for of, fit in fits), default=-1.0)
 
 
-def searched(number: int, seed: int) -> Found:
-    """Make one log and search for its mistake."""
+def says(text: str, kind: str, wrong: Wrong) -> bool:
+    """Return whether a cause is the mistake that was made."""
+    return wrong.kind in kind.split(", ") and wrong.word in text
+
+
+def searched(number: int, seed: int, two: bool = False) -> Found:
+    """Make one log and search for its mistakes."""
     rng = np.random.default_rng([seed, number])
     made = Maker(list(ROBOTS)[number % len(ROBOTS)], rng)
-    every = made.every()
-    mistake = list(every)[(number // len(ROBOTS)) % len(every)]
-    wrong = every[mistake]()
-    log = log_checks.log_of(made.robot, wrong.rows)
+    wrongs, mistake = [], []
+    if two:  # the first is a wrong part, the second any other
+        part = list(made.every())[number % 2]
+        wrongs, mistake = [made.every()[part]()], [part]
+    every = {name: make for name, make in made.every().items() if name not in mistake}
+    mistake += [list(every)[(number // len(ROBOTS)) % len(every)]]
+    wrongs += [every[mistake[-1]]()]
+    rows, x = wrongs[-1].rows, wrongs[-1].x
+    log = log_checks.log_of(made.robot, rows)
     begun = time.process_time()
     result, found, _ = causes.search(made.robot, log)
     seconds = time.process_time() - begun
     first = result.found[: max(result.alike, 1)]
-    right = any(of.kind == wrong.kind and wrong.word in of.text for of in first)
-    able = gained(Case(made.robot, log, {"loss": "squares"}), wrong) > SEEN
+    right = any(all(says(of.text, of.kind, wrong) for wrong in wrongs) for of in first)
+    case = Case(made.robot, log, {"loss": "squares"})
+    gain = gained(case, *wrongs)
+    able = gain > SEEN and (not two or gain - max(gained(case, of) for of in wrongs) > SEEN)
     ratio2 = math.nan
     if result.verdict == "decisive":
         fit = found[0].fit
         good = np.isfinite(fit.x).all(axis=1)
-        off = fit.x[good] - wrong.x[good]
-        sigma2 = accuracy(fit.robot, wrong.x[good], level=fit.level, errors="nan")
+        off = fit.x[good] - x[good]
+        sigma2 = accuracy(fit.robot, x[good], level=fit.level, errors="nan")
         some = np.isfinite(sigma2).all(axis=(1, 2))
         inverse = np.linalg.inv(sigma2[some])
         ratio2 = np.einsum("ki,kij,kj->k", off[some], inverse, off[some]).mean() / made.robot.n
-    text = f"{number}, {list(ROBOTS)[number % len(ROBOTS)]}, {wrong.word} {result.text}"
-    return Found(mistake, result.verdict, right, able, seconds, ratio2, text)
+    words = " + ".join(wrong.word for wrong in wrongs)
+    text = f"{number}, {list(ROBOTS)[number % len(ROBOTS)]}, {words} {result.text}"
+    return Found(mistake[-1], result.verdict, right, able, seconds, ratio2, text)
 
 
 def clean(number: int, seed: int) -> str:
@@ -240,23 +270,29 @@ def show(found: list[Found]) -> None:
 def main() -> None:
     """Print the shares."""
     parse = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("logs", 1000), ("clean", 1000), ("seed", 0), ("jobs", 2)):
+    for name, default in (("logs", 1000), ("clean", 1000), ("two", 0), ("seed", 0), ("jobs", 2)):
         parse.add_argument(f"--{name}", type=int, default=default)
     parse.add_argument("--verbose", action="store_true")
     asked = parse.parse_args()
     with ProcessPoolExecutor(asked.jobs) as pool:
         run = pool.map(partial(searched, seed=asked.seed), range(asked.logs))
         found = list(tqdm(run, total=asked.logs, desc="logs"))
+        run = pool.map(partial(searched, seed=asked.seed, two=True), range(asked.two))
+        double = list(tqdm(run, total=asked.two, desc="logs with two mistakes"))
         run = pool.map(partial(clean, seed=asked.seed), range(asked.clean))
         good = list(tqdm(run, total=asked.clean, desc="clean logs"))
     if asked.verbose:
-        for of in found:
+        for of in found + double:
             if not of.right and (of.identifiable or of.verdict == "decisive"):
                 print(f"{of.mistake}: {of.verdict}: {of.text}")
         print(*(text for text in good if not text.startswith("none")), sep="\n")
-    show(found)
+    for title, some in (("one mistake", found), ("two mistakes, by the second", double)):
+        if some:
+            print(f"\n{title}")
+            show(some)
     claimed = sum(not text.startswith(("none", "unexplained")) for text in good)
-    print(f"good logs with a cause claimed: {claimed} of {len(good)}")
+    if good:
+        print(f"good logs with a cause claimed: {claimed} of {len(good)}")
 
 
 if __name__ == "__main__":

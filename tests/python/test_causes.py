@@ -104,6 +104,33 @@ def test_a_mistake_in_columns_or_rows_is_found(h4_z, make, said):
     assert said in found.text
 
 
+def test_gross_errors_of_a_tracker_are_found_by_row(h4_z):
+    x, rows, _ = read(h4_z)
+    rng = np.random.default_rng(5)
+    measured = x + rng.normal(0, 2e-5, x.shape)
+    bad = np.sort(rng.permutation(POSES)[:24])
+    measured[bad, :3] += rng.normal(0, 0.03, (len(bad), 3))
+    fit = tp.calibrate(h4_z, rows, measured=measured, cause="apply")
+    assert f"gross errors in 24 of 60 rows: rows {bad[0] + 1}, " in fit.causes.text
+    assert ((fit.redundancy > 0) == ~np.isin(np.arange(POSES), bad)).all()
+
+
+TWO = [
+    (exchanged, "q1 and q3: swapped", "q2: homed off by 5."),
+    (gross, "gross errors in 20 of 60 rows", "q2: homed off by 5."),
+]
+
+
+@pytest.mark.parametrize(("make", "one", "other"), TWO, ids=[one for _, one, _ in TWO])
+def test_two_mistakes_at_once_are_found(h4_z, make, one, other):
+    _, rows, _ = read(h4_z, **{"chain2.encoder_offset": 0.09})
+    make(rows)
+    found = search(h4_z, rows).causes
+    first = found.found[0]
+    assert first.consistent and one in first.text and other in first.text
+    assert len(first.kind.split(", ")) == 2
+
+
 def test_an_encoder_may_be_read_against_another_body(h4_z):
     """The bars of real H4s turn too little to tell; the hypotheses change the robot alone."""
     log = log_checks.log_of(h4_z, read(h4_z)[1])
@@ -191,6 +218,25 @@ def test_a_misfit_that_no_cause_explains_enlarges_every_sigma(h4_z):
     assert f"all σ are enlarged by {np.sqrt(factor2):.2g}" in fit.notes[0]
 
 
+@pytest.mark.parametrize(
+    ("name", "sensors"),
+    [("h4", ("theta", "z_telemeter")), ("delta", ("elbow1", "elbow2", "elbow3"))],
+)
+def test_a_geometry_off_by_ten_tolerances_is_fitted_with_larger_ones(name, sensors):
+    """The σ of the poses are then those of their errors."""
+    robot = tp.load(name).with_sensors(*sensors)
+    x, _, true = read(robot)
+    far = {
+        key: robot.parameters[key].mean + 10 * (p.value - robot.parameters[key].mean)
+        for key, p in true.parameters.items()
+    }
+    fit = tp.calibrate(robot, true.replace(far).read(x, seed=1, level=robot.highest_level))
+    assert fit.causes.verdict == "unexplained" and "too small by a factor of" in fit.notes[-1]
+    off, sigma2 = fit.x - x, accuracy(fit.robot, x, level=fit.level)
+    ratio2 = np.einsum("ki,kij,kj->k", off, np.linalg.inv(sigma2), off).mean() / robot.n
+    assert 0.1 < ratio2 < 6
+
+
 def test_a_long_log_is_searched_by_some_rows_and_fitted_by_all(h4_z):
     box = h4_z.spec.workspace
     x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (400, 4))
@@ -235,7 +281,7 @@ def test_a_new_cause_is_a_function_and_an_entry(h4_z, monkeypatch):
         yield case.with_pattern(pattern, 0.01, text="z_telemeter: periodic error of")
 
     _, rows, _ = read(h4_z)
-    rows[:, 5] += 0.003 * np.sin(400 * rows[:, 5])
+    rows[:, 5] += 5e-4 * np.sin(400 * rows[:, 5])
     assert search(h4_z, rows).causes.verdict == "unexplained"
     monkeypatch.setitem(causes.CAUSES, "eccentric", eccentric)
     monkeypatch.setattr(causes, "ALWAYS", (*causes.ALWAYS, "eccentric"))

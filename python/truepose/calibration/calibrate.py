@@ -14,8 +14,9 @@ from truepose import logs
 from truepose.arguments import Level, require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
+from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, lost
-from truepose.calibration.causes.search import DECISIVE, search, suspicion
+from truepose.calibration.causes.search import DECISIVE, Explained, search, suspicion
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
@@ -208,12 +209,22 @@ def explained(
     if refused:
         raise InputError(f"readings: {'; '.join(refused)}")
     try:
-        fit = base if squares and base is not None else case.fitted(none)
+        wide = tolerant(causes, found)
+        of, near = (none, base) if wide is None else (wide.of, wide.fit)
+        fit = near if squares and near is not None else case.fitted(of)
     except PoseError as error:
         raise PoseError(f"{error}; {contradicting(robot, log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         fit = inflated(fit, causes.text)
-    return replace(fit, causes=causes), none
+    elif wide is not None:
+        fit = replace(fit, notes=(*fit.notes, f"{causes.text}: calibrated with these"))
+    return replace(fit, causes=causes), of
+
+
+def tolerant(causes: Causes, found: Sequence[Explained]) -> Explained | None:
+    """Return the likeliest larger tolerances where no cause explains a log, but these might."""
+    near = found[: causes.near] if causes.verdict == "unexplained" else ()
+    return next((each for each in near if each.of.kind == "tolerances"), None)
 
 
 def agrees(fit: Calibration) -> bool:

@@ -17,11 +17,11 @@ Verdict = Literal["none", "decisive", "undecided", "unexplained"]
 class Cause(NamedTuple):
     """One explanation of a log."""
 
-    kind: str  #: of the table of causes
+    kind: str  #: of the table of causes; two where one mistake alone does not explain the log
     text: str  #: what is wrong, with its size
     log_odds: float  #: natural logarithm of its odds against no mistake
     consistent: bool  #: whether the log agrees with the robot if this is so
-    size: float | None = None  #: m, rad or a factor, where it has one
+    size: float | None = None  #: of the last mistake: m, rad or a factor, where it has one
     sigma: float | None = None  #: of the size
 
 

@@ -30,7 +30,7 @@ class Size(NamedTuple):
     """How a cause's amount is printed."""
 
     unit: str  #: m or rad; "" for a factor
-    parameter: str = ""  #: relaxed parameter, else the amount of the first influence
+    parameter: str = ""  #: relaxed parameter, else the amount of the hypothesis' own influence
     gain: int | None = None  #: for an amount a, true = (1 - a) read, of so many sensor readings
 
 
@@ -44,6 +44,24 @@ class Hypothesis:
     influences: tuple[NuisanceParameter, ...] = ()
     size: Size | None = None
     log_odds: float = LN_RATE  #: of it before any reading, against no mistake
+    first: Hypothesis | None = None  #: another mistake, undone before
+    kind: str = ""  #: of the table of causes
+
+    @property
+    def each(self) -> tuple[Hypothesis, ...]:
+        """The mistakes, the one undone first at the front."""
+        return (*(self.first.each if self.first else ()), self)
+
+    def measured(self, fit: Calibration) -> tuple[float, float] | None:
+        """Return the size of the mistake that is undone last and its σ; None without a size."""
+        if self.size is None:
+            return None
+        name = self.size.parameter
+        known = fit.parameters[name] if name else fit.influences[self.influences[-1].name]
+        size, sigma = known.value - known.prior, known.sigma
+        if self.size.gain is not None:
+            size, sigma = 1 / (1 - size), sigma / (1 - size) ** 2
+        return size, sigma
 
 
 @dataclass(frozen=True)
@@ -53,6 +71,24 @@ class Case:
     robot: Robot
     log: Log
     settings: Mapping[str, Any] = field(default_factory=dict)
+    first: Hypothesis | None = None  #: a mistake that is undone already
+
+    def after(self, first: Hypothesis) -> Case:
+        """Return the case that is left when a mistake is undone."""
+        influences = [*self.settings.get("influences", ()), *first.influences]
+        settings = {**self.settings, "influences": influences}
+        return Case(first.robot, first.log, settings, first)
+
+    def beside(self, of: Hypothesis) -> Hypothesis:
+        """Return a hypothesis of this case as one of the case before its first mistake."""
+        if self.first is None:
+            return of
+        return replace(
+            of,
+            influences=(*self.first.influences, *of.influences),
+            log_odds=self.first.log_odds + of.log_odds,
+            first=self.first,
+        )
 
     def fitted(self, of: Hypothesis, rows: Array | None = None, **more: Any) -> Calibration:
         """Return the calibration under a hypothesis, to some rows; raise as `fit_to`."""
@@ -81,7 +117,8 @@ class Case:
 
     def with_pattern(self, pattern: Array, sigma: float, **of: Any) -> Hypothesis:
         """Return a hypothesis of an additive error of known pattern, (N, n + r)."""
-        acting = NuisanceParameter(name="cause", pattern=pattern, amount=(0.0, sigma))
+        name = f"cause {len(self.first.each if self.first else ()) + 1}"
+        acting = NuisanceParameter(name=name, pattern=pattern, amount=(0.0, sigma))
         return Hypothesis(log=self.log, robot=self.robot, influences=(acting,), **of)
 
     def with_wide(self, names: tuple[str, ...], tolerances: Array, **of: Any) -> Hypothesis:
@@ -113,6 +150,7 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     after = np.linalg.slogdet(fit.joint_covariance)[1]
     cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * lost(fit)
     density = 0.0  # of readings, over that of the scaled ones
-    if of.size is not None and of.size.gain:
-        density = of.size.gain * math.log(abs(1 - fit.influences["cause"].value))
+    for mistake in of.each:
+        if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
+            density -= mistake.size.gain * math.log(abs(found[0]))
     return float(-cost / 2 + (after - prior) / 2 + density + of.log_odds)

@@ -11,7 +11,9 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
 from truepose.calibration.expectation import expect, poses_of
+from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
+from truepose.calibration.registration import sigmas
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -117,39 +119,68 @@ def parity(model: Robot, readings: Array) -> tuple[Array, Array, Array, Array]:
 def gross(case: Case) -> Iterator[Hypothesis]:
     """Gross errors in some rows: least trimmed squares, from the half that varies least.
 
-    Concentration steps: fit to the rows that are not excluded, predict the excluded ones, exclude
-    by χ² again, until nothing changes.
+    Concentration steps: fit to the rows that are not excluded, predict sensors and outside
+    coordinates of the excluded ones, exclude by χ² again, until nothing changes.
     """
-    n, readings = case.robot.n, case.log.readings
-    count = np.isfinite(readings[:, n:]).sum(axis=1)
-    if not count.any():
+    n, log = case.robot.n, case.log
+    count = np.isfinite(log.readings[:, n:]).sum(axis=1)
+    if log.measured is not None:
+        count = count + np.isfinite(log.measured).sum(axis=1)
+    off = _begun(case)
+    if off is None or not count.any():
         return
     limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
-    seen = expect(case.robot.expected(), readings)
-    read = np.isfinite(seen.residual)
-    usual = [
-        np.median(of[k]) if k.any() else 0.0 for of, k in zip(seen.residual.T, read.T, strict=True)
-    ]
-    off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
-    off = np.where((count > 0) & np.isfinite(seen.x).all(axis=1), off, np.inf)
     median = float(np.median(chi2_quantile(0.5, count[count > 0])))
     bad = (count > 0) & (off > np.median(off[count > 0]))
     for step in range(TRIMS):
-        kept = np.where(bad[:, None] & (np.arange(readings.shape[1]) >= n), np.nan, readings)
-        of = case.with_readings(kept, text="")
+        of = _without(case, bad)
         fit = case.fit(of)
         if fit is None:
             return
-        seen = expect(fit.robot, readings, level=fit.level)
-        off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
-        off = np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
-        off = np.where(bad, off, np.nan_to_num(fit.chi2, nan=np.inf))
+        off = np.where(bad, _predicted(case, fit), np.nan_to_num(fit.chi2, nan=np.inf))
         middle = np.median(off[count > 0])
         most = middle if step < HALVES else limit * max(1.0, middle / median)
         before, bad = bad, (count > 0) & (off > most)
         if step > HALVES and (bad == before).all():
             break
     which = np.flatnonzero(bad)
-    if 0 < len(which) <= MOST * len(readings):
-        text = f"gross errors in {len(which)} of {len(readings)} rows: {case.log.at(which)}"
+    if 0 < len(which) <= MOST * len(bad):
+        text = f"gross errors in {len(which)} of {len(bad)} rows: {log.at(which)}"
         yield replace(of, text=text, log_odds=-GROSS * len(which))
+
+
+def _begun(case: Case) -> Array | None:
+    """Return each row's χ² before the first step: of a robust fit with outside coordinates.
+
+    Without these the sensors' usual residual by the motors is taken off.
+    """
+    if case.log.measured is not None:
+        robust = case.fit(case.nothing(), loss="student")
+        return None if robust is None else np.nan_to_num(robust.chi2, nan=np.inf)
+    seen = expect(case.robot.expected(), case.log.readings)
+    columns = zip(seen.residual.T, np.isfinite(seen.residual).T, strict=True)
+    usual = [np.median(of[read]) if read.any() else 0.0 for of, read in columns]
+    off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
+    return np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+
+
+def _without(case: Case, bad: Array) -> Hypothesis:
+    """Return the hypothesis that the sensors and outside coordinates of some rows say nothing."""
+    sensors = np.arange(case.log.readings.shape[1]) >= case.robot.n
+    kept = np.where(bad[:, None] & sensors, np.nan, case.log.readings)
+    of = case.with_readings(kept, text="")
+    if case.log.measured is None:
+        return of
+    outside = np.where(bad[:, None], np.nan, case.log.measured)
+    return replace(of, log=replace(of.log, measured=outside))
+
+
+def _predicted(case: Case, fit: Calibration) -> Array:
+    """Return each row's χ² by the motors and the calibrated geometry; inf without a pose."""
+    log, angle = case.log, case.settings.get("measured_angle_sigma")
+    sigma = sigmas(case.robot, log.measured_sigma, angle, len(log.readings))
+    seen = expect(
+        fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads
+    )
+    off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
+    return np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,6 +53,8 @@ FITTED = 16
 ROWS, BLOCK, AGAIN = 120, 12, 5
 #: Iterations after which a hypothesis is given up.
 STEPS = 25
+#: Mistakes beside which a second one is searched, where one alone does not explain a log.
+SECOND = 2
 #: Causes that are kept.
 SHOWN = 12
 #: Mistakes without a size that are always fitted.
@@ -78,7 +81,8 @@ def search(
 
     Nothing is searched, unless `always`, where log, tolerances and noise agree. `settings` are
     those of :func:`fitting.fit_to`; gross errors are a cause, so that the loss is that of squares.
-    A long log is searched by some of its rows. `progress` is called with the share done.
+    Two mistakes are searched where one alone explains nothing. A long log is searched by some of
+    its rows. `progress` is called with the share done.
     """
     case = Case(robot, log, {**(settings or {}), "loss": "squares", "tuning": None})
     none = case.nothing()
@@ -89,12 +93,20 @@ def search(
     most = _equations(case, some)
     begun = base if some is None else case.fit(none, some)
     own = -hypothesis.GROSS * most if begun is None else evidence(begun, none, most)
-    tried, found = _tried(case), []
-    for k, (kind, of) in enumerate(tried):
-        progress(k / len(tried))
-        if (fit := case.fit(of, some, iterations=STEPS)) is not None:
-            found.append(Explained(kind, of, fit, evidence(fit, of, most) - own))
-    found.sort(key=lambda each: -each.log_odds)
+
+    def explained(after: Case) -> list[Explained]:
+        tried, found = _tried(after), []
+        for k, of in enumerate(map(after.beside, tried)):
+            progress(k / len(tried))
+            if (fit := case.fit(of, some, iterations=STEPS)) is not None:
+                found.append(Explained(of, fit, evidence(fit, of, most) - own))
+        return sorted(found, key=lambda each: -each.log_odds)
+
+    found = explained(case)
+    if found and (_vague(found[0]) or not found[0].cause.consistent):
+        likely = [each for each in found if not _vague(each) and each.log_odds > DECISIVE]
+        pairs = [pair for each in likely[:SECOND] for pair in explained(case.after(each.of))]
+        found = _once([*found, *pairs])
     if some is not None:  # the most probable ones by every row
         found = [
             each._replace(fit=fit)
@@ -107,7 +119,6 @@ def search(
 class Explained(NamedTuple):
     """A hypothesis, the calibration under it, and its log odds against no mistake."""
 
-    kind: str
     of: Hypothesis
     fit: Calibration
     log_odds: float
@@ -115,16 +126,34 @@ class Explained(NamedTuple):
     @property
     def cause(self) -> Cause:
         """The cause with its size."""
-        text, size, sigma = self.of.text, None, None
-        if (kind := self.of.size) is not None:
-            name = kind.parameter
-            known = self.fit.parameters[name] if name else self.fit.influences["cause"]
-            size, sigma = known.value - known.prior, known.sigma
-            if kind.gain is not None:
-                size, sigma = 1 / (1 - size), sigma / (1 - size) ** 2
-            factor, unit = PRINT[kind.unit]
-            text += f" {factor * size:.4g} ± {factor * sigma:.2g}{f' {unit}' if unit else ''}"
-        return Cause(self.kind, text, self.log_odds, consistent(self.fit, REJECTED), size, sigma)
+        texts, size = [], None
+        for mistake in self.of.each:
+            text, size = mistake.text, mistake.measured(self.fit)
+            if mistake.size is not None and size is not None:
+                factor, unit = PRINT[mistake.size.unit]
+                text += f" {factor * size[0]:.4g} ± {factor * size[1]:.2g}{unit and f' {unit}'}"
+            texts.append(text)
+        value, sigma = size or (None, None)
+        return Cause(
+            kind=", ".join(mistake.kind for mistake in self.of.each),
+            text=", and ".join(texts),
+            log_odds=self.log_odds,
+            consistent=consistent(self.fit, REJECTED),
+            size=value,
+            sigma=sigma,
+        )
+
+
+def _vague(found: Explained) -> bool:
+    """Return whether an explanation names no mistake."""
+    return found.of.kind == "tolerances"
+
+
+def _once(found: list[Explained]) -> list[Explained]:
+    """Return explanations by their odds, of two mistakes in either order once."""
+    found = sorted(found, key=lambda each: -each.log_odds)
+    said = {frozenset((of.kind, of.text) for of in each.of.each): each for each in reversed(found)}
+    return sorted(said.values(), key=lambda each: -each.log_odds)
 
 
 def _some(case: Case) -> Array | None:
@@ -171,13 +200,14 @@ def suspicion(fit: Calibration) -> float:
     return float(gain.max(initial=-math.inf)) + hypothesis.LN_RATE
 
 
-def _tried(case: Case) -> list[tuple[str, Hypothesis]]:
+def _tried(case: Case) -> list[Hypothesis]:
     """Return every hypothesis of one unknown, and of the others those that contradict least."""
-    every = [(kind, of) for kind, generate in CAUSES.items() for of in generate(case)]
-    fitted = [of.size is not None or kind in ALWAYS for kind, of in every]
-    sized = [pair for pair, always in zip(every, fitted, strict=True) if always]
-    others = [pair for pair, always in zip(every, fitted, strict=True) if not always]
-    far = [_contradiction(of) for _, of in others]
+    every = [replace(of, kind=kind) for kind, generate in CAUSES.items() for of in generate(case)]
+    if case.first is not None:
+        every = [of for of in every if of.kind != "tolerances"]
+    sized = [of for of in every if of.size is not None or of.kind in ALWAYS]
+    others = [of for of in every if of.size is None and of.kind not in ALWAYS]
+    far = [_contradiction(of) for of in others]
     return sized + [others[k] for k in np.argsort(far, kind="stable")[:FITTED]]
 
 
@@ -204,7 +234,7 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
     alike, number = len(same), len(near)
-    if not causes[0].consistent or any(each.kind == "tolerances" for each in near):
+    if not causes[0].consistent or any(map(_vague, near)):
         return Search(Causes("unexplained", causes, alike, number), found, base)
     if not other:
         return Search(Causes("decisive", causes, alike, number), found, base)
