@@ -88,7 +88,7 @@ MADE = [
     (gross, "gross errors in 20 of 60 rows: rows 1, 4, 7, 10"),
     (stuck, "z_telemeter: stuck at"),
     (scaled(4, 4.0), "theta: 4 times the true value: its gear or gain"),
-    (scaled(0, 1.03), "q1: reads too much by a factor of 1.0"),
+    (scaled(0, 1.03), "q1: its reading over the true value is 1.0"),
     (scaled(1, -1.0), "q2: its sign is flipped"),
     (scaled(5, 1000.0), "z_telemeter: in mm, must be m"),
     (exchanged, "q1 and q3: swapped"),

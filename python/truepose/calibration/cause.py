@@ -65,14 +65,14 @@ class Causes(Shown):
         """Return every cause with its size and odds."""
         rows = [
             [
-                cause.kind,
                 cause.text,
+                cause.kind,
                 Cell(f"{cause.log_odds / np.log(10):.1f}", cause.log_odds),
                 "yes" if cause.consistent else "no",
             ]
             for cause in self.found
         ]
-        header = ["cause", "what is wrong", "log10 odds", "explains the log"]
+        header = ["what is wrong", "cause", "log10 odds", "explains the log"]
         return Table("causes", "Causes that explain the readings", header, rows)
 
 

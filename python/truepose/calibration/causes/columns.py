@@ -69,7 +69,7 @@ def gain(case: Case) -> Iterator[Hypothesis]:
     for k, name in enumerate(case.log.names):
         read = np.nan_to_num(case.log.readings[:, k])
         pattern = np.outer(read, np.eye(len(case.log.names))[k])
-        text = f"{name}: reads too much by a factor of"
+        text = f"{name}: its reading over the true value is"
         count = int(np.isfinite(case.log.readings[:, k]).sum()) * (k >= case.robot.n)
         yield case.with_pattern(pattern, GAIN, text=text, size=Size("", gain=count))
         for ratio in RATIOS:
