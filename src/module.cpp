@@ -176,6 +176,7 @@ void bind_robot(nb::module_& m) {
              if (xi.shape(0) != static_cast<std::size_t>(parameter_count(sound(drawn))))
                throw nb::value_error("one value for each column");
              asked(set_parameters(drawn, xi.data(), robot));
+             static_cast<void>(note_assembly(robot));
              return robot;
            })
       .def("finish", [](Robot& robot) {

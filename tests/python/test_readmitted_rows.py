@@ -10,10 +10,10 @@ ANCHORS = np.array([[0, -1.6, -0.15], [1.4, 0.8, -0.1], [-1.3, 0.9, -0.12], [0.1
 NOISE = 5e-4
 
 
-def hanging(folder, anchors):
+def hanging(folder, anchors, home=0.5, sigma=0.3):
     """Return a printer whose lines read their change of length from the middle of the bed."""
     text = 'name = "hanging"\nmobility = "translation"\nsource = "assumed"\nsensors = ["high"]\n'
-    text += "home = [0.0, 0.0, 0.5]\n[workspace]\nminimum = [-0.4, -0.4, 0.0]\n"
+    text += f"home = [0.0, 0.0, {home}]\n[workspace]\nminimum = [-0.4, -0.4, 0.0]\n"
     text += 'maximum = [0.4, 0.4, 1.4]\n[chain_defaults]\nactuator = "telescopic"\n'
     text += f"encoder_noise = {NOISE}\n"
     offsets = np.linalg.norm(anchors, axis=1)
@@ -22,7 +22,7 @@ def hanging(folder, anchors):
     text += f'[[sensor]]\nname = "high"\nkind = "distance"\norigin = {anchors[3].tolist()}\n'
     text += f"offset = {offsets[3]}\nnoise = {NOISE}\n[tolerances]\n"
     for name in ("chain*.base.*", "chain*.encoder_offset", "high.origin.*", "high.offset"):
-        text += f'"{name}" = {{ sigma = 0.3 }}\n'
+        text += f'"{name}" = {{ sigma = {sigma} }}\n'
     (folder / "hanging.toml").write_text(text, encoding="utf-8")
     return tp.load(folder / "hanging.toml")
 
@@ -69,3 +69,19 @@ def test_a_row_that_the_result_cannot_reach_is_named(log):
     table |= dict(zip(("measured_x", "measured_y", "measured_z"), measured.T, strict=True))
     again = tp.calibrate(guess, table, measured_sigma=1e-4, registration="known")
     assert fit.notes[0] in again.notes
+
+
+def test_a_guess_whose_home_is_below_the_low_anchors_does_not_turn_the_robot_over(
+    tmp_path, anywhere
+):
+    """The assembly mode is that of the calibrated geometry, in the fit and after it."""
+    true = hanging(tmp_path, ANCHORS)
+    x = anywhere(true, 44, np.random.default_rng(0))
+    measured = np.where(np.arange(44)[:, None] < 9, x, np.nan)
+    above = ANCHORS.copy()
+    above[:3, 2] += 0.5
+    guess = hanging(tmp_path, above, home=0.0, sigma=2.0)
+    fit = fitted(guess, true.read(x, seed=1), measured)
+    assert (fit.status == "ok").all()
+    q = fit.robot.ikm(x)
+    np.testing.assert_allclose(fit.robot.fkm(q), x, atol=1e-9)

@@ -129,6 +129,19 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
   return other_mode(robot.assembly_sign, [&] { return jacobians.sign(); });
 }
 
+/// Derives assembly_sign from the present geometry; unchanged where home is out of its reach.
+/// @return the outcome at home: unreachable, singular, joint_limit
+inline Outcome note_assembly(Robot& robot) {
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
+    Closure<K> closure;
+    Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
+    Jacobians<K> jacobians;
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome) robot.assembly_sign = jacobians.sign();
+    return outcome ? within_limits<K>(robot, closure.pose, closure.q()) : outcome;
+  });
+}
+
 /// Checks a robot's counts, indices and enums, and derives assembly_sign, limited, encoder_errs and
 /// the inclinometers' vertical. Call it after building a robot and after every change.
 /// A robot with a singular or unreachable home is finished, too: its assembly mode is unchecked.
@@ -146,19 +159,13 @@ inline Outcome finish(Robot& robot) {
   note_encoders(robot);
   note_vertical(robot);
   robot.limited = false;
+  robot.assembly_sign = 0;
   for (int i = 0; i < robot.motors; ++i)
     robot.limited =
         robot.limited || std::isfinite(robot.chain[i].low) || std::isfinite(robot.chain[i].high);
   for (int j = 0; j < passive_axes(robot.mobility); ++j)
     robot.limited =
         robot.limited || std::isfinite(robot.axis[j].low) || std::isfinite(robot.axis[j].high);
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    Closure<K> closure;
-    Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
-    Jacobians<K> jacobians;
-    if (outcome) outcome = jacobian<K>(closure, jacobians);
-    robot.assembly_sign = outcome ? jacobians.sign() : 0;
-    return outcome ? within_limits<K>(robot, closure.pose, closure.q()) : outcome;
-  });
+  return note_assembly(robot);
 }
 }  // namespace truepose

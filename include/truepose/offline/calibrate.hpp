@@ -85,6 +85,8 @@ class Calibrator {
   bool more(Iterate& at) {
     const long before = counted();
     believe(at.u);
+    // A geometry far off may have home on the other side of a singular pose.
+    static_cast<void>(note_assembly(robot_));
     if (!reach(at)) return false;
     include(at);
     return counted() > before;
