@@ -14,11 +14,13 @@ from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.causes.column_check import APART, MISFIT
-from truepose.calibration.expectation import expect
+from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
+from truepose.calibration.lean import Leaning, leaning_of, nothing_depends
 from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
+from truepose.robot.lean import leveled
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes, reading_units
 from truepose.show.charts import ranges
@@ -50,7 +52,7 @@ class Zeroing(Shown):
     """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
-    x: Array  #: (K, n) reference poses; NaN for unknown coordinates
+    x: Array  #: (K, n) reference poses relative to the base; NaN for unknown coordinates
     motors: tuple[Zero, ...]  #: at the first of them
     notes: tuple[str, ...] = ()
 
@@ -91,6 +93,7 @@ def zero(
     *,
     at: ArrayLike | None = None,
     sigma: ArrayLike | float | None = None,
+    lean: ArrayLike | float | None = None,
 ) -> Zeroing:
     """Identify homing offsets from readings at a known reference pose.
 
@@ -106,7 +109,8 @@ def zero(
         In a table with a column "posture", the rows that name one count, and rows of one name are
         averaged. Otherwise each row with columns measured_x … is a posture; without these, all
         rows together. Measured coordinates are the pose's; where rows name no posture, coordinates
-        not measured are unknown.
+        not measured are unknown. Columns base_lean_x and base_lean_y are the base's roll and pitch
+        by an IMU on it, rad.
     at : array_like, shape (n,), optional
         Pose as far as it was not measured, m and rad; NaN: unknown. By default 0 on a rotational
         platform (axes parallel to gravity unknown), else home. Not with a column "posture", which
@@ -114,21 +118,27 @@ def zero(
     sigma : float, or array_like, shape (n,), optional
         σ of the pose, m or rad. By default 0.05° (assumed) on a rotational platform; other robots
         need a value.
+    lean : float, or array_like, shape (2,), optional
+        σ of the base's lean about each horizontal axis, rad: common to all postures, and of each
+        posture. With base_lean columns, σ of the IMU's bias. The platform is level with respect to
+        gravity where its pose is neither given nor measured; such a posture depends on the lean, as
+        inclinometers do. By default 1° (assumed) for such postures, 0.2° (assumed) with base_lean
+        columns, else 0. 0 is for a base that stands level. ``fit.influences`` has the lean.
 
     Raises
     ------
     InputError
         As :func:`truepose.calibrate`; no row of a posture; motion within a posture by 20 of its σ;
         a pose 5 σ off what motors and tolerances allow; a posture that contradicts the others (χ²,
-        at 1 in 1000 over all postures). A single posture cannot be compared: ``notes`` has the
-        error that would stay undetected.
+        at 1 in 1000 over all postures); a lean on which nothing depends. A single posture cannot be
+        compared: ``notes`` has the error that would stay undetected.
 
     Examples
     --------
     >>> import truepose as tp
     >>> ankle = tp.load("g1-ankle")
     >>> true = ankle.replace({"chain1.encoder_offset": 0.005, "chain2.rod": 0.2217})
-    >>> found = zero(ankle, true.extended_positions([[0, 0]]))
+    >>> found = zero(ankle, true.extended_positions([[0, 0]]), lean=0)  # shank upright
     >>> [round(motor.off, 4) for motor in found.motors]
     [-0.005, -0.0117]
     """
@@ -144,19 +154,28 @@ def zero(
     postures, notes = _postures(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
-    at_pose = (tuple(np.nan_to_num(posture.x, nan=np.inf)) for posture in postures)
-    of = np.array([numbers.setdefault(pose, len(numbers)) for pose in at_pose])
-    first = np.unique(of, return_index=True)[1]
-    x = np.array([postures[k].x for k in first])
+    leaning = _leaning(robot, log, postures, lean)
     read_at = np.array([posture.read for posture in postures])
+    of = _poses_apart(postures, apart=leaning.sigma[1] > 0)
+    first, times = np.unique(of, return_index=True, return_counts=True)[1:]
+    x = np.array([postures[k].x for k in first])
     rows = np.array([_mean(read_at[of == k]) for k in range(len(x))])
-    sigmas = known / np.sqrt(np.bincount(of))[:, None]
-    allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first])
-    fit = calibrate(
-        robot, rows, measured=x, measured_sigma=sigmas, registration="known", cause="ignore"
+    sigmas = known / np.sqrt(times)[:, None]
+    leaning, called = leaning.only(first), [postures[k].where for k in first]
+    allowed = _require_near(robot, rows, x, sigmas, leaning, called)
+    fit, leaning = leaning.fitted(
+        lambda by: calibrate(
+            robot,
+            rows - by.correction,
+            measured=by.at_level(x),
+            measured_sigma=sigmas,
+            registration="known",
+            influences=by.unknowns(),
+            cause="ignore",
+        )
     )
-    _require_agreement(fit, postures, of, known)
+    _require_agreement(fit, postures, of, known, leaning.only(of))
+    fit = leaning.result(fit)
     if len(postures) == 1:
         told = np.isfinite(x[0])
         notes.append(
@@ -164,13 +183,15 @@ def zero(
             f"{sizes(robot, told, APART * allowed[0, told], '.2g')} goes into the homing offsets: "
             "repeat the posture, and read it again"
         )
-    return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
+    return Zeroing(fit, leaning.at_level(x), _motors(fit, rows), tuple(notes))
 
 
 class _Posture(NamedTuple):
     where: str  #: name and lines
     read: Array  #: (n + r,) mean of its rows
     x: Array  #: (n,) its pose, NaN for unknown coordinates
+    implied: Array  #: (n,) bool: coordinates at which the platform is level
+    lean: Array  #: (2,) of the base by its IMU, else 0
 
 
 def _pose(robot: Robot, at: ArrayLike | None) -> Array:
@@ -224,15 +245,23 @@ def _postures(
     elif log.measured is not None:
         names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
         usual = np.full(robot.n, np.nan) if at is None else usual
+    measured = log.measured
+    if measured is not None and log.implied is not None:
+        measured = np.where(log.implied, np.nan, measured)
+    level = np.isfinite(usual) & (robot.spec.mobility == "rotational" and at is None)
+    leans = np.zeros((len(names), 2)) if log.base_lean is None else log.base_lean
     postures, notes = [], []
     for name in dict.fromkeys(names[stood].tolist()):
         lines = np.flatnonzero(stood & (names == name))
-        here, known = log.readings[lines], usual
-        if log.measured is not None:
-            measured = _mean(log.measured[lines])
-            known = np.where(np.isnan(measured), usual, measured)
+        here, known, implied = log.readings[lines], usual, level
+        if measured is not None:
+            mean = _mean(measured[lines])
+            known, implied = np.where(np.isnan(mean), usual, mean), level & np.isnan(mean)
+        tilt = leans[lines].mean(axis=0)
+        if implied.any() and tilt.any():
+            known = leveled(robot, known[None], tilt[None], implied[None])[0]
         where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
-        postures.append(_Posture(where, _mean(here), known))
+        postures.append(_Posture(where, _mean(here), known, implied, tilt))
         if moves := _moves(robot, here, known, sigma, where):
             notes.append(moves)
     return postures, notes
@@ -258,15 +287,56 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     return said if (moved > _SAME * sigma).any() else ""
 
 
-def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, sigma: Array) -> None:
+def _poses_apart(postures: list[_Posture], apart: bool) -> Array:
+    """Return the number of each posture's pose, (K,); all differ where `apart`."""
+    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
+    at_pose = (
+        (*np.nan_to_num(p.x, nan=np.inf), *p.implied, *p.lean, k * apart)
+        for k, p in enumerate(postures)
+    )
+    return np.array([numbers.setdefault(pose, len(numbers)) for pose in at_pose])
+
+
+def _leaning(
+    robot: Robot, log: logs.Log, postures: list[_Posture], sigma: ArrayLike | None
+) -> Leaning:
+    columns = zip(*((p.read, p.x, p.implied, p.lean) for p in postures), strict=True)
+    q, x, implied, leans = map(np.array, columns)
+    if (unknown := np.isnan(x)).any():
+        x = np.where(unknown, poses_of(robot.expected(), q[:, : robot.n]), x)
+    read = None if log.base_lean is None else leans
+    every = np.ones(len(postures), dtype=bool)
+    of = leaning_of(robot, x, implied, every, read, sigma)
+    if read is not None and sigma is None and not of.components:
+        raise nothing_depends("base_lean columns")
+    return of
+
+
+def _require_agreement(
+    fit: Calibration, postures: list[_Posture], of: Array, sigma: Array, leaning: Leaning
+) -> None:
     """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
     if len(postures) < 2:
         return
-    robot = fit.robot
-    read, x = (np.array(values) for values in zip(*((s.read, s.x) for s in postures), strict=True))
-    rows = rows_of(robot, fit.names, read, fit.x[of], x, np.broadcast_to(sigma, x.shape))
-    prior, parameters = np.linalg.inv(fit.prior_covariance), fit.parameters.values()
-    off = np.array([p.prior - p.value for p in parameters])
+    robot, parts = fit.robot, leaning.components
+    read, x = (np.array(v) for v in zip(*((p.read, p.x) for p in postures), strict=True))
+    acting = np.zeros((*read.shape, len(parts)))
+    for k, part in enumerate(parts):
+        acting[:, :, k] = leaning.reading(part)
+    beyond = [fit.influences[part.name] for part in parts]
+    rows = rows_of(
+        robot,
+        fit.names,
+        read - leaning.correction - acting @ [lean.value for lean in beyond],
+        fit.x[of],
+        leaning.at_level(x),
+        np.broadcast_to(sigma, x.shape),
+        acting,
+    )
+    every, own = [*fit.parameters.values(), *beyond], len(fit.names)
+    prior = np.diag([u.prior_sigma**-2 for u in every])
+    prior[:own, :own] = np.linalg.inv(fit.prior_covariance)
+    off = np.array([u.prior - u.value for u in every])
     covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
     judged = left_out(robot, rows, covariance, step, FALSE_ALARMS / len(postures))
@@ -283,11 +353,16 @@ def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, si
     )
 
 
-def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
+def _require_near(
+    robot: Robot, rows: Array, x: Array, sigma: Array, leaning: Leaning, called: list[str]
+) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
     model, n = robot.expected(), robot.n
     known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
+    sigma = np.hypot(sigma, leaning.spread(leaning.effect.pose))
     seen = expect(model, rows, x, sigma, known)
+    inclined = leaning.spread(leaning.effect.inclination)[:, n:]
+    seen.sigma[:, : robot.r] = np.hypot(seen.sigma[:, : robot.r], inclined)
     distance = np.abs(seen.residual) / seen.sigma
     lost = np.asarray(np.isnan(seen.x).any(axis=1))
     far = lost | np.asarray((distance > APART).any(axis=1))
