@@ -13,14 +13,14 @@ from truepose.arguments import Array, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.causes.column_check import APART, MISFIT
+from truepose.calibration.causes.column_check import APART
 from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.lean import Leaning, leaning_of, nothing_depends
+from truepose.calibration.postures import Posture, mean_of, postures_of, sigma_of
 from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
-from truepose.exceptions import InputError, PoseError
+from truepose.exceptions import InputError
 from truepose.robot import knowledge
-from truepose.robot.lean import leveled
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes, reading_units
 from truepose.show.charts import ranges
@@ -30,8 +30,6 @@ from truepose.show.units import named
 
 #: Least share of a motor's variance at which a parameter is listed as a cause.
 _SHARE = 0.05
-#: Allowed motion within a posture's rows, σ.
-_SAME = 5.0
 #: Share of logs with correct postures in which one is refused.
 FALSE_ALARMS = 1e-3
 
@@ -145,13 +143,13 @@ def zero(
     require(robot, Robot, "robot", "truepose.load(name)")
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
-    known = _sigma(robot, sigma)
+    known = sigma_of(robot, sigma)
     read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     if not read.any():
         raise InputError("no line has a reading of every motor")
     if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
         raise InputError(f"readings: {'; '.join(wrong)}")
-    postures, notes = _postures(robot, log.only(read), at, known)
+    postures, notes = postures_of(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
     leaning = _leaning(robot, log, postures, lean)
@@ -159,7 +157,7 @@ def zero(
     of = _poses_apart(postures, apart=leaning.sigma[1] > 0)
     first, times = np.unique(of, return_index=True, return_counts=True)[1:]
     x = np.array([postures[k].x for k in first])
-    rows = np.array([_mean(read_at[of == k]) for k in range(len(x))])
+    rows = np.array([mean_of(read_at[of == k]) for k in range(len(x))])
     sigmas = known / np.sqrt(times)[:, None]
     leaning, called = leaning.only(first), [postures[k].where for k in first]
     allowed = _require_near(robot, rows, x, sigmas, leaning, called)
@@ -186,108 +184,7 @@ def zero(
     return Zeroing(fit, leaning.at_level(x), _motors(fit, rows), tuple(notes))
 
 
-class _Posture(NamedTuple):
-    where: str  #: name and lines
-    read: Array  #: (n + r,) mean of its rows
-    x: Array  #: (n,) its pose, NaN for unknown coordinates
-    implied: Array  #: (n,) bool: coordinates at which the platform is level
-    lean: Array  #: (2,) of the base by its IMU, else 0
-
-
-def _pose(robot: Robot, at: ArrayLike | None) -> Array:
-    if at is not None:
-        x = np.asarray(at, dtype=float)
-        if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
-            raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
-        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # if rotational
-            low, high = axis.limits or (-np.inf, np.inf)
-            if angle < low or angle > high:
-                raise InputError(
-                    f"at (--at): {axis.name} = {angle:.6g} rad: must be within its limits, "
-                    f"{low:.6g} to {high:.6g}"
-                )
-        try:
-            robot.ikm(np.where(np.isnan(x), robot.home, x))
-        except PoseError as error:
-            raise InputError(f"at (--at): {error}") from None
-        return x
-    if robot.spec.mobility == "rotational":
-        return np.where(logs.reading.tilts(robot), 0.0, np.nan)
-    return robot.home
-
-
-def _sigma(robot: Robot, sigma: ArrayLike | float | None) -> Array:
-    if sigma is None and robot.spec.mobility != "rotational":
-        raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
-    sigma = logs.reading.FLAT if sigma is None else sigma
-    values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    if not (np.isfinite(values) & (values > 0)).all():
-        raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
-    return values
-
-
-def _postures(
-    robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
-) -> tuple[list[_Posture], list[str]]:
-    labels = log.labels.get(logs.reading.POSTURE)
-    usual, names = _pose(robot, at), np.full(len(log.lines), "one")
-    stood = np.ones(len(names), dtype=bool)
-    if labels is not None:
-        names, stood = labels, logs.reading.stood(labels)
-        if not stood.any():
-            raise InputError("no line names a posture: the column 'posture' is empty, or 0")
-        if at is not None:
-            outside = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
-            raise InputError(
-                "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
-                f"out, or give the pose in columns {outside}"
-            )
-    elif log.measured is not None:
-        names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
-        usual = np.full(robot.n, np.nan) if at is None else usual
-    measured = log.measured
-    if measured is not None and log.implied is not None:
-        measured = np.where(log.implied, np.nan, measured)
-    level = np.isfinite(usual) & (robot.spec.mobility == "rotational" and at is None)
-    leans = np.zeros((len(names), 2)) if log.base_lean is None else log.base_lean
-    postures, notes = [], []
-    for name in dict.fromkeys(names[stood].tolist()):
-        lines = np.flatnonzero(stood & (names == name))
-        here, known, implied = log.readings[lines], usual, level
-        if measured is not None:
-            mean = _mean(measured[lines])
-            known, implied = np.where(np.isnan(mean), usual, mean), level & np.isnan(mean)
-        tilt = leans[lines].mean(axis=0)
-        if implied.any() and tilt.any():
-            known = leveled(robot, known[None], tilt[None], implied[None])[0]
-        where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
-        postures.append(_Posture(where, _mean(here), known, implied, tilt))
-        if moves := _moves(robot, here, known, sigma, where):
-            notes.append(moves)
-    return postures, notes
-
-
-def _mean(rows: Array) -> Array:
-    return np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan)
-
-
-def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
-    """Return a note on motion within a posture's rows; "" without any."""
-    q = here[:, : robot.n]
-    x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
-    if np.isnan(x).any(axis=1).all():  # units, signs: see :func:`_require_near`
-        return ""
-    moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
-    noise = knowledge.reading_sigma(robot)[: robot.n]
-    k, units = int(np.argmax(size / noise)), reading_units(robot)
-    said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
-    still = (moved <= MISFIT * sigma).all()  # False where some rows close no loop
-    if not still and size[k] > MISFIT * noise[k]:
-        raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
-    return said if (moved > _SAME * sigma).any() else ""
-
-
-def _poses_apart(postures: list[_Posture], apart: bool) -> Array:
+def _poses_apart(postures: list[Posture], apart: bool) -> Array:
     """Return the number of each posture's pose, (K,); all differ where `apart`."""
     numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
     at_pose = (
@@ -298,7 +195,7 @@ def _poses_apart(postures: list[_Posture], apart: bool) -> Array:
 
 
 def _leaning(
-    robot: Robot, log: logs.Log, postures: list[_Posture], sigma: ArrayLike | None
+    robot: Robot, log: logs.Log, postures: list[Posture], sigma: ArrayLike | None
 ) -> Leaning:
     columns = zip(*((p.read, p.x, p.implied, p.lean) for p in postures), strict=True)
     q, x, implied, leans = map(np.array, columns)
@@ -313,7 +210,7 @@ def _leaning(
 
 
 def _require_agreement(
-    fit: Calibration, postures: list[_Posture], of: Array, sigma: Array, leaning: Leaning
+    fit: Calibration, postures: list[Posture], of: Array, sigma: Array, leaning: Leaning
 ) -> None:
     """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
     if len(postures) < 2:
