@@ -21,6 +21,7 @@ from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Loss, ModelError, inflated, misfit
 from truepose.calibration.influences import NuisanceParameter, homings
+from truepose.calibration.lean import of_log
 from truepose.calibration.registration import KnownPose, Registration
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import Log
@@ -195,6 +196,7 @@ def explained(
     """
     if cause not in CHOICES:
         raise InputError(choose("cause", cause, CHOICES))
+    of_log(robot, log, settings.get("lean"))  # a wrong lean is not searched for
     case = Case(robot, log, settings)
     none = case.nothing()
     if cause == "ignore" or not len(log.readings):

@@ -106,7 +106,7 @@ def postures_of(
 
 
 def mean_of(rows: Array) -> Array:
-    """Return the mean of what was read in each column, else NaN."""
+    """Return the mean of each column's readings; NaN without any."""
     return np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan)
 
 
