@@ -259,7 +259,7 @@ def test_a_flat_posture_of_a_calibration_depends_on_the_lean(ankle):
     assert np.trace(upright.covariance) < np.trace(one.covariance)
 
 
-@pytest.mark.parametrize("value", [-0.01, np.nan, np.inf, [0.1, 0.1, 0.1], [[0.1, 0.1]], "1deg"])
+@pytest.mark.parametrize("value", [-0.01, np.nan, 1.0, [0.1, 0.1, 0.1], [[0.1, 0.1]], "1deg"])
 def test_a_lean_without_meaning_is_refused(ankle, value):
     with pytest.raises(InputError, match=r"^lean \(--lean\) = .*: must be one angle, or two"):
         tp.calibration.zero(ankle, [[0.0, 0.0]], lean=value)
@@ -300,6 +300,13 @@ def test_a_lean_on_which_nothing_depends_is_refused(ankle):
 def test_columns_of_a_base_that_cannot_be_used_are_told(ankle, columns, said):
     log = {"q1": [0.0, 0.0], "q2": [0.0, 0.0]} | columns
     with pytest.raises(InputError, match=said):
+        tp.calibration.zero(ankle, log)
+
+
+def test_a_base_that_leans_beyond_the_ankle_is_told(ankle):
+    """40° about both axes: the foot cannot be level."""
+    log = {"q1": [0.0], "q2": [0.0], "base_lean_x": [0.7], "base_lean_y": [0.7]}
+    with pytest.raises(InputError, match=r"row 1: .* (by motors and tolerances|close no loop)"):
         tp.calibration.zero(ankle, log)
 
 

@@ -18,6 +18,7 @@ from truepose.calibration.influences import NuisanceParameter
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError
 from truepose.logs import Log
+from truepose.logs.base_lean import MOST
 from truepose.robot import lean
 from truepose.robot.robot import Robot
 from truepose.show.units import printed
@@ -26,7 +27,7 @@ from truepose.show.units import printed
 UNMEASURED, BIAS = math.radians(1), math.radians(0.2)
 #: Least reading per lean that counts as an effect.
 _NOTHING = 1e-9
-#: Linearizations at most, and the further lean, rad, that needs no other: its square is negligible.
+#: Further linearizations at most; largest lean, rad, that needs none, as its square is negligible.
 _ROUNDS, _NEAR = 5, 1e-3
 
 
@@ -136,14 +137,14 @@ class Leaning:
 
     def fitted(self, fit: Callable[[Leaning], Calibration]) -> tuple[Calibration, Leaning]:
         """Fit, linearized anew about the lean found, until it stays; return the last of both."""
-        by = self
+        by, found = self, fit(self)
         for _ in range(_ROUNDS):
-            found = fit(by)
             step = {of.name: found.influences[of.name].value for of in by.components}
             if max(map(abs, step.values()), default=0) < _NEAR:
                 break
             amounts = {name: by.amounts.get(name, 0.0) + value for name, value in step.items()}
             by = replace(by, amounts=amounts)
+            found = fit(by)
         return found, by
 
     def result(self, fit: Calibration) -> Calibration:
@@ -155,11 +156,8 @@ class Leaning:
             found = Learnt(0.0, of.sigma, self.amount(of) + beyond.value, beyond.sigma)
             influences[of.name] = found
             if of.row is None:
-                value, sigma = (
-                    printed(found.value, "rad", "+.2g"),
-                    printed(found.sigma, "rad", ".2g"),
-                )
-                common.append(f"{value} ± {sigma} about {of.name[-1]}")
+                value = printed(found.value, "rad", "+.2g")
+                common.append(f"{value} ± {printed(found.sigma, 'rad', '.2g')} about {of.name[-1]}")
         notes = list(fit.notes)
         if common:
             beyond_imu = " more than its IMU reads" if self.measured else ""
@@ -186,10 +184,10 @@ def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[floa
         values = np.atleast_1d(np.asarray(given, dtype=float))
     except (TypeError, ValueError):
         values = np.array([np.nan])
-    if values.shape not in ((1,), (2,)) or not (np.isfinite(values) & (values >= 0)).all():
+    if values.shape not in ((1,), (2,)) or not ((values >= 0) & (values <= MOST)).all():
         raise InputError(
             f"lean (--lean) = {given}: must be one angle, or two (common to the log, of each "
-            "posture), at least 0 (rad)"
+            "posture), 0 to 45° (rad)"
         )
     return float(values[0]), float(values[1]) if len(values) == 2 else 0.0
 
@@ -206,27 +204,28 @@ def leaning_of(
 
     Raises InputError for a σ greater than 0 of a lean on which nothing depends.
     """
-    of = Leaning(
+    sigma = sigmas(given, read is not None, bool(implied.any()))
+    if given is not None and any(sigma):
+        require_effect(robot, implied, "lean (--lean)")
+    return Leaning(
         robot=robot.expected(),
         x=x,
         implied=implied,
         read=np.zeros((len(x), 2)) if read is None else read,
         postures=postures,
-        sigma=sigmas(given, read is not None, bool(implied.any())),
+        sigma=sigma,
         given=given is not None,
         measured=read is not None,
     )
-    if given is not None and any(of.sigma) and not of.components:
-        raise nothing_depends("lean (--lean)")
-    return of
 
 
-def nothing_depends(on: str) -> InputError:
-    """Return the error for a lean without effect."""
-    return InputError(
-        f"{on}: nothing depends on it: no pose is level with respect to gravity, and no "
-        "inclinometer is in use"
-    )
+def require_effect(robot: Robot, implied: Array, what: str) -> None:
+    """Refuse a lean on which nothing depends."""
+    if not (implied.any() or lean.gravity_referred(robot).any()):
+        raise InputError(
+            f"{what}: nothing depends on it: no pose is level with respect to gravity, and no "
+            "inclinometer is in use"
+        )
 
 
 def of_log(robot: Robot, log: Log, given: ArrayLike | None) -> Leaning | None:

@@ -16,7 +16,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.causes.column_check import APART
 from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
-from truepose.calibration.lean import Leaning, leaning_of, nothing_depends
+from truepose.calibration.lean import Leaning, leaning_of, require_effect
 from truepose.calibration.postures import Posture, mean_of, postures_of, sigma_of
 from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
 from truepose.exceptions import InputError
@@ -203,10 +203,9 @@ def _leaning(
         x = np.where(unknown, poses_of(robot.expected(), q[:, : robot.n]), x)
     read = None if log.base_lean is None else leans
     every = np.ones(len(postures), dtype=bool)
-    of = leaning_of(robot, x, implied, every, read, sigma)
-    if read is not None and sigma is None and not of.components:
-        raise nothing_depends("base_lean columns")
-    return of
+    if read is not None:
+        require_effect(robot, implied, "base_lean columns")
+    return leaning_of(robot, x, implied, every, read, sigma)
 
 
 def _require_agreement(

@@ -14,7 +14,7 @@ from truepose.robot.robot import Robot
 
 PREFIX = "base_lean_"
 #: Largest lean, rad: 45°; more is a value in degrees.
-_MOST = math.pi / 4
+MOST = math.pi / 4
 
 
 def columns(robot: Robot, names: Iterable[str], where: str) -> list[str]:
@@ -43,10 +43,10 @@ def require_read(values: Array, names: list[str], lines: Array, at: str) -> None
             shown = ", ".join(str(line) for line in lines[rows[:5]])
             more = f", … {len(rows) - 5} more" if len(rows) > 5 else ""
             raise InputError(f"{at} {shown}{more}: {name}: not read; every line needs the lean")
-        if (rows := np.flatnonzero(np.abs(column) > _MOST)).size:
+        if (rows := np.flatnonzero(np.abs(column) > MOST)).size:
             raise InputError(
                 f"{at} {lines[rows[0]]}: {name} = {column[rows[0]]:g}: must be within ±45° "
-                f"(±{_MOST:.3g} rad); in degrees?"
+                f"(±{MOST:.3g} rad); in degrees?"
             )
 
 
