@@ -148,7 +148,7 @@ def test_a_leaning_shank_and_a_common_constant_are_found():
     _, rows, _ = read(ankle)
     rows[:, 2] += np.deg2rad(3)
     text = search(ankle, rows).causes.text
-    assert "leans along" in text or "foot_pitch: zero off by" in text
+    assert "leans about y" in text or "foot_pitch: zero off by" in text
     hexapod = tp.load("stewart").with_sensors("u_joint1", "u_joint3", "u_joint5")
     _, rows, _ = read(hexapod)
     rows[:, 6:] += 0.02

@@ -33,7 +33,7 @@ def test_a_zeroed_ankle_is_as_accurate_as_the_bound_says(ankle, robots_drawn, an
     off, nees = [], []
     for seed in range(robots_drawn):
         true, q = standing(ankle, seed)
-        found = tp.calibration.zero(ankle, q)
+        found = tp.calibration.zero(ankle, q, lean=0)
         e = found.robot.fkm(true.ikm(x), x) - x
         P = tp.accuracy(found.robot, x)
         off.append(e)
@@ -47,7 +47,7 @@ def test_a_zeroed_ankle_is_as_accurate_as_the_bound_says(ankle, robots_drawn, an
 
 def test_a_motor_s_zero_is_off_by_what_the_true_ankle_s_is(ankle):
     true, q = standing(ankle, 3)
-    found = tp.calibration.zero(ankle, q)
+    found = tp.calibration.zero(ankle, q, lean=0)
     there = true.ikm([0, 0]) - ankle.ikm([0, 0])
     for motor, off in zip(found.motors, there, strict=True):
         assert abs(motor.off - off) < 5 * motor.sigma < motor.prior_sigma
@@ -142,7 +142,8 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
     (tmp_path / "log.csv").write_text(
         f"q1,q2,posture\n{q[0, 0]},{q[0, 1]},1\n9,9,0\n", encoding="utf-8"
     )
-    status, out, err = run("zero", ankle.name, "log.csv", "--sensors", "none", "-o", "zeroed.toml")
+    upright = ("--sensors", "none", "--lean", "0")
+    status, out, err = run("zero", ankle.name, "log.csv", *upright, "-o", "zeroed.toml")
     assert status == 0 and err.startswith("log.csv: one posture: ") and err.count("\n") == 1
     assert "encoder_offset" in out and "Wrote zeroed.toml" in out
     zeroed = tp.load(tmp_path / "zeroed.toml")

@@ -22,6 +22,7 @@ from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Loss, ModelError, inflated, misfit
 from truepose.calibration.influences import NuisanceParameter, homings
+from truepose.calibration.lean import of_log
 from truepose.calibration.registration import KnownPose, Registration
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import Log
@@ -51,6 +52,7 @@ def calibrate(
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
     influences: Sequence[NuisanceParameter] = (),
+    lean: ArrayLike | None = None,
     homing: tuple[ArrayLike, ArrayLike] | None = None,
     loads: Payloads | None = None,
     cause: CauseChoice = "refuse",
@@ -104,6 +106,12 @@ def calibrate(
         of 0.02 mm a touch.
     influences : sequence of NuisanceParameter, optional
         Additions to the readings of known pattern and unknown amount.
+    lean : float, or array_like, shape (2,), optional
+        σ of the base's lean about each horizontal axis, rad: common to the log, and of each
+        posture; with columns base_lean_x and base_lean_y (the base's roll and pitch by an IMU on
+        it, rad), σ of that IMU's bias. Inclinometers and a table's flat postures depend on it. By
+        default 0.2° (assumed) with these columns, 1° (assumed) with flat postures, else 0.
+        ``influences`` has the lean.
     homing : tuple of array_like, optional
         For a log with several homings: the number of the homing before each row, (N,), increasing,
         and σ of each offset's change, m or rad, a number or (n,). The robot then has the offsets of
@@ -154,6 +162,8 @@ def calibrate(
         influences = [*influences, *homings(robot, *homing)]
     given: dict[str, Any] = {"measured": measured, "measured_sigma": measured_sigma, "loads": loads}
     log = replace(log, **{name: value for name, value in given.items() if value is not None})
+    if measured is not None:
+        log = replace(log, implied=None)
     settings: dict[str, Any] = {
         "known_pose": known_pose,
         "measured_angle_sigma": measured_angle_sigma,
@@ -164,6 +174,7 @@ def calibrate(
         "model_error": model_error,
         "differences": differences,
         "influences": influences,
+        "lean": lean,
     }
     fit, of = explained(robot, log, settings, cause, refused)
     notes += review(fit, of.log) if table else left_out(fit, of.log)
@@ -186,6 +197,7 @@ def explained(
     """
     if cause not in CHOICES:
         raise InputError(choose("cause", cause, CHOICES))
+    of_log(robot, log, settings.get("lean"))  # a wrong lean is not searched for
     case = Case(robot, log, settings)
     none = case.nothing()
     if cause == "ignore" or not len(log.readings):

@@ -6,15 +6,17 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
+from truepose.calibration.lean import of_log, without
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.registration import (
     KnownPose,
@@ -52,6 +54,26 @@ def fit_to(
     robot: Robot,
     log: Log,
     *,
+    influences: Sequence[NuisanceParameter] = (),
+    lean: ArrayLike | None = None,
+    **settings: Any,
+) -> Calibration:
+    """Identify a robot's geometry from a checked log; see :func:`truepose.calibrate`."""
+    leaning = of_log(robot, log, lean)
+    if leaning is None:
+        return _fit_upright(robot, log, influences=influences, **settings)
+    fit, at = leaning.fitted(
+        lambda by: _fit_upright(
+            robot, without(log, by), influences=[*influences, *by.unknowns()], **settings
+        )
+    )
+    return at.result(fit)
+
+
+def _fit_upright(
+    robot: Robot,
+    log: Log,
+    *,
     known_pose: KnownPose | None = None,
     measured_angle_sigma: float | None = None,
     registration: Literal["unknown", "known"] | Registration = "unknown",
@@ -63,7 +85,7 @@ def fit_to(
     influences: Sequence[NuisanceParameter] = (),
     iterations: int = _core.ITERATIONS,
 ) -> Calibration:
-    """Identify a robot's geometry from a checked log; see :func:`truepose.calibrate`."""
+    """Identify a robot's geometry from a log of an upright base."""
     names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
     tuning = _tuned(loss, tuning)
     if model_error not in MODEL_ERRORS:

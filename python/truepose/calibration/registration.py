@@ -280,10 +280,20 @@ class Row(NamedTuple):
 
 
 def rows_of(
-    robot: Robot, names: tuple[str, ...], readings: Array, x: Array, known: Array, sigma: Array
+    robot: Robot,
+    names: tuple[str, ...],
+    readings: Array,
+    x: Array,
+    known: Array,
+    sigma: Array,
+    acting: Array | None = None,
 ) -> list[Row]:
-    """Linearize K readings at poses `x` near the `known` ones (or NaN) with σ `sigma`, (K, n)."""
+    """Linearize K readings at poses `x` near the `known` ones (or NaN) with σ `sigma`, (K, n).
+
+    `acting`, (K, n + r, k), are patterns of nuisance parameters: further columns of B.
+    """
     H_x, H_xi = knowledge.linearized(robot, x, names, level=robot.level)
+    H_xi = H_xi if acting is None else np.concatenate([H_xi, acting], axis=2)
     noise = knowledge.stated_sigma(robot, robot.level) ** 2
     expected = robot.extended_positions(x, level=robot.level)
     off = np.asarray(_core.innovation(robot.core, readings, expected))

@@ -13,11 +13,13 @@ from truepose.arguments import Array, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.causes.column_check import APART, MISFIT
-from truepose.calibration.expectation import expect
+from truepose.calibration.causes.column_check import APART
+from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
+from truepose.calibration.lean import Leaning, leaning_of, require_effect
+from truepose.calibration.postures import Posture, mean_of, postures_of, sigma_of
 from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
-from truepose.exceptions import InputError, PoseError
+from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes, reading_units
@@ -28,8 +30,6 @@ from truepose.show.units import named
 
 #: Least share of a motor's variance at which a parameter is listed as a cause.
 _SHARE = 0.05
-#: Allowed motion within a posture's rows, σ.
-_SAME = 5.0
 #: Share of logs with correct postures in which one is refused.
 FALSE_ALARMS = 1e-3
 
@@ -50,7 +50,7 @@ class Zeroing(Shown):
     """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
-    x: Array  #: (K, n) reference poses; NaN for unknown coordinates
+    x: Array  #: (K, n) reference poses relative to the base; NaN for unknown coordinates
     motors: tuple[Zero, ...]  #: at the first of them
     notes: tuple[str, ...] = ()
 
@@ -91,6 +91,7 @@ def zero(
     *,
     at: ArrayLike | None = None,
     sigma: ArrayLike | float | None = None,
+    lean: ArrayLike | float | None = None,
 ) -> Zeroing:
     """Identify homing offsets from readings at a known reference pose.
 
@@ -106,7 +107,8 @@ def zero(
         In a table with a column "posture", the rows that name one count, and rows of one name are
         averaged. Otherwise each row with columns measured_x … is a posture; without these, all
         rows together. Measured coordinates are the pose's; where rows name no posture, coordinates
-        not measured are unknown.
+        not measured are unknown. Columns base_lean_x and base_lean_y are the base's roll and pitch
+        by an IMU on it, rad.
     at : array_like, shape (n,), optional
         Pose as far as it was not measured, m and rad; NaN: unknown. By default 0 on a rotational
         platform (axes parallel to gravity unknown), else home. Not with a column "posture", which
@@ -114,49 +116,64 @@ def zero(
     sigma : float, or array_like, shape (n,), optional
         σ of the pose, m or rad. By default 0.05° (assumed) on a rotational platform; other robots
         need a value.
+    lean : float, or array_like, shape (2,), optional
+        σ of the base's lean about each horizontal axis, rad: common to all postures, and of each
+        posture. With base_lean columns, σ of the IMU's bias. The platform is level with respect to
+        gravity where its pose is neither given nor measured; such a posture depends on the lean, as
+        inclinometers do. By default 1° (assumed) for such postures, 0.2° (assumed) with base_lean
+        columns, else 0. 0 is for a base that stands level. ``fit.influences`` has the lean.
 
     Raises
     ------
     InputError
         As :func:`truepose.calibrate`; no row of a posture; motion within a posture by 20 of its σ;
         a pose 5 σ off what motors and tolerances allow; a posture that contradicts the others (χ²,
-        at 1 in 1000 over all postures). A single posture cannot be compared: ``notes`` has the
-        error that would stay undetected.
+        at 1 in 1000 over all postures); a lean on which nothing depends. A single posture cannot be
+        compared: ``notes`` has the error that would stay undetected.
 
     Examples
     --------
     >>> import truepose as tp
     >>> ankle = tp.load("g1-ankle")
     >>> true = ankle.replace({"chain1.encoder_offset": 0.005, "chain2.rod": 0.2217})
-    >>> found = zero(ankle, true.extended_positions([[0, 0]]))
+    >>> found = zero(ankle, true.extended_positions([[0, 0]]), lean=0)  # shank upright
     >>> [round(motor.off, 4) for motor in found.motors]
     [-0.005, -0.0117]
     """
     require(robot, Robot, "robot", "truepose.load(name)")
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
-    known = _sigma(robot, sigma)
+    known = sigma_of(robot, sigma)
     read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     if not read.any():
         raise InputError("no line has a reading of every motor")
     if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
         raise InputError(f"readings: {'; '.join(wrong)}")
-    postures, notes = _postures(robot, log.only(read), at, known)
+    postures, notes = postures_of(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
-    at_pose = (tuple(np.nan_to_num(posture.x, nan=np.inf)) for posture in postures)
-    of = np.array([numbers.setdefault(pose, len(numbers)) for pose in at_pose])
-    first = np.unique(of, return_index=True)[1]
-    x = np.array([postures[k].x for k in first])
+    leaning = _leaning(robot, log, postures, lean)
     read_at = np.array([posture.read for posture in postures])
-    rows = np.array([_mean(read_at[of == k]) for k in range(len(x))])
-    sigmas = known / np.sqrt(np.bincount(of))[:, None]
-    allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first])
-    fit = calibrate(
-        robot, rows, measured=x, measured_sigma=sigmas, registration="known", cause="ignore"
+    of = _poses_apart(postures, apart=leaning.sigma[1] > 0)
+    first, times = np.unique(of, return_index=True, return_counts=True)[1:]
+    x = np.array([postures[k].x for k in first])
+    rows = np.array([mean_of(read_at[of == k]) for k in range(len(x))])
+    sigmas = known / np.sqrt(times)[:, None]
+    leaning, called = leaning.only(first), [postures[k].where for k in first]
+    allowed = _require_near(robot, rows, x, sigmas, leaning, called)
+    fit, leaning = leaning.fitted(
+        lambda by: calibrate(
+            robot,
+            rows - by.correction,
+            measured=by.at_level(x),
+            measured_sigma=sigmas,
+            registration="known",
+            influences=by.unknowns(),
+            cause="ignore",
+        )
     )
-    _require_agreement(fit, postures, of, known)
+    _require_agreement(fit, postures, of, known, leaning.only(of))
+    fit = leaning.result(fit)
     if len(postures) == 1:
         told = np.isfinite(x[0])
         notes.append(
@@ -164,109 +181,58 @@ def zero(
             f"{sizes(robot, told, APART * allowed[0, told], '.2g')} goes into the homing offsets: "
             "repeat the posture, and read it again"
         )
-    return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
+    return Zeroing(fit, leaning.at_level(x), _motors(fit, rows), tuple(notes))
 
 
-class _Posture(NamedTuple):
-    where: str  #: name and lines
-    read: Array  #: (n + r,) mean of its rows
-    x: Array  #: (n,) its pose, NaN for unknown coordinates
+def _poses_apart(postures: list[Posture], apart: bool) -> Array:
+    """Return the number of each posture's pose, (K,); all differ where `apart`."""
+    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
+    at_pose = (
+        (*np.nan_to_num(p.x, nan=np.inf), *p.implied, *p.lean, k * apart)
+        for k, p in enumerate(postures)
+    )
+    return np.array([numbers.setdefault(pose, len(numbers)) for pose in at_pose])
 
 
-def _pose(robot: Robot, at: ArrayLike | None) -> Array:
-    if at is not None:
-        x = np.asarray(at, dtype=float)
-        if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
-            raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
-        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # if rotational
-            low, high = axis.limits or (-np.inf, np.inf)
-            if angle < low or angle > high:
-                raise InputError(
-                    f"at (--at): {axis.name} = {angle:.6g} rad: must be within its limits, "
-                    f"{low:.6g} to {high:.6g}"
-                )
-        try:
-            robot.ikm(np.where(np.isnan(x), robot.home, x))
-        except PoseError as error:
-            raise InputError(f"at (--at): {error}") from None
-        return x
-    if robot.spec.mobility == "rotational":
-        return np.where(logs.reading.tilts(robot), 0.0, np.nan)
-    return robot.home
+def _leaning(
+    robot: Robot, log: logs.Log, postures: list[Posture], sigma: ArrayLike | None
+) -> Leaning:
+    columns = zip(*((p.read, p.x, p.implied, p.lean) for p in postures), strict=True)
+    q, x, implied, leans = map(np.array, columns)
+    if (unknown := np.isnan(x)).any():
+        x = np.where(unknown, poses_of(robot.expected(), q[:, : robot.n]), x)
+    read = None if log.base_lean is None else leans
+    every = np.ones(len(postures), dtype=bool)
+    if read is not None:
+        require_effect(robot, implied, "base_lean columns")
+    return leaning_of(robot, x, implied, every, read, sigma)
 
 
-def _sigma(robot: Robot, sigma: ArrayLike | float | None) -> Array:
-    if sigma is None and robot.spec.mobility != "rotational":
-        raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
-    sigma = logs.reading.FLAT if sigma is None else sigma
-    values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    if not (np.isfinite(values) & (values > 0)).all():
-        raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
-    return values
-
-
-def _postures(
-    robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
-) -> tuple[list[_Posture], list[str]]:
-    labels = log.labels.get(logs.reading.POSTURE)
-    usual, names = _pose(robot, at), np.full(len(log.lines), "one")
-    stood = np.ones(len(names), dtype=bool)
-    if labels is not None:
-        names, stood = labels, logs.reading.stood(labels)
-        if not stood.any():
-            raise InputError("no line names a posture: the column 'posture' is empty, or 0")
-        if at is not None:
-            outside = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
-            raise InputError(
-                "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
-                f"out, or give the pose in columns {outside}"
-            )
-    elif log.measured is not None:
-        names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
-        usual = np.full(robot.n, np.nan) if at is None else usual
-    postures, notes = [], []
-    for name in dict.fromkeys(names[stood].tolist()):
-        lines = np.flatnonzero(stood & (names == name))
-        here, known = log.readings[lines], usual
-        if log.measured is not None:
-            measured = _mean(log.measured[lines])
-            known = np.where(np.isnan(measured), usual, measured)
-        where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
-        postures.append(_Posture(where, _mean(here), known))
-        if moves := _moves(robot, here, known, sigma, where):
-            notes.append(moves)
-    return postures, notes
-
-
-def _mean(rows: Array) -> Array:
-    return np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan)
-
-
-def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
-    """Return a note on motion within a posture's rows; "" without any."""
-    q = here[:, : robot.n]
-    x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
-    if np.isnan(x).any(axis=1).all():  # units, signs: see :func:`_require_near`
-        return ""
-    moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
-    noise = knowledge.reading_sigma(robot)[: robot.n]
-    k, units = int(np.argmax(size / noise)), reading_units(robot)
-    said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
-    still = (moved <= MISFIT * sigma).all()  # False where some rows close no loop
-    if not still and size[k] > MISFIT * noise[k]:
-        raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
-    return said if (moved > _SAME * sigma).any() else ""
-
-
-def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, sigma: Array) -> None:
+def _require_agreement(
+    fit: Calibration, postures: list[Posture], of: Array, sigma: Array, leaning: Leaning
+) -> None:
     """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
     if len(postures) < 2:
         return
-    robot = fit.robot
-    read, x = (np.array(values) for values in zip(*((s.read, s.x) for s in postures), strict=True))
-    rows = rows_of(robot, fit.names, read, fit.x[of], x, np.broadcast_to(sigma, x.shape))
-    prior, parameters = np.linalg.inv(fit.prior_covariance), fit.parameters.values()
-    off = np.array([p.prior - p.value for p in parameters])
+    robot, parts = fit.robot, leaning.components
+    read, x = (np.array(v) for v in zip(*((p.read, p.x) for p in postures), strict=True))
+    acting = np.zeros((*read.shape, len(parts)))
+    for k, part in enumerate(parts):
+        acting[:, :, k] = leaning.reading(part)
+    beyond = [fit.influences[part.name] for part in parts]
+    rows = rows_of(
+        robot,
+        fit.names,
+        read - leaning.correction - acting @ [lean.value for lean in beyond],
+        fit.x[of],
+        leaning.at_level(x),
+        np.broadcast_to(sigma, x.shape),
+        acting,
+    )
+    every, own = [*fit.parameters.values(), *beyond], len(fit.names)
+    prior = np.diag([u.prior_sigma**-2 for u in every])
+    prior[:own, :own] = np.linalg.inv(fit.prior_covariance)
+    off = np.array([u.prior - u.value for u in every])
     covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
     judged = left_out(robot, rows, covariance, step, FALSE_ALARMS / len(postures))
@@ -283,11 +249,16 @@ def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, si
     )
 
 
-def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
+def _require_near(
+    robot: Robot, rows: Array, x: Array, sigma: Array, leaning: Leaning, called: list[str]
+) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
     model, n = robot.expected(), robot.n
     known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
+    sigma = np.hypot(sigma, leaning.spread(leaning.effect.pose))
     seen = expect(model, rows, x, sigma, known)
+    inclined = leaning.spread(leaning.effect.inclination)[:, n:]
+    seen.sigma[:, : robot.r] = np.hypot(seen.sigma[:, : robot.r], inclined)
     distance = np.abs(seen.residual) / seen.sigma
     lost = np.asarray(np.isnan(seen.x).any(axis=1))
     far = lost | np.asarray((distance > APART).any(axis=1))

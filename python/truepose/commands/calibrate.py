@@ -76,6 +76,7 @@ def command(
         help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
         show_default="home",
     ),
+    lean: options.Lean = None,
     homed: str | None = Option(
         None,
         "--rehomed",
@@ -133,6 +134,7 @@ def command(
         "measured_sigma": sigma,
         "measured_angle_sigma": angle_sigma,
         "registration": registration,
+        "lean": options.parse_lean(lean),
         "reference_pose": options.parse_pose(made, reference_pose, "--reference-pose"),
     }
     with progress("log", STEPS) as bar:

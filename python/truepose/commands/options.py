@@ -70,6 +70,15 @@ ReferencePose = Annotated[
 CalibratedFile = Annotated[
     Path | None, Option("-o", "--out", help="Calibrated robot file to write.")
 ]
+Lean = Annotated[
+    str | None,
+    Option(
+        metavar="ANGLE[,ANGLE]",
+        help="σ of the base's (shank's) lean, and of each posture's: 1deg,0.2deg; with columns "
+        "base_lean_x and base_lean_y, of the base IMU's bias.",
+        show_default="1deg for flat postures, 0.2deg with base_lean_…, else 0",
+    ),
+]
 wrote = terminal.wrote
 Force = Annotated[bool, Option("--force", help="Replace an existing file.")]
 How = Annotated[
@@ -246,6 +255,16 @@ def parse_size(text: str, option: str, unit: str) -> float:
     """Parse a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit."""
     (value,) = _sizes(text, option, (unit if unit in ("m", "rad") else "",)).values()
     return value
+
+
+def parse_lean(text: str | None) -> list[float] | None:
+    """Parse σ of a lean, "1deg", or "1deg,0.2deg" with that of each posture; 0 needs no unit."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) > 2:
+        raise InputError(f"--lean {text}: must be one angle, or two (common, of each posture)")
+    return [0.0 if number_of(part) == 0 else parse_size(part, "--lean", "rad") for part in parts]
 
 
 def parse_target(robot: Robot, text: str | None) -> float | None:

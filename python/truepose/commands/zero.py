@@ -21,7 +21,8 @@ _POSES = 500
 def command(
     robot: options.RobotName,
     log: Path = Argument(
-        help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI."
+        help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture, base_lean_x, "
+        "base_lean_y; SI."
     ),
     out: options.CalibratedFile = None,
     at: str | None = Option(
@@ -35,6 +36,7 @@ def command(
         help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
         show_default="0.05deg of a rotational platform",
     ),
+    lean: options.Lean = None,
     sensors: options.SensorsOption = None,
     how: options.How = Format.table,
     force: options.Force = False,
@@ -43,7 +45,8 @@ def command(
 
     Prints the offsets, the accuracy afterwards, and the parameters that one posture cannot
     distinguish. Uses the rows with a name in the column posture; else those with measured_…; else
-    all rows as one posture.
+    all rows as one posture. Such postures are level with respect to gravity; how far the shank may
+    lean is --lean: 0 for a shank that stands upright.
 
     Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
@@ -53,7 +56,8 @@ def command(
     units = [unit for _, unit in loaded.coordinates]
     whose = f"{loaded.name}'s coordinates are in"
     sizes = options.parse_each(sigma, "--sigma", units, whose)
-    found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes)
+    leans = options.parse_lean(lean)
+    found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes, lean=leans)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
     write(robot=lambda: options.file_text(found.robot))

@@ -15,8 +15,9 @@ import numpy as np
 
 from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, choose, controls, one_line
-from truepose.logs import limits, raw
+from truepose.logs import base_lean, limits, raw
 from truepose.plugins import plugins
+from truepose.robot import lean
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 
@@ -28,6 +29,10 @@ _MOST = 1e60
 PLANES = {"plane": "z", "plane_x": "x", "plane_y": "y"}
 #: Column with names of the tool's points.
 POINT = "point"
+
+
+#: Arrays of a log with an entry for each row.
+_BY_ROW = ("readings", "measured", "measured_sigma", "lines", "implied", "base_lean")
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class Log:
     labels: dict[str, Array] = field(default_factory=dict)  #: (N,) names of plane, point; or ""
     above: dict[str, Array] = field(default_factory=dict)  #: (N,) of each plane's column, m
     loads: Payloads | None = None  #: during the readings, where given
+    implied: Array | None = None  #: (N, n) bool: `measured` is that of a level platform; or None
+    base_lean: Array | None = None  #: (N, 2) of the base by its IMU, rad; readings are corrected
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Format row numbers: "lines 7, 9, 12"."""
@@ -56,7 +63,7 @@ class Log:
         """Return the log of some rows; `keep` as numpy indexes."""
         kept: dict[str, Any] = {
             name: None if (values := getattr(self, name)) is None else values[keep]
-            for name in ("readings", "measured", "measured_sigma", "lines")
+            for name in _BY_ROW
         }
         for name in ("labels", "above"):
             kept[name] = {column: v[keep] for column, v in getattr(self, name).items()}
@@ -291,16 +298,22 @@ class Cells(NamedTuple):
             for name in labels
             if name in PLANES and f"{name}_above" in free
         }
-        used = {*outside, *sigmas, *forces, *tensions, *labels}
+        leaning = base_lean.columns(robot, free, where)
+        used = {*outside, *sigmas, *forces, *tensions, *labels, *leaning}
         used |= {f"{name}_above" for name in above}
         unused = tuple(name for name in free if name not in used)
         measured, sigma = self.block(outside), self.block(sigmas)
+        implied = leans = None
+        if leaning:
+            leans = np.column_stack([self.numbers(name) for name in leaning])
+            base_lean.require_read(leans, leaning, self.lines, f"{where}: {self.word}")
+            readings = base_lean.corrected(robot, readings, leans)
         if POSTURE in labels:
-            measured, sigma = flat(robot, labels[POSTURE], measured, sigma)
+            measured, sigma, implied = flat(robot, labels[POSTURE], measured, sigma, leans)
         pulls = {"force": self.block(forces), "tension": self.block(tensions)}
         loads = Payloads(**pulls) if any(v is not None for v in pulls.values()) else None
         about = robot.readings, readings, measured, self.lines, self.word
-        return Log(*about, unused, sigma, labels, above, loads)
+        return Log(*about, unused, sigma, labels, above, loads, implied, leans)
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
@@ -321,15 +334,21 @@ _NONE = ("", "0", "no", "false")
 
 
 def flat(
-    robot: Robot, names: Array, measured: Array | None, sigma: Array | None
-) -> tuple[Array, Array]:
-    """Fill in missing measurements, (N, n), in each posture's first row: 0 for tilts, and σ."""
+    robot: Robot, names: Array, measured: Array | None, sigma: Array | None, leans: Array | None
+) -> tuple[Array, Array, Array]:
+    """Fill in missing measurements, (N, n), in each posture's first row: level, and σ.
+
+    Level tilts are 0 unless the base leans, (N, 2). Returns also which were filled in, bool.
+    """
     first = np.zeros(len(names), dtype=bool)
     first[np.unique(names.astype(str), return_index=True)[1]] = True
     nothing = np.full((len(names), robot.n), np.nan)
     measured, sigma = (nothing if of is None else of for of in (measured, sigma))
     here = (first & stood(names))[:, None] & tilts(robot) & np.isnan(measured)
-    return np.where(here, 0.0, measured), np.where(here & np.isnan(sigma), FLAT, sigma)
+    measured = np.where(here, 0.0, measured)
+    if leans is not None and (rows := here.any(axis=1)).any():
+        measured[rows] = lean.leveled(robot, measured[rows], leans[rows], here[rows])
+    return measured, np.where(here & np.isnan(sigma), FLAT, sigma), here
 
 
 def stood(names: Array) -> Array:

@@ -40,7 +40,7 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "stuck": rows.stuck,
     "slip": rows.slipped,
     "gross errors": rows.gross,
-    "lean": surroundings.lean,
+    "lean": surroundings.leaning,
     "load": surroundings.load,
 }
 #: Probability of a consistent log below which causes are searched; below which one is unexplained.

@@ -9,31 +9,25 @@ import numpy as np
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, Size
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.influences import stretch, tension
+from truepose.robot import lean
 
 #: σ of a lean, rad; of load times compliance, 1 (assumed).
 LEAN, LOAD = 0.05, 1e-3
-#: Step of differences.
-STEP = 1e-6
 
 
-def lean(case: Case) -> Iterator[Hypothesis]:
+def leaning(case: Case) -> Iterator[Hypothesis]:
     """A base, or a shank, that leans: every inclinometer sees the vertical elsewhere."""
-    robot, known = case.robot.expected(), case.robot.parameters
-    tilting = [s.name for s in case.robot.spec.used if s.kind == "inclinometer"]
-    if not tilting:
+    robot = case.robot.expected()
+    if not lean.gravity_referred(robot).any():
         return
     x = poses_of(robot, case.log.readings[:, : robot.n])
-    at = robot.extended_positions(x, errors="nan")
-    for axis in "xyz":
-        names = [f"{name}.up.{axis}" for name in tilting if f"{name}.up.{axis}" in known]
-        if not names:
+    leans, implied = np.zeros((len(x), 2)), np.zeros(x.shape, dtype=bool)
+    by = lean.effect(robot, x, leans, implied).inclination
+    for k, axis in enumerate(lean.axes(robot)):
+        if np.abs(by[:, :, k]).max(initial=0) < 1e-3:
             continue
-        moved = robot.replace({name: known[name].value + STEP for name in names})
-        pattern = (moved.extended_positions(x, errors="nan") - at) / STEP
-        if np.nanmax(np.abs(pattern), initial=0) < 1e-3:
-            continue
-        text = f"base or shank leans along {axis} by"
-        yield case.with_pattern(pattern, LEAN, text=text, size=Size("rad"))
+        text = f"base or shank leans about {'xyz'[axis]} by"
+        yield case.with_pattern(by[:, :, k], LEAN, text=text, size=Size("rad"))
 
 
 def load(case: Case) -> Iterator[Hypothesis]:
