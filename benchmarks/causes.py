@@ -185,7 +185,8 @@ def gained(case: Case, *wrongs: Wrong) -> float:
     """Return the log likelihood of the best true hypothesis over that of no mistake."""
     count = int(np.isfinite(case.log.readings[:, case.robot.n :]).sum())
     base = case.fit(none := case.nothing())
-    own = -GROSS * count if base is None else evidence(base, none, count)
+    own = -GROSS * (count + case.robot.n * len(case.log.readings))
+    own = own if base is None else evidence(base, none, count)
     cases = [case]
     for wrong in wrongs:
         true = [

@@ -16,7 +16,7 @@ from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, lost
-from truepose.calibration.causes.search import DECISIVE, Explained, search, suspicion
+from truepose.calibration.causes.search import DECISIVE, Explained, search, suspicion, vague
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
@@ -234,9 +234,9 @@ def explained(
 
 
 def tolerant(causes: Causes, found: Sequence[Explained]) -> Explained | None:
-    """Return the likeliest larger tolerances where no cause explains a log, but these might."""
+    """Return the likeliest larger tolerances or noise that may explain a log without a cause."""
     near = found[: causes.near] if causes.verdict == "unexplained" else ()
-    return next((each for each in near if each.of.kind == "tolerances"), None)
+    return next((each for each in near if vague(each)), None)
 
 
 def agrees(fit: Calibration) -> bool:

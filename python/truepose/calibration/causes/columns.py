@@ -32,12 +32,12 @@ def _factors(case: Case) -> Array:
 def _scaled(case: Case, which: Collection[int], factor: float, text: str, among: int) -> Hypothesis:
     """Return the hypothesis of columns that read `factor` times too much, one `among` several.
 
-    The density of a sensor's reading, given the motors', is that of the scaled one over the factor.
+    The density of a reading is that of the scaled one over the factor.
     """
     factors = np.ones(len(case.log.names))
     factors[list(which)] = factor
     names = ", ".join(case.log.names[k] for k in which)
-    read = np.isfinite(case.log.readings[:, [k for k in which if k >= case.robot.n]]).sum()
+    read = np.isfinite(case.log.readings[:, list(which)]).sum()
     odds = LN_RATE - math.log(among) - float(read) * math.log(abs(factor))
     return case.with_readings(case.log.readings / factors, text=f"{names}: {text}", log_odds=odds)
 
@@ -70,7 +70,7 @@ def gain(case: Case) -> Iterator[Hypothesis]:
         read = np.nan_to_num(case.log.readings[:, k])
         pattern = np.outer(read, np.eye(len(case.log.names))[k])
         text = f"{name}: its reading over the true value is"
-        count = int(np.isfinite(case.log.readings[:, k]).sum()) * (k >= case.robot.n)
+        count = int(np.isfinite(case.log.readings[:, k]).sum())
         yield case.with_pattern(pattern, GAIN, text=text, size=Size("", gain=count))
         for ratio in RATIOS:
             text = f"{ratio:g} times the true value: its gear or gain"

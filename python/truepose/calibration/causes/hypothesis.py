@@ -31,7 +31,7 @@ class Size(NamedTuple):
 
     unit: str  #: m or rad; "" for a factor
     parameter: str = ""  #: relaxed parameter, else the amount of the hypothesis' own influence
-    gain: int | None = None  #: for an amount a, true = (1 - a) read, of so many sensor readings
+    gain: int | None = None  #: for an amount a, true = (1 - a) read, of so many readings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,12 +143,12 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
 
     -cost/2 + ½ ln |Σ| - ½ ln |Σ₀| + ln odds, Σ and Σ₀ the covariances of all unknowns after and
     before. Each of the `most` equations that the fit does not use counts as an average one, each
-    row that the geometry cannot reach as a gross error.
+    motor of a row that the geometry cannot reach as a gross error.
     """
     before = [amount.prior_sigma for amount in fit.others.values()]
     prior = np.linalg.slogdet(fit.prior_covariance)[1] + 2 * np.log(before).sum()
     after = np.linalg.slogdet(fit.joint_covariance)[1]
-    cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * lost(fit)
+    cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.n * lost(fit)
     density = 0.0  # of readings, over that of the scaled ones
     for mistake in of.each:
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):

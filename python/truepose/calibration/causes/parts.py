@@ -14,7 +14,7 @@ from truepose.robot.units import reading_units
 
 #: σ of the deviation of a part without a tolerance: m, rad.
 EXACT = {"m": 1e-3, "rad": 0.01}
-#: Factors by which tolerances may be too small.
+#: Factors by which tolerances, or all sensors' noise, may be too small.
 FACTORS = (2.0, 4.0, 8.0, 30.0)
 
 
@@ -71,6 +71,26 @@ def tolerances(case: Case) -> Iterator[Hypothesis]:
             log=case.log,
             robot=relaxed(case.robot, wide, "relaxed"),
             log_odds=LN_RATE - math.log(len(FACTORS)),
+        )
+
+
+def noise(case: Case) -> Iterator[Hypothesis]:
+    """All sensors noisier than stated, by one factor; so that no other cause has to explain it."""
+    spec, n = case.robot.spec, case.robot.n
+    stated = dict(zip(case.robot.sensors, knowledge.reading_sigma(case.robot)[n:], strict=True))
+    read = float(np.isfinite(case.log.readings[:, n:]).sum())
+    for factor in FACTORS if stated else ():
+        sensors = [
+            sensor.model_copy(update={"noise": factor * float(stated[sensor.name])})
+            if sensor.name in stated
+            else sensor
+            for sensor in spec.sensor
+        ]
+        yield Hypothesis(
+            text=f"the sensors seem noisier than stated by a factor of about {factor:g}",
+            log=case.log,
+            robot=type(case.robot)(spec.model_copy(update={"sensor": sensors})),
+            log_odds=LN_RATE - math.log(len(FACTORS)) - read * math.log(factor),
         )
 
 

@@ -28,6 +28,7 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "arm": parts.arm,
     "joint": parts.joint,
     "tolerances": parts.tolerances,
+    "noise": parts.noise,
     "sensor offset": parts.sensor_offset,
     "gain": columns.gain,
     "sign": columns.sign,
@@ -59,7 +60,9 @@ SECOND = 2
 #: Causes that are kept.
 SHOWN = 12
 #: Mistakes without a size that are always fitted.
-ALWAYS = ("stuck", "gross errors", "sensor body", "tolerances")
+ALWAYS = ("stuck", "gross errors", "sensor body", "tolerances", "noise")
+#: Explanations that name no mistake.
+VAGUE = ("tolerances", "noise")
 
 
 class Search(NamedTuple):
@@ -93,7 +96,9 @@ def search(
     some = _some(case)
     most = _equations(case, some)
     begun = base if some is None else case.fit(none, some)
-    own = -hypothesis.GROSS * most if begun is None else evidence(begun, none, most)
+    rows = len(log.readings if some is None else some)
+    own = -hypothesis.GROSS * (most + robot.n * rows)
+    own = own if begun is None else evidence(begun, none, most)
 
     def explained(tried: list[Hypothesis], steps: int) -> list[Explained]:
         found = []
@@ -109,7 +114,7 @@ def search(
         left = [of for of in tried if all(of is not each.of for each in found)]
         found = _once([*found, *explained(left, STEPS)])
     if _puzzling(found):
-        likely = [each for each in found if not _vague(each) and each.log_odds > DECISIVE]
+        likely = [each for each in found if not vague(each) and each.log_odds > DECISIVE]
         for after in (case.after(each.of) for each in likely[:SECOND]):
             found += explained([after.beside(of) for of in _tried(after)], QUICK)
         found = _once(found)
@@ -150,14 +155,14 @@ class Explained(NamedTuple):
         )
 
 
-def _vague(found: Explained) -> bool:
+def vague(found: Explained) -> bool:
     """Return whether an explanation names no mistake."""
-    return found.of.kind == "tolerances"
+    return found.of.kind in VAGUE
 
 
 def _puzzling(found: list[Explained]) -> bool:
     """Return whether the likeliest of some explanations is none."""
-    return bool(found) and (_vague(found[0]) or not found[0].cause.consistent)
+    return bool(found) and (vague(found[0]) or not found[0].cause.consistent)
 
 
 def _once(found: list[Explained]) -> list[Explained]:
@@ -215,7 +220,7 @@ def _tried(case: Case) -> list[Hypothesis]:
     """Return every hypothesis of one unknown, and of the others those that contradict least."""
     every = [replace(of, kind=kind) for kind, generate in CAUSES.items() for of in generate(case)]
     if case.first is not None:
-        every = [of for of in every if of.kind != "tolerances"]
+        every = [of for of in every if of.kind not in VAGUE]
     sized = [of for of in every if of.size is not None or of.kind in ALWAYS]
     others = [of for of in every if of.size is None and of.kind not in ALWAYS]
     far = [_contradiction(of) for of in others]
@@ -245,7 +250,7 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
     alike, number = len(same), len(near)
-    if not causes[0].consistent or any(map(_vague, near)):
+    if not causes[0].consistent or any(map(vague, near)):
         return Search(Causes("unexplained", causes, alike, number), found, base)
     if not other:
         return Search(Causes("decisive", causes, alike, number), found, base)
