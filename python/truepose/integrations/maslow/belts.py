@@ -8,7 +8,7 @@ sled's plane, as the firmware logs them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from truepose import robotfile
 from truepose.arguments import Array
 from truepose.calibration.causes import rows
-from truepose.calibration.causes.hypothesis import Case
+from truepose.calibration.causes.hypothesis import Case, Hypothesis
 from truepose.calibration.causes.search import search
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
@@ -46,8 +46,9 @@ CENTRAL = 1.4
 #: Share of the width. Poses up to this far left of the middle count as right, since the machine
 #: tightens by its own x = 0.
 MIDDLE = 0.02
-#: Most slips that are searched one after the other.
-SLIPS = 3
+#: Most slips that are searched one after the other; smallest one, m: model errors make smaller
+#: ones, as where a pose is repeated.
+SLIPS, LEAST = 3, 0.0035
 #: Tightening of the lower belts for a reading: the belt of the sled's side first and the other
 #: against it (Maslow's firmware, frame upright); both alike; or no stretch.
 Tightened = Literal["sides", "alike", "off"]
@@ -124,6 +125,7 @@ class Sled:
 
     fit: Calibration
     lengths: Array  #: (N, 4) m, readings
+    x: Array  #: (N, 2) m, poses
     model: Model
     sigma: float  #: of a belt's reading, m, estimated from the log
     slips: tuple[NuisanceParameter, ...] = ()  #: of belts, as influences on these readings
@@ -255,7 +257,7 @@ def calibrate(
         acting = influences(robot if sled is None else sled.fit.robot, x, model.tightened)
         fit = fit_to(robot, log_of(lengths), loss="student", influences=[*acting, *slips])
         x = np.where(np.isfinite(fit.x), fit.x, x)
-        sled = Sled(fit, lengths, model, sigma, tuple(slips))
+        sled = Sled(fit, lengths, x, model, sigma, tuple(slips))
         sigma = float(np.clip(sigma * _disagreement(sled), 1e-6, 0.1))
     assert sled is not None
     return sled
@@ -271,34 +273,52 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
     """Search belts that slipped; return the sled without their slips, and a line on each.
 
     The search (:func:`causes.search.search`) needs σ of a reading as it is without the slip: the
-    least σ that a slip of one belt leaves. What is not decisive changes nothing.
+    least σ that a slip of one belt leaves. Rows that are wrong by themselves are left to the robust
+    loss. What is not decisive, but for the belt, changes nothing.
     """
     said = list[str]()
     for _ in range(SLIPS):
-        robot, lengths = sled.fit.prior, sled.undone
-        acting = influences(sled.fit.robot, sled.fit.x, sled.model.tightened)
-        case = Case(robot, log_of(lengths, lines, word), {"loss": "student", "influences": acting})
+        lengths = sled.undone
+        read = np.where(_alone(sled)[:, None] & (np.arange(4) > 1), np.nan, lengths)
+        acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
+        settings = {"loss": "student", "influences": acting}
+        case = Case(sled.fit.prior, log_of(read, lines, word), settings)
         fits = filter(None, map(case.fit, rows.slipped(case)))
-        tried = [Sled(fit, lengths, sled.model, sled.sigma) for fit in fits]
-        sigma = min((sled.sigma * _disagreement(of) for of in tried), default=sled.sigma)
+        tried = [replace(sled, fit=fit, slips=()) for fit in fits]
+        sigma = min([sled.sigma, *(sled.sigma * _disagreement(of) for of in tried)])
         corners, extension = frame.start(lengths)
-        nominal = robot_of(corners, min(sigma, sled.sigma), sled.model, extension)
+        nominal = robot_of(corners, sigma, sled.model, extension)
         causes, found, _ = search(nominal, case.log, {"influences": acting})
-        mistakes = found[0].of.each if causes.verdict == "decisive" else ()
-        slips = [of.influences[-1] for of in mistakes if of.kind == "slip"]
-        if not slips:
+        near = [each.of.each for each in found[: causes.near]]
+        if causes.verdict not in ("decisive", "undecided") or not all(map(_slips, near)):
             break
-        before = len(sled.slips)
+        slips = _slips(near[0])
+        sizes = [abs(found[0].fit.influences[of.influences[-1].name].value) for of in slips]
+        if min(sizes) < LEAST:
+            break
+        others = {of.text.split(":")[0] for each in near[1:] for of in _slips(each)}
+        told = f", or {' or '.join(sorted(others))} did instead" * bool(others)
         named = [
-            NuisanceParameter(name=f"slip {k}", pattern=of.pattern, amount=of.amount)
-            for k, of in enumerate(slips, before + 1)
+            replace(of.influences[-1], name=f"slip {k}")
+            for k, of in enumerate(slips, len(sled.slips) + 1)
         ]
         sled = calibrate(sled.lengths, sled.model, (*sled.slips, *named))
-        texts = [of.text for of in mistakes if of.kind == "slip"]
-        for text, of in zip(texts, named, strict=True):
-            size = sled.fit.influences[of.name]
-            said.append(f"{text} {1e3 * size.value:.1f} ± {1e3 * size.sigma:.1f} mm: undone")
+        for slip, of in zip(slips, named, strict=True):
+            by = sled.fit.influences[of.name]
+            said.append(f"{slip.text} {1e3 * by.value:.1f} ± {1e3 * by.sigma:.1f} mm: undone{told}")
     return sled, said
+
+
+def _slips(mistakes: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the slips among some mistakes."""
+    return [of for of in mistakes if of.kind == "slip"]
+
+
+def _alone(sled: Sled) -> Array:
+    """Return which rows are outliers between two rows that are not, (N,)."""
+    out = np.ones(len(sled.lengths) + 2, dtype=bool)
+    out[1:-1] = sled.fit.weights < 0.1
+    return np.asarray(out[1:-1] & ~out[:-2] & ~out[2:])
 
 
 def _disagreement(sled: Sled) -> float:

@@ -41,7 +41,7 @@ def best(sled: Sled, stretches: bool, missing: float = 0.0) -> Anchors:
     """
     from scipy.optimize import least_squares
 
-    low, high = np.nanmin(sled.fit.x, axis=0), np.nanmax(sled.fit.x, axis=0)
+    low, high = sled.x.min(axis=0), sled.x.max(axis=0)
     robot, box = sled.fit.robot, np.linspace(low, high, POINTS).T
     x = np.stack(np.meshgrid(*box), axis=-1).reshape(-1, 2)
     lengths = robot.extended_positions(x) + missing + stretches * sled.stretch(x)

@@ -27,6 +27,8 @@ def start(lengths: Array) -> Frame:
     """
     tried = [found for by in EXTENSIONS if (found := linear(lengths, float(by))) is not None]
     near = sorted(tried, key=lambda of: of[2])[:3]
+    if near and near[0][2] < FITS and (wrong := exchanged(near[0][0])):
+        raise InputError(wrong)
     corners, by, misfit = refined(lengths, [of[:2] for of in near])
     if misfit > FITS:
         corners, by, misfit = refined(lengths, rectangles(lengths))
@@ -34,8 +36,6 @@ def start(lengths: Array) -> Frame:
         raise InputError(
             f"no frame explains the lengths: {1e3 * misfit:.0f} mm (median) off in the best"
         )
-    if wrong_order := exchanged(corners):
-        raise InputError(wrong_order)
     return corners, by
 
 
