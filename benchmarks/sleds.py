@@ -77,7 +77,7 @@ def main() -> None:
         belt, row = rng.integers(4), rng.integers(3, len(read) - 2)
         read[row:, belt] += rng.choice([-1, 1]) * rng.uniform(0.005, 0.01)
         said = belts.without_slips(belts.calibrate(read), np.arange(len(read)))[1]
-        told = f"{belts.BELTS[belt]}: slipped before line {row}, by"
+        told = f"{belts.BELTS[belt]}: slipped before row {row}, by"
         found += len(said) == 1 and said[0].startswith(told)
     if options.slips:
         print(f"slips: {found} of {options.slips} found; {false} in as many sleds without")

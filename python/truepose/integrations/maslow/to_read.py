@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,7 +69,7 @@ def read(paths: Sequence[Path]) -> Readings:
         arrays = list(_arrays(path, text))
         found = list(_SETTING.finditer(text))
         for of in found:
-            settings[of[2]] = _number(of[3], f"{path}: line {_line(text, of)}: {of[2]}")
+            settings[of[2]] = _number(of[3], of[2], partial(_at, path, text, of))
             prefix = of[1] or prefix
         if not arrays and found:
             continue
@@ -103,17 +104,17 @@ def _text(path: Path) -> str:
         raise InputError(f"{path}: not a text file (UTF-8)") from None
 
 
-def _line(text: str, found: re.Match[str]) -> int:
-    return text.count("\n", 0, found.start(2)) + 1
+def _at(path: Path, text: str, found: re.Match[str]) -> str:
+    return f"{path}: line {text.count(chr(10), 0, found.start()) + 1}"
 
 
-def _number(text: str, where: str) -> float:
+def _number(text: str, name: str, where: Callable[[], str]) -> float:
     try:
         value = float(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(f"{where} = '{one_line(text, 60)}': must be a number")
+        raise InputError(f"{where()}: {name} = '{one_line(text, 60)}': must be a number")
     return value
 
 
@@ -121,12 +122,12 @@ def _arrays(path: Path, text: str) -> Iterator[list[Row]]:
     """Yield the measurements of each CLBM array, or of a text without one."""
     inside, loose, rows, last = False, list[Row](), list[Row](), 0
     for token in _TOKEN.finditer(text):
-        where = f"{path}: line {text.count(chr(10), 0, token.start()) + 1}"
+        where = partial(_at, path, text, token)
         between = text[last : token.start()].strip(" \t\r\n,")
         last = token.end()
         if inside and (between or token[0].startswith("CLBM")):
             raise InputError(
-                f"{where}: CLBM, after row {len(rows)}: '{one_line(between, 40)}': "
+                f"{where()}: CLBM, after row {len(rows)}: '{one_line(between, 40)}': "
                 "only {bl:…, br:…, tr:…, tl:…} and ] may follow; copy its line again"
             )
         if token[0].startswith("CLBM"):
@@ -147,7 +148,7 @@ def _arrays(path: Path, text: str) -> Iterator[list[Row]]:
         yield loose
 
 
-def _row(text: str, where: str, inside: bool) -> Row | None:
+def _row(text: str, where: Callable[[], str], inside: bool) -> Row | None:
     """Return a measurement {bl:…, br:…, tr:…, tl:…}, mm; None for another object."""
     found = [_PAIR.fullmatch(part) for part in text.strip("{}").split(",")]
     pairs = {of[1]: of[2] for of in found if of is not None}
@@ -155,10 +156,10 @@ def _row(text: str, where: str, inside: bool) -> Row | None:
         if not (inside or (set(pairs) <= set(BELTS) and pairs)):
             return None
         raise InputError(
-            f"{where}: '{one_line(text, 60)}': must be {{bl:…, br:…, tr:…, tl:…}}: is "
+            f"{where()}: '{one_line(text, 60)}': must be {{bl:…, br:…, tr:…, tl:…}}: is "
             "the log cut off?"
         )
-    return tuple(_number(pairs[belt], f"{where}: {belt}") for belt in BELTS)
+    return tuple(_number(pairs[belt], belt, where) for belt in BELTS)
 
 
 def merged(arrays: list[list[Row]]) -> tuple[list[Row], list[str]]:
