@@ -30,7 +30,7 @@ LACKS = 0.06
 
 
 def command(
-    logs: Annotated[
+    log: Annotated[
         list[Path],
         typer.Argument(
             metavar="LOG [MASLOW.YAML]",
@@ -75,8 +75,8 @@ def command(
     """
     outputs = [robotfile.output(out, "-o")] if out else []
     outputs += [files.Output(lines, "lines", "--lines")] if lines else []
-    files.check(outputs, logs, force)
-    read = to_read.read(logs)
+    files.check(outputs, log, force)
+    read = to_read.read(log)
     if heights is not None:
         read = projected(read, heights)
     answer = list(read.notes)
@@ -111,7 +111,7 @@ def command(
     further = [] if next_poses is None else [worth_reading(sled, next_poses)]
     show([table, unknowns(sled), models(sled), *further], how, answer, notes)
     contents = [file_text(sled.fit.robot)] * bool(out) + [text] * bool(lines)
-    files.write(dict(zip(outputs, contents, strict=True)), logs, force)
+    files.write(dict(zip(outputs, contents, strict=True)), log, force)
     wrote(how, out, lines)
 
 

@@ -70,7 +70,8 @@ def linear(lengths: Array, extension: float) -> tuple[Array, float, float] | Non
         mean = off[keep].mean(axis=0)
         axes = np.linalg.svd(off[keep] - mean, full_matrices=False)[2][:2]
         Y = (off - mean) @ axes.T
-        scale = np.abs(Y).max(axis=0)
+        if not (scale := np.abs(Y).max(axis=0)).all():
+            return None
         Y = Y / scale
         columns = np.column_stack([Y[:, 0] ** 2, 2 * Y[:, 0] * Y[:, 1], Y[:, 1] ** 2, 2 * Y])
         columns = np.column_stack([columns, np.ones(len(Y))])
