@@ -13,7 +13,7 @@ from truepose.commands.options import Force, How, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
 from truepose.exceptions import InputError, TrueposeError
-from truepose.integrations.maslow import belts, firmware, to_read
+from truepose.integrations.maslow import belts, firmware, frame, to_read
 from truepose.integrations.maslow.belts import BELTS, Model, Sled
 from truepose.integrations.maslow.to_read import FEWEST, Readings
 from truepose.show.table import Cell, Table, fixed, number
@@ -25,6 +25,8 @@ CANDIDATES = 400
 DISHONEST = 1.6
 #: Number of disjoint parts that are calibrated separately, each of `FEWEST` poses at least.
 PARTS = 4
+#: Share of the rows that must have a pose.
+REACHED = 0.9
 #: Largest difference of the log's common extension from the firmware's, m, that it then lacks.
 LACKS = 0.06
 
@@ -81,6 +83,7 @@ def command(
         read = projected(read, heights)
     answer = list(read.notes)
     try:
+        read, lost = with_poses(read)
         sled = belts.calibrate(read.lengths, Model(True, tightened))
     except TrueposeError as error:
         raise InputError(f"{read.source}: {error}") from None
@@ -91,7 +94,7 @@ def command(
         answer.append(
             f"the lengths lack the extension of {1e3 * missing:.1f} mm that the firmware adds"
         )
-    answer += [*slipped, *suspects(sled, read)]
+    answer += [*slipped, *suspects(sled, read), *lost]
     width, height = (1e3 * side for side in sled.size)
     if height > width:  # as with two opposite columns exchanged
         answer.append(
@@ -113,6 +116,18 @@ def command(
     contents = [file_text(sled.fit.robot)] * bool(out) + [text] * bool(lines)
     files.write(dict(zip(outputs, contents, strict=True)), log, force)
     wrote(how, out, lines)
+
+
+def with_poses(read: Readings) -> tuple[Readings, list[str]]:
+    """Return the readings without a few rows that have no pose in the best frame, and a line."""
+    corners, extension = frame.start(read.lengths)
+    robot = belts.robot_of(corners, belts.READING, Model(), extension).expected()
+    good = np.isfinite(robot.fkm(read.lengths[:, :2], errors="nan")).all(axis=1)
+    if good.all() or good.mean() < REACHED or good.sum() < FEWEST:
+        return read, []
+    numbers = ", ".join(map(str, read.lines[~good]))
+    said = f"{read.word} {numbers}: left out: the upper belts do not meet in a frame like that"
+    return read._replace(lengths=read.lengths[good], lines=read.lines[good]), [said]
 
 
 def projected(read: Readings, heights: str) -> Readings:
