@@ -4,9 +4,10 @@ Sleds are sampled from the assumptions of `truepose maslow`, anchors 20 mm about
 at 48 poses with σ = 0.5 mm. Printed are NEES over the twelve unknowns with its scatter (1 ±), and
 the rms of each anchor's error over σ. Strains are 3 σ at most, so poses can be assigned to sides.
 Then --quarters sleds of 88 poses: scatter of anchors over disjoint quarters of the poses, in units
-of σ, for comparison with the guide's real log.
+of σ, for comparison with the guide's real log. Then --slips sleds, with and without a belt that
+slipped by 5 to 10 mm at least three rows from either end: slips found, by belt and row, and others.
 
-sleds.py [--sleds 1000] [--quarters 200] [--seed 0]     # some minutes
+sleds.py [--sleds 1000] [--quarters 200] [--slips 200] [--seed 0]     # some minutes
 """
 
 import argparse
@@ -15,7 +16,6 @@ import numpy as np
 
 from truepose.integrations.maslow import belts
 
-HEIGHTS = [0.116, 0.069, 0.047, 0.089]
 FRAME = {"tl.x": 0.03, "tl.y": 2.07, "tr.x": 2.98, "tr.y": 2.06, "br.x": 2.965}
 READING = 5e-4
 
@@ -25,14 +25,14 @@ def drawn(
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Return a sled's readings, and its true unknowns."""
     anchors = {name: v + 0.02 * rng.standard_normal() for name, v in FRAME.items()}
-    offsets = belts.OFFSET * rng.standard_normal(4)
+    offsets = rng.uniform(0, 0.16) + belts.OFFSET * rng.standard_normal(4)
     strains = belts.STRAIN * np.clip(rng.standard_normal(3), -3, 3)
     across, up = np.linspace(0.6, 2.4, columns), np.linspace(0.6, 1.4, rows)
     x = np.array([(x, y) for x in across for y in up])
     ends = [[anchors["tl.x"], anchors["tl.y"]], [anchors["tr.x"], anchors["tr.y"]]]
     corners = np.array([*ends, [0, 0], [anchors["br.x"], 0]])
-    away = np.sqrt(((x[:, None] - corners) ** 2).sum(axis=2) + np.square(HEIGHTS))
-    robot = belts.robot_of(corners, HEIGHTS, READING, belts.Model())
+    away = np.linalg.norm(x[:, None] - corners, axis=2)
+    robot = belts.robot_of(corners, READING, belts.Model())
     acting = belts.influences(robot, x, "sides")
     stretched = sum(s * np.asarray(of.pattern) for s, of in zip(strains, acting, strict=True))
     read = away - offsets + stretched + READING * rng.standard_normal(away.shape)
@@ -44,12 +44,13 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--sleds", type=int, default=1000)
     parser.add_argument("--quarters", type=int, default=200)
+    parser.add_argument("--slips", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     nees, normal, sigma = [], [], []
     for k in range(options.sleds):
         read, truth = drawn(np.random.default_rng((options.seed, k)))
-        found = belts.calibrate(read, HEIGHTS)
+        found = belts.calibrate(read)
         error = np.array([of.value - truth[name] for name, of in found.unknowns.items()])
         nees.append(error @ np.linalg.solve(found.fit.joint_covariance, error) / len(error))
         normal.append([(of.value - truth[n]) / of.sigma for n, of in found.anchors.items()])
@@ -61,15 +62,25 @@ def main() -> None:
         print(f"| {name} | {1e3 * s:.2f} | {r:.2f} |")
     print(f"\nNEES / unknowns {np.mean(nees):.3f} (1 ± {spread:.3f}), {options.sleds} sleds")
     scatter = [
-        belts.spread(
-            drawn(np.random.default_rng((options.seed, k)), 11, 8)[0], HEIGHTS, belts.Model()
-        )
+        belts.spread(drawn(np.random.default_rng((options.seed, k)), 11, 8)[0], belts.Model())
         for k in range(options.quarters)
     ]
     for k, what in enumerate(("σ", "its share that scatters")):
         column = [of[k] for of in scatter]
         low, middle, high = np.quantile(column, [0.05, 0.5, 0.95])
         print(f"quarters, over {what}: {middle:.2f} ({low:.2f} to {high:.2f}, 5 to 95 %)")
+    found, false = 0, 0
+    for k in range(options.slips):
+        rng = np.random.default_rng((options.seed, 1, k))
+        read, _ = drawn(rng)
+        false += bool(belts.without_slips(belts.calibrate(read), np.arange(len(read)))[1])
+        belt, row = rng.integers(4), rng.integers(3, len(read) - 2)
+        read[row:, belt] += rng.choice([-1, 1]) * rng.uniform(0.005, 0.01)
+        said = belts.without_slips(belts.calibrate(read), np.arange(len(read)))[1]
+        told = f"{belts.BELTS[belt]}: slipped before row {row}, by"
+        found += len(said) == 1 and said[0].startswith(told)
+    if options.slips:
+        print(f"slips: {found} of {options.slips} found; {false} in as many sleds without")
 
 
 if __name__ == "__main__":

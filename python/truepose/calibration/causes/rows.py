@@ -12,6 +12,7 @@ from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
 from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
+from truepose.calibration.influences import patterns
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import sigmas
 from truepose.robot import knowledge
@@ -69,13 +70,17 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
     """A motor or sensor that slipped at a row; of each column the row that explains most.
 
     The rows are compared to first order about the robot's expected geometry: with a step d of the
-    readings a row's equations are y = F u + A d + e, u and e of unit covariance.
+    readings a row's equations are y = F u + A d + e, u and e of unit covariance. Influences on the
+    readings are among the unknowns u.
     """
     count, width = case.log.readings.shape
-    model = case.robot.expected()
-    y, F, A, rows = parity(model, case.log.readings)
+    acting = case.settings.get("influences", ())
+    by, amounts = patterns(case.robot, acting, count), np.array([of.amount for of in acting])
+    usual, sigma = amounts.reshape(-1, 2).T
+    y, F, A, rows = parity(case.robot.expected(), case.log.readings - by @ usual)
     if count < 4 or len(rows) == 0:
         return
+    F = np.concatenate([F, A @ (by[rows] * sigma)], axis=2)
     stacked = F.reshape(-1, F.shape[-1])
     half = np.linalg.cholesky(stacked.T @ stacked + np.eye(F.shape[-1]))
     spans = np.ma.ptp(np.ma.masked_invalid(case.log.readings), axis=0).filled(0.0)

@@ -1,43 +1,54 @@
 """Calibration of a sled on four belts (Maslow) from its belts' lengths.
 
 The sled has two degrees of freedom. The upper belts are modelled as the motors, the lower belts as
-redundant readings. The choice of the two motors does not affect the result.
+redundant readings. The choice of the two motors does not affect the result. Lengths lie in the
+sled's plane, as the firmware logs them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from truepose import robotfile
 from truepose.arguments import Array
-from truepose.calibration.calibrate import calibrate as fit_to
+from truepose.calibration.causes import rows
+from truepose.calibration.causes.hypothesis import Case, Hypothesis
+from truepose.calibration.causes.search import search
 from truepose.calibration.fit import Calibration
+from truepose.calibration.fitting import fit_to
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
-from truepose.calibration.learnt import Learnt
+from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import PoseError
+from truepose.integrations.maslow import frame
+from truepose.logs import Log
+from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 
 #: Order of the readings: upper left and right, lower left and right.
 BELTS = ("tl", "tr", "bl", "br")
-#: Prior σ, all assumed: an anchor's coordinates and a belt's zero, m; the strain by tightening of
-#: the lower belts, and by the sled's weight.
-ANCHOR, OFFSET, STRAIN = 0.3, 0.005, 0.003
+#: Prior σ, all assumed: an anchor's coordinates, a belt's zero, and the extension common to all
+#: belts, m; the strain by tightening of the lower belts, and by the sled's weight.
+ANCHOR, OFFSET, EXTENSION, STRAIN = 0.3, 0.005, 0.2, 0.003
+#: σ of a belt's zero in models without offsets, m.
+NO_OFFSET = 1e-5
 #: Initial σ of a belt's reading, m; re-estimated from the log.
 READING = 1e-3
 #: Ratio of effective degrees of freedom of the median of N χ² of two degrees of freedom each to
 #: those of their mean: relative variances 1/(N log² 2) and 1/N.
 MEDIAN = np.log(2) ** 2
-#: Widths and heights of the frames tried as starting values, m.
-FRAMES = (np.arange(1.0, 5.01, 0.1), np.arange(1.0, 4.01, 0.1))
+#: Share of a fit's degrees of freedom that a row of median χ² takes, over that of the mean row: the
+#: robust loss weights it more (over simulated sleds, 16 to 88 rows).
+CENTRAL = 1.4
 #: Share of the width. Poses up to this far left of the middle count as right, since the machine
 #: tightens by its own x = 0.
 MIDDLE = 0.02
-#: Assumed upper limit of a non-rectangular frame's misfit to the best rectangle, m.
-FITS = 0.1
+#: Most slips that are searched one after the other; smallest one, m: model errors make smaller
+#: ones, as where a pose is repeated.
+SLIPS, LEAST = 3, 0.0035
 #: Tightening of the lower belts for a reading: the belt of the sled's side first and the other
 #: against it (Maslow's firmware, frame upright); both alike; or no stretch.
 Tightened = Literal["sides", "alike", "off"]
@@ -72,6 +83,8 @@ mass = 10.0 # assumed
 [tolerances]
 "chain*.base.[xy]" = {{ sigma = {anchor!r} }}
 "br.origin.x" = {{ sigma = {anchor!r} }}
+"chain*.encoder_offset" = {{ sigma = {offset!r} }}
+"b[lr].offset" = {{ sigma = {offset!r} }}
 """
 _SENSOR = """
 [[sensor]]
@@ -80,9 +93,6 @@ kind = "distance"
 origin = {at}
 target = [0.0, 0.0, 0.0]
 noise = {sigma!r}
-"""
-_OFFSETS = """"chain*.encoder_offset" = {{ sigma = {offset!r} }}
-"b[lr].offset" = {{ sigma = {offset!r} }}
 """
 #: Names of the unknowns: in the robot file, and in this command.
 NAMES = {
@@ -104,7 +114,7 @@ class Model(NamedTuple):
 
     def __str__(self) -> str:
         """Return the unknowns as text."""
-        others = ["offsets"] * self.offsets
+        others = ["extension", *["offsets"] * self.offsets]
         others += [f"stretch ({self.tightened})"] if self.tightened != "off" else []
         return ", ".join(["anchors", *others])
 
@@ -115,14 +125,34 @@ class Sled:
 
     fit: Calibration
     lengths: Array  #: (N, 4) m, readings
+    x: Array  #: (N, 2) m, poses
     model: Model
     sigma: float  #: of a belt's reading, m, estimated from the log
+    slips: tuple[NuisanceParameter, ...] = ()  #: of belts, as influences on these readings
 
     @property
     def unknowns(self) -> dict[str, Learnt]:
         """Anchors, offsets (m) and strains by the names of this command."""
         every = self.fit.parameters | self.fit.influences
         return {NAMES.get(name, name): of for name, of in every.items()}
+
+    @property
+    def by_prior(self) -> Array:
+        """Π⁻¹ Σ: its trace is the number of unknowns that the prior determines."""
+        p, prior = (
+            len(self.fit.names),
+            np.diag([of.prior_sigma**2 for of in self.unknowns.values()]),
+        )
+        prior[:p, :p] = self.fit.prior_covariance
+        return np.linalg.solve(prior, self.fit.joint_covariance)
+
+    @property
+    def extension(self) -> tuple[float, float]:
+        """Mean of the offsets and its σ, m: what all belts lack."""
+        at = [name.endswith("offset") for name in self.unknowns]
+        mean = np.array(at) / np.sum(at)
+        value = mean @ [of.value for of in self.unknowns.values()]
+        return float(value), float(np.sqrt(mean @ self.fit.joint_covariance @ mean))
 
     @property
     def anchors(self) -> dict[str, Learnt]:
@@ -138,14 +168,22 @@ class Sled:
 
     def corrected(self, lengths: Array) -> Array:
         """Return the readings minus stretch: lengths of belts that do not stretch."""
-        robot, result = self.fit.robot, lengths
-        for _ in range(3 if self.fit.influences else 0):
-            x = robot.fkm(result[:, :2])
-            result = lengths - sum(
-                self.fit.influences[of.name].value * np.asarray(of.pattern)
-                for of in influences(robot, x, self.model.tightened)
-            )
+        result = lengths
+        for _ in range(3 if self.model.tightened != "off" else 0):
+            result = lengths - self.stretch(self.fit.robot.fkm(result[:, :2]))
         return result
+
+    def stretch(self, x: Array) -> Array:
+        """Return what stretch adds to the readings at these poses, (N, 4), m."""
+        acting = influences(self.fit.robot, x, self.model.tightened)
+        amounts = (self.fit.influences[of.name].value * np.asarray(of.pattern) for of in acting)
+        return sum(amounts, start=np.zeros((len(x), 4)))
+
+    @property
+    def undone(self) -> Array:
+        """The readings without slips, (N, 4) m."""
+        amounts = (self.fit.influences[of.name].value * np.asarray(of.pattern) for of in self.slips)
+        return self.lengths - sum(amounts, start=np.zeros_like(self.lengths))
 
     def predicted(self, lengths: Array) -> Array:
         """Return lower belts predicted by the upper ones minus their readings, (N, 2) in m."""
@@ -197,84 +235,135 @@ def influences(robot: Robot, x: Array, tightened: Tightened) -> list[NuisancePar
     ]
 
 
-def calibrate(lengths: Array, heights: Sequence[float], model: Model | None = None) -> Sled:
+def calibrate(
+    lengths: Array,
+    model: Model | None = None,
+    slips: Sequence[NuisanceParameter] = (),
+    begun: frame.Frame | None = None,
+) -> Sled:
     """Estimate anchors, offsets and strains from the lengths of four belts.
 
-    `lengths`, shape (N, 4), m, are in the order of `BELTS`. `heights` are those of the anchors
-    above the sled's plane, m.
+    `lengths`, shape (N, 4), m, are in the order of `BELTS`. `slips` are influences on them, `begun`
+    a frame to start from. Raises InputError for lengths that no frame explains.
     """
     model = model or Model()
-    width, height, _ = frame_of(lengths, heights)
-    corners = np.array([[0, height], [width, height], [0, 0], [width, 0]])
+    corners, extension = begun or frame.start(lengths)
     sigma, sled, x = READING, None, None
     for _ in range(4):  # patterns and σ depend weakly on the fit
-        robot = robot_of(corners, heights, sigma, model)
-        x = robot.fkm(lengths[:, :2], errors="nan") if x is None else x
-        if not np.isfinite(x).all():
-            raise PoseError(
-                f"{np.isnan(x[:, 0]).sum()} poses cannot be reached in a frame like that"
-            )
+        robot = robot_of(corners, sigma, model, extension)
+        x = robot.expected().fkm(lengths[:, :2], errors="nan") if x is None else x
+        if (lost := np.isnan(x).any(axis=1)).any():
+            raise PoseError(f"{lost.sum()} poses cannot be reached in a frame like that")
         acting = influences(robot if sled is None else sled.fit.robot, x, model.tightened)
-        fit = fit_to(robot, lengths, loss="student", influences=acting, cause="ignore")
+        fit = fit_to(robot, log_of(lengths), loss="student", influences=[*acting, *slips])
         x = np.where(np.isfinite(fit.x), fit.x, x)
-        sled = Sled(fit, lengths, model, sigma)
+        sled = Sled(fit, lengths, x, model, sigma, tuple(slips))
         sigma = float(np.clip(sigma * _disagreement(sled), 1e-6, 0.1))
     assert sled is not None
     return sled
 
 
+def log_of(lengths: Array, lines: Array | None = None, word: str = "row") -> Log:
+    """Return the lengths as a log of a sled; `lines` are the rows' numbers, from 1 by default."""
+    lines = np.arange(1, len(lengths) + 1) if lines is None else lines
+    return Log(BELTS, lengths, None, lines, word)
+
+
+def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, list[str]]:
+    """Search belts that slipped; return the sled without their slips, and a line on each.
+
+    The search (:func:`causes.search.search`) needs σ of a reading as it is without the slip: the
+    least σ that a slip of one belt leaves. Rows that are wrong by themselves are left to the robust
+    loss. What is not decisive, but for the belt, changes nothing.
+    """
+    said = list[str]()
+    for _ in range(SLIPS):
+        lengths = sled.undone
+        read = np.where(_alone(sled)[:, None] & (np.arange(4) > 1), np.nan, lengths)
+        acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
+        settings = {"loss": "student", "influences": acting}
+        case = Case(sled.fit.prior, log_of(read, lines, word), settings)
+        fits = filter(None, map(case.fit, rows.slipped(case)))
+        tried = [replace(sled, fit=fit, slips=()) for fit in fits]
+        sigma = min([sled.sigma, *(sled.sigma * _disagreement(of) for of in tried)])
+        corners, extension = frame.start(lengths)
+        nominal = robot_of(corners, sigma, sled.model, extension)
+        causes, found, _ = search(nominal, case.log, {"influences": acting})
+        near = [each.of.each for each in found[: causes.near]]
+        if causes.verdict not in ("decisive", "undecided") or not all(map(_slips, near)):
+            break
+        slips = _slips(near[0])
+        sizes = [abs(found[0].fit.influences[of.influences[-1].name].value) for of in slips]
+        if min(sizes) < LEAST:
+            break
+        others = {of.text.split(":")[0] for each in near[1:] for of in _slips(each)}
+        told = f", or {' or '.join(sorted(others))} did instead" * bool(others)
+        named = [
+            replace(of.influences[-1], name=f"slip {k}")
+            for k, of in enumerate(slips, len(sled.slips) + 1)
+        ]
+        sled = calibrate(sled.lengths, sled.model, (*sled.slips, *named))
+        for slip, of in zip(slips, named, strict=True):
+            by = sled.fit.influences[of.name]
+            said.append(f"{slip.text} {1e3 * by.value:.1f} ± {1e3 * by.sigma:.1f} mm: undone{told}")
+    return sled, said
+
+
+def _slips(mistakes: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the slips among some mistakes."""
+    return [of for of in mistakes if of.kind == "slip"]
+
+
+def _alone(sled: Sled) -> Array:
+    """Return which rows are outliers between two rows that are not, (N,)."""
+    out = np.ones(len(sled.lengths) + 2, dtype=bool)
+    out[1:-1] = sled.fit.weights < 0.1
+    return np.asarray(out[1:-1] & ~out[:-2] & ~out[2:])
+
+
 def _disagreement(sled: Sled) -> float:
     """Return the ratio of the residuals' σ to the assumed one, from the median of χ².
 
-    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, which are subtracted. A residual over a σ
-    of f degrees of freedom is Student's t with variance f/(f - 2), so σ is enlarged accordingly.
+    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, of which a median row's share is
+    subtracted. A residual over a σ of f degrees of freedom is Student's t with variance f/(f - 2),
+    so σ is enlarged accordingly.
     """
     rows = np.flatnonzero(sled.fit.redundancy > 0)  # two degrees of freedom each
-    ratio2 = [of.ratio**2 for of in sled.unknowns.values()]
-    left = max(1 - (len(ratio2) - sum(ratio2)) / (2 * len(rows)), 0.1)
+    used = CENTRAL * (len(sled.unknowns) - np.trace(sled.by_prior))
+    left = max(1 - used / (2 * len(rows)), 0.1)
     f = max(2 * len(rows) * left * MEDIAN, 4.0)
     return float(sled.fit.disagreement(rows) * np.sqrt(1 / left * f / (f - 2)))
 
 
-def frame_of(lengths: Array, heights: Sequence[float]) -> tuple[float, float, float]:
-    """Return width and height, m, of the rectangle whose upper belts predict the lower ones best.
+def robot_of(corners: Array, sigma: float, model: Model, extension: float = 0.0) -> Robot:
+    """Return the nominal sled: anchors tl, tr, bl, br at these corners, (4, 2), m.
 
-    The third number is its misfit: the median error of the prediction, m.
+    All offsets have the mean `extension`, m, and σ of the common extension beside their own.
     """
-    tl, tr, bl, br = (lengths**2 - np.square(heights)).T
-    W, H = (side[..., None] for side in np.meshgrid(*FRAMES, indexing="ij"))
-    x = (tl - tr + W**2) / (2 * W)
-    below2 = tl - x**2
-    y = H - np.sqrt(np.where(below2 > 0, below2, np.nan))
-    wrong = np.hypot(np.hypot(x, y) - np.sqrt(bl), np.hypot(x - W, y) - np.sqrt(br))
-    misfit = np.median(np.where(np.isnan(wrong), 9.0, wrong), axis=2)
-    i, j = np.unravel_index(np.argmin(misfit), misfit.shape)
-    return float(FRAMES[0][i]), float(FRAMES[1][j]), float(misfit[i, j])
-
-
-def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Model) -> Robot:
-    """Return the nominal sled: anchors tl, tr, bl, br at these corners, (4, 2), m."""
-    at = {
-        belt: [*map(float, corner), float(z)]
-        for belt, corner, z in zip(BELTS, corners, heights, strict=True)
-    }
+    at = {belt: [*map(float, at), 0.0] for belt, at in zip(BELTS, corners, strict=True)}
     sensors = [_SENSOR.format(belt=belt, at=at[belt], sigma=sigma) for belt in BELTS[2:]]
-    home, low, high = (np.multiply(share, corners[1]).tolist() for share in (0.5, 0.2, 0.8))
+    middle = np.mean(corners, axis=0)
+    home, low, high = ((middle + s * (corners[1] - middle)).tolist() for s in (0.0, -0.6, 0.6))
     values = {"home": home, "low": low, "high": high, "sensors": "".join(sensors)}
-    sigmas = {"sigma": sigma, "anchor": ANCHOR, "offset": OFFSET}
-    text = (_SLED + _OFFSETS * model.offsets).format(**at, **values, **sigmas)
-    return Robot(robotfile.parse(text, "sled"))
+    sigmas = {"sigma": sigma, "anchor": ANCHOR, "offset": OFFSET if model.offsets else NO_OFFSET}
+    robot = Robot(robotfile.parse(_SLED.format(**at, **values, **sigmas), "sled"))
+    names = knowledge.learnable(robot)
+    common = np.array([name.endswith("offset") for name in names], dtype=float)
+    root = np.hstack([knowledge.root(robot, names), EXTENSION * common[:, None]])
+    means = [robot.parameters[name].mean for name in names] + extension * common
+    values = dict(zip(names, means.tolist(), strict=True))
+    return calibrated(robot, values, knowledge.triangular(root), "a common extension, assumed")
 
 
-def held_out(lengths: Array, heights: Sequence[float], model: Model, parts: int = 9) -> Array:
+def held_out(lengths: Array, model: Model, parts: int = 9) -> Array:
     """Predict every ninth row from the others; σ is re-estimated without it each time.
 
     Returns the errors of the lower belts predicted by the upper ones, (N, 2) m.
     """
-    part = np.arange(len(lengths)) % parts
+    part, begun = np.arange(len(lengths)) % parts, frame.start(lengths)
     wrong = np.zeros((len(lengths), 2))
     for k in range(parts):
-        sled = calibrate(lengths[part != k], heights, model)
+        sled = calibrate(lengths[part != k], model, begun=begun)
         wrong[part == k] = sled.predicted(lengths[part == k])
     return wrong
 
@@ -286,49 +375,22 @@ class Spread(NamedTuple):
     of_readings: float  #: of its share by the readings, without the prior
 
 
-def spread(lengths: Array, heights: Sequence[float], model: Model, parts: int = 4) -> Spread:
+def spread(lengths: Array, model: Model, parts: int = 4) -> Spread:
     """Calibrate on each quarter of the rows and compare the anchors' scatter with σ.
 
     All parts share the prior, so of a covariance Σ with prior Π only Σ - Σ Π⁻¹ Σ scatters.
     """
-    found = [calibrate(lengths[k::parts], heights, model) for k in range(parts)]
+    begun = frame.start(lengths)
+    found = [calibrate(lengths[k::parts], model, begun=begun) for k in range(parts)]
     value = np.array([[of.value for of in sled.anchors.values()] for sled in found])
     stated, scatters = [], []
     for sled in found:
         names = list(sled.unknowns)
         at = [names.index(name) for name in sled.anchors]
         after = sled.fit.joint_covariance
-        by_prior = after / [of.prior_sigma**2 for of in sled.unknowns.values()] @ after
+        by_prior = after @ sled.by_prior
         stated.append(np.sqrt(np.diag(after))[at])
         scatters.append(np.sqrt(np.diag(after - by_prior))[at])
     apart = value.std(axis=0, ddof=1)
     ratios = (apart / np.mean(sigma, axis=0) for sigma in (stated, scatters))
     return Spread(*(float(np.sqrt(np.mean(ratio**2))) for ratio in ratios))
-
-
-def mistakes(lengths: Array) -> str | None:
-    """Return an error that affects the whole table of lengths, or None."""
-    size = float(np.median(lengths))
-    if 0.02 < size < 0.13:
-        return f"lengths of {1e3 * size:.0f} (median): in inches? must be mm"
-    if not 0.3 < size < 10:
-        return f"lengths of {1e3 * size:.4g} (median): must be mm"
-    return None
-
-
-def swapped(lengths: Array, heights: Sequence[float]) -> str | None:
-    """Return exchanged columns: no frame fits the lengths, but one fits after the exchange.
-
-    Exchanging the two upper or the two lower belts is a mirror image. Exchanging opposite belts
-    gives a frame on its side, which only its shape reveals (`Sled.size`).
-    """
-    *_, as_is = frame_of(lengths, heights)
-    if as_is < FITS:
-        return None
-    for order, names in (
-        ([1, 0, 2, 3], "columns tl and tr exchanged, or bl and br?"),
-        ([2, 1, 0, 3], "columns tl and bl exchanged, or tr and br?"),
-    ):
-        if frame_of(lengths[:, order], [heights[k] for k in order])[2] < FITS:
-            return names
-    return f"no frame explains the lengths: {1e3 * as_is:.0f} mm (median) off in the best"

@@ -8,34 +8,46 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from truepose import files, logs, robotfile
-from truepose.arguments import Array
+from truepose import files, robotfile
 from truepose.commands.options import Force, How, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
-from truepose.exceptions import InputError
-from truepose.integrations.maslow import belts
+from truepose.exceptions import InputError, TrueposeError
+from truepose.integrations.maslow import belts, firmware, frame, to_read
 from truepose.integrations.maslow.belts import BELTS, Model, Sled
+from truepose.integrations.maslow.to_read import FEWEST, Readings
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.terminal import Format, show
 
-#: With fewer poses than unknowns of the largest model, the prior determines most of them.
-FEWEST = 12
 #: Candidate poses over the workspace for the next ones.
 CANDIDATES = 400
-#: Range of the anchors' scatter over σ in which σ is accepted.
-HONEST = (0.8, 1.25)
+#: Scatter of the anchors over σ from which σ is too small: of simulated sleds 1 % exceed it.
+DISHONEST = 1.6
 #: Number of disjoint parts that are calibrated separately, each of `FEWEST` poses at least.
 PARTS = 4
+#: Share of the rows that must have a pose.
+REACHED = 0.9
+#: Largest difference of the log's common extension from the firmware's, m, that it then lacks.
+LACKS = 0.06
 
 
 def command(
     log: Annotated[
-        Path, typer.Argument(help="CSV: columns tl, tr, bl, br, the belts' lengths in mm.")
+        list[Path],
+        typer.Argument(
+            metavar="LOG [MASLOW.YAML]",
+            help="The log: CLBM text, a serial log, or CSV with columns tl, tr, bl, br, mm; the "
+            "machine's settings.",
+        ),
     ],
     heights: Annotated[
-        str, typer.Option(help="Of the anchors tl,tr,bl,br over the sled's plane, mm.")
-    ] = "116,69,47,89",
+        str | None,
+        typer.Option(
+            metavar="TL,TR,BL,BR",
+            help="Of the anchors over the arms, mm.",
+            show_default="the settings'",
+        ),
+    ] = None,
     tightened: Annotated[
         belts.Tightened,
         typer.Option(
@@ -47,6 +59,9 @@ def command(
         int | None,
         typer.Option("--plan", min=1, help="How many poses to say that are worth reading next."),
     ] = None,
+    lines: Annotated[
+        Path | None, typer.Option(help="Text file to write: the lines for the firmware.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
     ] = None,
@@ -55,76 +70,115 @@ def command(
 ) -> None:
     """Calibrate a Maslow sled: its anchors from its own log, with a σ for each.
 
-    Prints parameters that the poses cannot tell apart, wrong readings, and the error of held-out
-    rows: lower belts predicted by the upper ones.
+    Prints the lines for the firmware, what the poses cannot tell apart, slipped belts, wrong
+    readings, and the error of held-out rows: lower belts predicted by the upper ones.
 
-    Example: **truepose maslow log.csv -o sled.toml**
+    Example: **truepose maslow serial.log maslow.yaml --lines anchors.txt**
     """
-    output = robotfile.output(out, "-o") if out else None
-    files.check([output] if output else [], (log,), force)
-    above = _heights(heights)
-    lengths, lines = read(log, above)
-    model = Model(True, tightened)
-    before = [
-        f"{len(lengths)} poses; anchors' heights {heights} mm; unknown: {model}",
-        f"prior σ, assumed: anchors {1e3 * belts.ANCHOR:.0f} mm, offsets "
-        f"{1e3 * belts.OFFSET:.0f} mm, strains {100 * belts.STRAIN:.1f} %",
-    ]
-    sled = belts.calibrate(lengths, above, model)
-    before.append(f"σ of a belt's reading, as the log bears it out: {1e3 * sled.sigma:.2f} mm")
+    outputs = [robotfile.output(out, "-o")] if out else []
+    outputs += [files.Output(lines, "lines", "--lines")] if lines else []
+    files.check(outputs, log, force)
+    read = to_read.read(log)
+    if heights is not None:
+        read = projected(read, heights)
+    answer = list(read.notes)
+    try:
+        read, lost = with_poses(read)
+        sled = belts.calibrate(read.lengths, Model(True, tightened))
+    except TrueposeError as error:
+        raise InputError(f"{read.source}: {error}") from None
+    sled, slipped = belts.without_slips(sled, read.lines, read.word)
+    missing = 0.0
+    if abs(sled.extension[0] - read.extension) < LACKS:
+        missing = read.extension
+        answer.append(
+            f"the lengths lack the extension of {1e3 * missing:.1f} mm that the firmware adds"
+        )
+    answer += [*slipped, *suspects(sled, read), *lost]
     width, height = (1e3 * side for side in sled.size)
     if height > width:  # as with two opposite columns exchanged
-        before.append(
-            f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: columns "
+        answer.append(
+            f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: belts "
             "bl and tr exchanged, or br and tl?"
         )
+    answer += honesty(sled)
+    notes = [
+        f"{len(read.lengths)} poses; unknown: {sled.model}",
+        f"σ of a belt's reading, estimated from the log: {1e3 * sled.sigma:.2f} mm",
+        f"prior σ, assumed: anchors {1e3 * belts.ANCHOR:.0f} mm, a common extension "
+        f"{1e3 * belts.EXTENSION:.0f} mm, offsets {1e3 * belts.OFFSET:.0f} mm, strains "
+        f"{100 * belts.STRAIN:.1f} %",
+        *apart(sled),
+    ]
+    table, text = pasted(sled, read, missing)
     further = [] if next_poses is None else [worth_reading(sled, next_poses)]
-    answer = [*before, *apart(sled), *suspects(sled, lines), *honesty(lengths, above, model)]
-    show([unknowns(sled), models(sled, above), *further], how, answer)
-    if output:
-        files.write({output: file_text(sled.fit.robot)}, (log,), force)
-    wrote(how, out)
+    show([table, unknowns(sled), models(sled), *further], how, answer, notes)
+    contents = [file_text(sled.fit.robot)] * bool(out) + [text] * bool(lines)
+    files.write(dict(zip(outputs, contents, strict=True)), log, force)
+    wrote(how, out, lines)
 
 
-def read(path: Path, heights: list[float]) -> tuple[Array, Array]:
-    """Return lengths in m and their row numbers; raise InputError if they are not a sled's."""
-    lengths, lines = logs.reading.table(path, BELTS)
-    for k, name in enumerate(BELTS):
-        if (wrong := np.flatnonzero(~(lengths[:, k] > 0))).size:
-            at = f"line {lines[wrong[0]]}: {name} = {lengths[wrong[0], k]:g}"
-            raise InputError(f"{path}: {at}: must be a length, mm")
-    if len(lengths) < FEWEST:
-        raise InputError(f"{path}: {len(lengths)} poses: must be {FEWEST} or more")
-    _, first, of = np.unique(lengths, axis=0, return_index=True, return_inverse=True)
-    if (repeated := np.setdiff1d(np.arange(len(lengths)), first)).size:
-        again = repeated[0]
-        twin = first[of.ravel()[again]]
-        raise InputError(
-            f"{path}: line {lines[again]}: as line {lines[twin]}, digit for digit: a pose that is "
-            "there twice counts twice"
-        )
-    lengths = 1e-3 * lengths
-    if mistake := belts.mistakes(lengths):
-        raise InputError(f"{path}: {mistake}")
-    for k, belt in np.argwhere(lengths <= heights):
-        reads, above = (f"{1e3 * v:g}" for v in (lengths[k, belt], heights[belt]))
-        raise InputError(
-            f"{path}: line {lines[k]}: {BELTS[belt]} = {reads}: must be more than the height of "
-            f"its anchor, {above} (--heights)"
-        )
-    if mistake := belts.swapped(lengths, heights):
-        raise InputError(f"{path}: {mistake}")
-    return lengths, lines
+def with_poses(read: Readings) -> tuple[Readings, list[str]]:
+    """Return the readings without a few rows that have no pose in the best frame, and a line."""
+    corners, extension = frame.start(read.lengths)
+    robot = belts.robot_of(corners, belts.READING, Model(), extension).expected()
+    good = np.isfinite(robot.fkm(read.lengths[:, :2], errors="nan")).all(axis=1)
+    if good.all() or good.mean() < REACHED or good.sum() < FEWEST:
+        return read, []
+    numbers = ", ".join(map(str, read.lines[~good]))
+    said = f"{read.word} {numbers}: left out: the upper belts do not meet in a frame like that"
+    return read._replace(lengths=read.lengths[good], lines=read.lines[good]), [said]
 
 
-def _heights(text: str) -> list[float]:
+def projected(read: Readings, heights: str) -> Readings:
+    """Return the readings for anchors at these heights.
+
+    The firmware logs e + √(b² - h²) of a belt of length b, with its own heights h and extension e.
+    """
     try:
-        heights = [1e-3 * float(part) for part in text.split(",")]
+        given = np.array([1e-3 * float(part) for part in heights.split(",")])
     except ValueError:
-        heights = []
-    if len(heights) != 4 or not all(0 <= z < 1 for z in heights):
-        raise InputError(f"--heights {text}: must be four numbers from 0 to 1000, tl,tr,bl,br (mm)")
-    return heights
+        given = np.zeros(0)
+    if len(given) != 4 or not ((given >= 0) & (given < 1)).all():
+        raise InputError(
+            f"--heights {heights}: must be four numbers from 0 to 1000, tl,tr,bl,br (mm)"
+        )
+    usual = zip(BELTS, to_read.HEIGHTS, strict=True)
+    own = np.array([read.heights.get(belt, 1e-3 * z) for belt, z in usual])
+    belt2 = (read.lengths - read.extension) ** 2 + own**2 - given**2
+    if (belt2 <= 0).any():
+        raise InputError(f"--heights {heights}: a belt is shorter than its anchor's height")
+    known = {f"{belt}Z": 1e3 * z for belt, z in zip(BELTS, given.tolist(), strict=True)}
+    lengths = read.extension + np.sqrt(belt2)
+    return read._replace(lengths=lengths, settings=read.settings | known)
+
+
+def pasted(sled: Sled, read: Readings, missing: float) -> tuple[Table, str]:
+    """Return the firmware's settings with and without its correction of stretch, and the lines.
+
+    The lines are those for the correction where the machine's settings have it.
+    """
+    plain, stretch = (firmware.best(sled, of, missing) for of in (True, False))
+    pull = read.settings.get("calibrationPullForce", firmware.PULL)
+    newtons = firmware.stiffness(sled, pull)
+    rows = [
+        [
+            key,
+            fixed(1e3 * v, 1),
+            fixed(1e3 * stretch.values[key], 1),
+            fixed(1e3 * plain.sigma[key], 1),
+        ]
+        for key, v in plain.values.items()
+    ]
+    rows += [[f"{belt}Z", *[fixed(1e3 * z, 1)] * 2, ""] for belt, z in read.heights.items()]
+    rows += [["beltAxialStiffness", "", fixed(newtons, 0), ""]] if newtons else []
+    column = 2 if "beltAxialStiffness" in read.settings else 1
+    text = "".join(f"$/{read.prefix}{row[0]}={row[column]}\n" for row in rows if row[column])
+    errors = [fixed(1e3 * of.error, 2) for of in (plain, stretch)]
+    title = f"Settings $/{read.prefix}… for the firmware, mm (stiffness in N); σ over power cycles"
+    header = ["setting", "as it is", "with stretch (#1060)", "σ"]
+    rows.append(["position error left, rms", *errors, ""])
+    return Table("settings", title, header, rows), text
 
 
 def unknowns(sled: Sled) -> Table:
@@ -139,12 +193,12 @@ def unknowns(sled: Sled) -> Table:
     return Table("unknowns", title, ["unknown", "value", "σ", "unit", "verdict"], rows)
 
 
-def models(sled: Sled, heights: list[float]) -> Table:
+def models(sled: Sled) -> Table:
     """Return each model's errors of the lower belts on held-out ninths of the rows."""
     known = [Model(False, "off"), Model(True, "off"), Model(True, "alike"), Model(True, "sides")]
     rows = []
     for model in known:
-        wrong = 1e3 * belts.held_out(sled.lengths, heights, model)
+        wrong = 1e3 * belts.held_out(sled.undone, model)
         used = "used" if model == sled.model else ""
         cells = [number(v) for v in (np.sqrt(np.mean(wrong**2)), np.median(np.abs(wrong)))]
         rows.append([str(model), *cells, Cell(used, used)])
@@ -154,29 +208,24 @@ def models(sled: Sled, heights: list[float]) -> Table:
 
 def apart(sled: Sled) -> list[str]:
     """Return offsets that the poses cannot separate from anchors, and the effect of one σ."""
-    unknowns, covariance = sled.unknowns, sled.fit.joint_covariance
-    names, said = list(unknowns), []
-    prior = np.array([of.prior_sigma for of in unknowns.values()])
-    own = [k for k, name in enumerate(names) if not name.endswith((".x", ".y"))]
+    names, covariance = list(sled.unknowns), sled.fit.joint_covariance
+    own = [k for k, name in enumerate(names) if name.endswith("offset")]
     anchors = [k for k, name in enumerate(names) if name.endswith((".x", ".y"))]
-    scaled = covariance[np.ix_(own, own)] / np.outer(prior[own], prior[own])
-    ratio2, vectors = np.linalg.eigh(scaled)
-    for k in range(len(ratio2) - 1, -1, -1):
-        if ratio2[k] < 0.5**2:
+    root = np.linalg.cholesky(sled.fit.prior_covariance[np.ix_(own, own)])
+    half = np.linalg.solve(root, np.linalg.cholesky(covariance[np.ix_(own, own)]))
+    vectors, ratio, _ = np.linalg.svd(half)
+    said = []
+    for v, r in zip(vectors.T, ratio, strict=True):
+        if r < 0.5:
             break
-        direction = vectors[:, k] / prior[own]
-        moves = covariance[np.ix_(anchors, own)] @ direction / np.sqrt(ratio2[k])
+        step = r * root @ v
+        moves = covariance[np.ix_(anchors, own)] @ np.linalg.solve(root.T, v) / r
+        terms = ", ".join(
+            f"{names[own[j]]} {1e3 * step[j]:+.1f}" for j in np.argsort(-np.abs(step))
+        )
         largest = np.argsort(-np.abs(moves))[:2]
-        terms = " ".join(
-            f"{'-' if vectors[j, k] < 0 else '+'}{names[own[j]]}"
-            for j in np.argsort(-np.abs(vectors[:, k]))
-            if abs(vectors[j, k]) > 0.3
-        )
-        with_it = ", ".join(f"{names[anchors[j]]} {1e3 * moves[j]:+.1f} mm" for j in largest)
-        said.append(
-            f"offsets or anchors? {terms}: known to {np.sqrt(ratio2[k]):.2f} of the prior σ "
-            f"before; by one σ of it {with_it}"
-        )
+        with_it = ", ".join(f"{names[anchors[j]]} {1e3 * moves[j]:+.1f}" for j in largest)
+        said.append(f"offsets or anchors? One σ of {terms} is {with_it} mm; {r:.2f} of the prior σ")
     return said or ["the poses tell offsets and anchors apart"]
 
 
@@ -200,33 +249,23 @@ def worth_reading(sled: Sled, count: int) -> Table:
     return Table("next", title, ["pose", "x (mm)", "y (mm)", "σ of the position then (mm)"], rows)
 
 
-def suspects(sled: Sled, lines: Array) -> list[str]:
+def suspects(sled: Sled, read: Readings) -> list[str]:
     """Return poses that do not fit, by row and belt."""
     return [
-        f"line {lines[k]}: {belt} reads {1e3 * wrong:+.1f} mm off what the other belts say: counts "
-        "for next to nothing"
+        f"{read.word} {read.lines[k]}: {belt} reads {1e3 * wrong:+.1f} mm off what the other belts "
+        "say: counts for next to nothing"
         for k, belt, wrong in sled.suspects()
     ]
 
 
-def honesty(lengths: Array, heights: list[float], model: Model) -> list[str]:
-    """Return whether anchors from disjoint quarters of the poses scatter as σ predicts."""
-    if len(lengths) < PARTS * FEWEST:
-        return [
-            f"whether σ is honest quarters of {len(lengths)} poses are too few to say: "
-            f"{PARTS * FEWEST} or more would"
-        ]
-    found = belts.spread(lengths, heights, model, PARTS)
-    low, high = HONEST
-    verdict = (
-        "as σ says"
-        if low <= found.of_readings <= high
-        else "more than σ says: something is missing in the model"
-        if found.of_readings > high
-        else "less than σ says: what is missing in the model is the same in each quarter"
-    )
+def honesty(sled: Sled) -> list[str]:
+    """Return a warning where anchors from disjoint quarters scatter more than σ predicts."""
+    if len(sled.lengths) < PARTS * FEWEST:
+        return []
+    ratio = belts.spread(sled.undone, sled.model, PARTS).of_readings
+    if ratio <= DISHONEST:
+        return []
     return [
-        f"anchors from disjoint quarters of the poses scatter by {found.of_stated:.2f} of their σ: "
-        "what σ has from the prior, that of the offsets above all, is the same in each quarter and "
-        f"scatters in none; by {found.of_readings:.2f} of the rest of it: {verdict}"
+        f"do not rely on σ: anchors from disjoint quarters of the poses scatter by {ratio:.1f} of "
+        "the readings' part of it; something is missing in the model"
     ]
