@@ -27,27 +27,28 @@ enum class StopKind : int {
   brake = 2,  ///< the loop is open; holding torque until the brakes have closed
 };
 
-/// Cause of a stop, or of a refused request.
+/// Cause of a stop, or of a refused request. Of several in one cycle the first one is reported:
+/// inputs before what follows from them.
 enum class StopCause : int {
   none = 0,
   requested = 1,
-  workspace = 2,              ///< the setpoint leaves its box
-  readings_disagree = 3,      ///< the fault monitor isolates no reading; no motor is a candidate
-  tracking_error = 4,         ///< a motor is too far from its setpoint
-  overspeed = 5,              ///< a motor is too fast
-  setpoint_speed = 6,         ///< a setpoint moves or jumps faster than the speed limit
-  saturation = 7,             ///< a motor is at its torque limit for too long
-  torque_rate = 8,            ///< the law's torque exceeds the slew limit for too long
-  motor_range = 9,            ///< a motor is beyond its stops
-  missing_reading = 10,       ///< a motor gives no number
-  stale_frame = 11,           ///< readings are repeated or too old
-  dropped_frames = 12,        ///< the counter or timestamp jumps forward
-  clock_backwards = 13,       ///< the counter or timestamp runs backwards
-  suspected_motor = 14,       ///< the fault monitor has lost a motor, or cannot exclude one
-  no_answer = 15,             ///< the law has no torque
-  unknown_pose = 16,          ///< motors are not referenced
+  clock_backwards = 2,        ///< the counter or timestamp runs backwards
+  dropped_frames = 3,         ///< the counter or timestamp jumps forward
+  stale_frame = 4,            ///< readings are repeated or too old
+  missing_reading = 5,        ///< a motor gives no number
+  unknown_pose = 6,           ///< the motors are not referenced
+  suspected_motor = 7,        ///< the fault monitor has lost a motor, or cannot exclude one
+  readings_disagree = 8,      ///< the fault monitor isolates no reading; no motor is a candidate
+  no_answer = 9,              ///< the law has no torque
+  workspace = 10,             ///< the setpoint leaves its box
+  setpoint_speed = 11,        ///< the setpoint jumps, or moves faster than the speed limit
+  motor_range = 12,           ///< a motor is beyond its stops
+  overspeed = 13,             ///< a motor is too fast
+  tracking_error = 14,        ///< a motor is too far from its setpoint
+  torque_rate = 15,           ///< the law's torque exceeds the slew limit for too long
+  saturation = 16,            ///< a motor is at its torque limit for too long
   contradictory_limits = 17,  ///< refusal: see `check` of the limits
-  not_ready = 18,             ///< refusal: start without state `ready`
+  not_ready = 18,             ///< refusal: not in this state
 };
 
 /// Properties of a cause.
@@ -62,21 +63,21 @@ struct CauseProperties {
 inline constexpr std::array kCauseTable{
     CauseProperties{StopCause::none, "none"},
     CauseProperties{StopCause::requested, "requested", true},
-    CauseProperties{StopCause::workspace, "workspace", true},
-    CauseProperties{StopCause::readings_disagree, "readings disagree", true},
-    CauseProperties{StopCause::tracking_error, "tracking error"},
-    CauseProperties{StopCause::overspeed, "overspeed", false, true},
-    CauseProperties{StopCause::setpoint_speed, "setpoint speed"},
-    CauseProperties{StopCause::saturation, "saturation"},
-    CauseProperties{StopCause::torque_rate, "torque rate"},
-    CauseProperties{StopCause::motor_range, "motor range", false, true},
-    CauseProperties{StopCause::missing_reading, "missing reading", false, true},
-    CauseProperties{StopCause::stale_frame, "stale frame", false, true},
-    CauseProperties{StopCause::dropped_frames, "dropped frames", false, true},
     CauseProperties{StopCause::clock_backwards, "clock backwards", false, true},
-    CauseProperties{StopCause::suspected_motor, "suspected motor", false, true},
-    CauseProperties{StopCause::no_answer, "no answer"},
+    CauseProperties{StopCause::dropped_frames, "dropped frames", false, true},
+    CauseProperties{StopCause::stale_frame, "stale frame", false, true},
+    CauseProperties{StopCause::missing_reading, "missing reading", false, true},
     CauseProperties{StopCause::unknown_pose, "unknown pose", false, true},
+    CauseProperties{StopCause::suspected_motor, "suspected motor", false, true},
+    CauseProperties{StopCause::readings_disagree, "readings disagree", true},
+    CauseProperties{StopCause::no_answer, "no answer"},
+    CauseProperties{StopCause::workspace, "workspace", true},
+    CauseProperties{StopCause::setpoint_speed, "setpoint speed"},
+    CauseProperties{StopCause::motor_range, "motor range", false, true},
+    CauseProperties{StopCause::overspeed, "overspeed", false, true},
+    CauseProperties{StopCause::tracking_error, "tracking error"},
+    CauseProperties{StopCause::torque_rate, "torque rate"},
+    CauseProperties{StopCause::saturation, "saturation"},
     CauseProperties{StopCause::contradictory_limits, "contradictory limits"},
     CauseProperties{StopCause::not_ready, "not ready"},
 };

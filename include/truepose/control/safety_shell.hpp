@@ -1,0 +1,326 @@
+// The safety shell around a law: checks of each cycle, and torques and brakes that follow from
+// them.
+//
+// It trusts no reading. Torques pass a slew limit always. Without a fresh frame or an answer the
+// model's part of the torque acts, not the loop. After a violation the loop opens: the torque holds
+// the robot's weight at its last setpoint while the brakes close, then goes to zero. On the way
+// back the torque holds the weight before the brakes open, and the law acts after.
+//
+// Bounded work, no allocation, exception or lock. No NaN reaches a motor.
+#pragma once
+
+#include <bit>
+
+#include "truepose/control/dynamics.hpp"
+#include "truepose/control/frame_clock.hpp"
+#include "truepose/control/parity.hpp"
+#include "truepose/control/safety_limits.hpp"
+#include "truepose/control/safety_states.hpp"
+
+namespace truepose {
+/// Requests of the operator. An acknowledgement and a start act when they begin.
+struct SafetyRequests {
+  bool start = false, stop = false, acknowledge = false;
+};
+
+/// What the shell is told in one cycle.
+struct SafetyCycle {
+  Coordinates x{};    ///< pose of the setpoint
+  Joint q_d{};        ///< desired motor readings
+  Joint q{};          ///< motor readings
+  Outcome answer;     ///< of the law
+  Joint torque{};     ///< its torque,
+  Joint load{};       ///< and the last part of that from the model: feed-forward and integrals
+  Joint error{};      ///< ê_q
+  FrameMark counter;  ///< of the readings' frame,
+  FrameMark time;     ///< and its timestamp, ns
+  bool known = true;  ///< the motors are referenced, the pose is known
+  std::uint32_t unused = 0;     ///< motors whose readings the law does not use, as bits
+  std::uint32_t suspected = 0;  ///< motors that may be faulty, as bits
+  bool lost = false;            ///< a motor has no substitute, or cannot be excluded
+  bool disagree = false;        ///< readings disagree, none is isolated
+  SafetyRequests request;
+};
+
+/// State and report, the caller's; a new one is switched on: stopped, with closed brakes.
+struct SafetyShell {
+  SafetyMachine machine;
+  StopCause cause = StopCause::none;           ///< the first since the acknowledgement,
+  int part = -1;                               ///< its motor or -1,
+  std::uint32_t causes = 0;                    ///< and all, as bits
+  StopCause refused = StopCause::none;         ///< why a request of this cycle has no effect
+  Joint torque{};                              ///< to the motors
+  std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< that must hold, as bits
+  Real path_stop = 0;    ///< duration of the stop along the path, s, for PathClock; 0: continue
+  bool follows = false;  ///< the law acts; else it starts anew in each cycle, and no path moves
+
+  bool started = false, acknowledged = false;  ///< requests of the last cycle
+  Real since = 0;                              ///< time in this state, s
+  Real opening = 0;                            ///< time since the brakes were released, s
+  Real unanswered = 0;                         ///< time without an answer, s
+  Coordinates at{};                            ///< the last setpoint that the law followed,
+  Joint weight{};                              ///< and the torques that hold the robot there
+  FrameClock counter, time;
+  unsigned cycle = 0;
+  std::array<Joint, kMostWindow> past{};    ///< motor readings of the last cycles
+  std::array<int, kMaxMotors> have{};       ///< of these, valid ones without a gap
+  int same = 0;                             ///< cycles with identical readings of all motors
+  Joint from{}, pace{};                     ///< setpoint and motion per cycle before these
+  Joint wanted{};                           ///< setpoint of the last cycle
+  Joint missing{}, saturated{}, clipped{};  ///< time, s
+};
+
+namespace safety_detail {
+inline constexpr int kPace = 4;   ///< cycles over which `pace` is measured
+inline constexpr int kNamed = 3;  ///< identical frames that are one too many
+
+/// Violations of one cycle, as bits, each with the motor that was first.
+struct Found {
+  std::uint32_t causes = 0;
+  std::array<int, kCauses> part;
+  void add(StopCause cause, int motor = -1) {
+    if (!(causes & bit_of(cause))) part[static_cast<std::size_t>(cause)] = motor;
+    causes |= bit_of(cause);
+  }
+  StopCause first() const { return static_cast<StopCause>(std::countr_zero(causes | 1U << 31)); }
+};
+
+inline bool number(Real value) { return std::fabs(value) < 1e9; }
+
+/// Adds or takes off a period of a time that a condition has held.
+inline void hold_time(bool holds, Real period, Real& time) {
+  time = holds ? time + period : std::max(time - period, Real{0});
+}
+
+/// The steps of one cycle: frame, readings, law, machine, torques.
+struct Step {
+  const SafetyLimits& limits;
+  const SafetyCycle& cycle;
+  const int n;  ///< motors
+  SafetyShell& shell;
+
+  bool fresh = true;
+  Found found = {};
+  bool closed() const {  ///< the loop, or it is about to be
+    return shell.machine.state == SafetyState::running || shell.machine.stop == StopKind::path;
+  }
+  const Joint& past(int cycles) const {
+    return shell.past[(shell.cycle - static_cast<unsigned>(cycles)) % kMostWindow];
+  }
+
+  void check_frame() {
+    const int bits = std::clamp(limits.counter_bits, 1, 64);
+    judge(shell.counter.advance(cycle.counter, 1, ~std::uint64_t{0} >> (64 - bits), limits.age));
+    judge(shell.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
+    bool same = true, moved = false, frozen = false;
+    for (int i = 0; i < n; ++i) same = same && cycle.q[i] == past(1)[i];
+    if (!shell.follows || !same) {
+      for (int i = 0; i < n; ++i) {
+        const bool known = shell.have[i] >= kPace && number(cycle.q[i]);
+        shell.pace[i] = known ? (cycle.q[i] - past(kPace)[i]) / kPace : 0;
+        shell.from[i] = cycle.answer ? cycle.q_d[i] : shell.wanted[i];
+      }
+      shell.same = 0;
+    }
+    if (!shell.follows || !same || !cycle.answer) return;
+    shell.same = std::min(shell.same + 1, kMostWindow + 1);
+    for (int i = 0; i < n; ++i) {
+      const Real asked = std::fabs(cycle.q_d[i] - shell.from[i]);
+      const Real expected = std::fabs(shell.pace[i]) * shell.same;
+      moved = moved || (shell.same <= kMostWindow && std::min(asked, expected) > limits.still[i]);
+      frozen = frozen || asked > limits.lag[i];
+    }
+    fresh = fresh && !moved && !frozen;
+    if ((moved || frozen) && shell.same >= kNamed) found.add(StopCause::stale_frame);
+  }
+
+  void judge(FrameAge age) {
+    fresh = fresh && age == FrameAge::fresh;
+    if (age == FrameAge::old) found.add(StopCause::stale_frame);
+    if (age == FrameAge::dropped) found.add(StopCause::dropped_frames);
+    if (age == FrameAge::backwards) found.add(StopCause::clock_backwards);
+  }
+
+  void check_readings() {
+    for (int i = 0; i < n; ++i) {
+      const Real q = cycle.q[i];
+      const bool used = !(cycle.unused & bit(i)), valid = number(q);
+      shell.missing[i] = valid || !used ? 0 : shell.missing[i] + limits.period;
+      if (!(shell.missing[i] <= limits.missing)) found.add(StopCause::missing_reading, i);
+      if (!valid || !used || !fresh) {
+        shell.have[i] = 0;
+        continue;
+      }
+      const bool ranged = limits.low[i] < limits.high[i];
+      if (ranged && !(q >= limits.low[i] && q <= limits.high[i]))
+        found.add(StopCause::motor_range, i);
+      // The difference of two readings is exact to a count, and their noise.
+      const int m = std::min({shell.have[i], limits.window, kMostWindow});
+      const Real most = limits.speed[i] * m * limits.period + limits.count[i];
+      if (m > 0 && !(std::fabs(q - past(m)[i]) <= most)) found.add(StopCause::overspeed, i);
+      shell.have[i] = std::min(shell.have[i] + 1, kMostWindow);
+    }
+    shell.past[shell.cycle % kMostWindow] = cycle.q;
+  }
+
+  void check_law() {
+    shell.unanswered = cycle.answer ? 0 : shell.unanswered + limits.period;
+    if (!cycle.known) found.add(StopCause::unknown_pose);
+    if (cycle.lost) found.add(StopCause::suspected_motor);
+    if (cycle.disagree) found.add(StopCause::readings_disagree);
+    if (!cycle.answer) {
+      if (!shell.follows || !(shell.unanswered <= limits.held)) found.add(StopCause::no_answer);
+      return;
+    }
+    for (int j = 0; j < kMaxDof; ++j)
+      if (limits.box_low[j] < limits.box_high[j] &&
+          !(cycle.x[j] >= limits.box_low[j] && cycle.x[j] <= limits.box_high[j]))
+        found.add(StopCause::workspace);
+    for (int i = 0; i < n; ++i) {
+      const Real step = cycle.q_d[i] - shell.wanted[i];
+      if (shell.follows && !(std::fabs(step) <= limits.speed[i] * limits.period))
+        found.add(StopCause::setpoint_speed, i);
+      shell.wanted[i] = cycle.q_d[i];
+      const bool used = fresh && shell.have[i] > 0;
+      if (!(std::fabs(cycle.error[i]) <= limits.tracking[i]) ||
+          (used && !(std::fabs(cycle.q_d[i] - cycle.q[i]) <= limits.deviation[i])))
+        found.add(StopCause::tracking_error, i);
+      if (!shell.follows) {
+        shell.saturated[i] = shell.clipped[i] = 0;
+        continue;
+      }
+      const Real torque = cycle.torque[i], step_limit = limits.slew[i] * limits.period;
+      hold_time(!(std::fabs(torque) < limits.torque[i]), limits.period, shell.saturated[i]);
+      hold_time(!(std::fabs(torque - shell.torque[i]) <= step_limit), limits.period,
+                shell.clipped[i]);
+      if (shell.saturated[i] > limits.saturation) found.add(StopCause::saturation, i);
+      if (shell.clipped[i] > limits.clipped) found.add(StopCause::torque_rate, i);
+    }
+  }
+
+  /// Whether all motors have been read without a gap for as long as their speeds are measured.
+  bool seen() const {
+    return std::all_of(shell.have.begin(), shell.have.begin() + n,
+                       [](int have) { return have == kMostWindow; });
+  }
+
+  /// One transition. @return whether the state has changed
+  bool transit(int freedoms) {
+    const SafetyRequests& request = cycle.request;
+    const SafetyMachine before = shell.machine;
+    SafetyFindings now;
+    now.start = request.start && !shell.started;
+    now.acknowledge = request.acknowledge && !shell.acknowledged;
+    now.stop = request.stop;
+    shell.started = request.start;
+    shell.acknowledged = request.acknowledge;
+    constexpr std::uint32_t always = causes_with(&CauseProperties::always);
+    constexpr std::uint32_t by_path = causes_with(&CauseProperties::by_path);
+    const std::uint32_t violations = closed() ? found.causes : found.causes & always;
+    now.violated = violations != 0;
+    now.trusted =
+        !(found.causes & ~by_path) && !cycle.suspected && cycle.answer && fresh && shell.follows;
+    now.path_ended = shell.since >= limits.stop;
+    now.brakes_closed = shell.since >= limits.brake + limits.standstill;
+    // Only a start or an acknowledgement needs more than the absence of a violation.
+    if (now.start || now.acknowledge) {
+      if (!seen()) found.add(StopCause::unknown_pose);
+      if (!check(limits, n, freedoms)) found.add(StopCause::contradictory_limits);
+      now.healthy = found.causes == 0 && fresh;
+    }
+    shell.machine = next(before, now);
+    const SafetyState state = shell.machine.state;
+    const bool ready = state == SafetyState::ready, runs = state == SafetyState::running;
+    shell.refused = StopCause::none;
+    const StopCause reason = found.causes   ? found.first()
+                             : !fresh       ? StopCause::stale_frame
+                             : request.stop ? StopCause::requested
+                                            : StopCause::not_ready;
+    if ((now.acknowledge && !ready && !runs) || (now.start && !runs)) shell.refused = reason;
+
+    if (violations) remember({violations, found.part});
+    if (before.state == SafetyState::running && now.stop && !violations)
+      remember({bit_of(StopCause::requested), found.part});
+    const bool changed = !(shell.machine == before);
+    if (changed && ready) {
+      shell.causes = 0;
+      shell.cause = StopCause::none;
+      shell.part = -1;
+    }
+    const bool same_stop = before.state == state && before.stop == shell.machine.stop;
+    shell.since = same_stop ? shell.since + limits.period : 0;
+    return !same_stop;
+  }
+
+  void remember(const Found& violations) {
+    if (shell.causes == 0) {
+      shell.cause = violations.first();
+      shell.part = shell.cause == StopCause::requested
+                       ? -1
+                       : violations.part[static_cast<std::size_t>(shell.cause)];
+    }
+    shell.causes |= violations.causes;
+  }
+
+  /// Torques and brakes of the state. @return whether all torques are what is wanted
+  bool drive(const Joint& target) {
+    bool reached = true;
+    for (int i = 0; i < n; ++i) {
+      const Real most = limits.torque[i] > 0 ? limits.torque[i] : 0;
+      const Real step = limits.slew[i] * limits.period > 0 ? limits.slew[i] * limits.period : 0;
+      const Real now = shell.torque[i];
+      const Real wanted = std::isfinite(target[i]) ? target[i] : now;
+      const Real bounded = std::clamp(wanted, -most, most);
+      shell.torque[i] = now + std::clamp(bounded - now, -step, step);
+      reached = reached && shell.torque[i] == bounded;
+    }
+    return reached;
+  }
+};
+}  // namespace safety_detail
+
+/// One cycle, after the law's: `shell.torque` goes to the motors, `shell.brakes` to the brakes.
+/// Usually it costs a few hundred instructions; where a stop or a run begins, the inverse dynamics
+/// at one pose in addition.
+template <Mobility K>
+void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
+           SafetyShell& shell) {
+  constexpr int n = kDof<K>;
+  safety_detail::Step step{limits, cycle, n, shell};
+  ++shell.cycle;
+  step.check_frame();
+  step.check_readings();
+  step.check_law();
+  const bool began = step.transit(n);
+  const SafetyMachine& machine = shell.machine;
+  const bool runs = machine.state == SafetyState::running;
+  const bool braking = machine.stop == StopKind::brake;
+
+  shell.follows = shell.follows && step.closed();
+  if (cycle.answer && step.fresh && (shell.follows || runs)) shell.at = cycle.x;
+  if (began && (runs || braking)) {
+    Joint weight{};
+    if (inverse_dynamics<K>(robot, to_pose<K>(shell.at), {}, {}, weight)) shell.weight = weight;
+    shell.opening = 0;
+  }
+  if (shell.follows) {
+    const bool closes = cycle.answer && step.fresh;
+    step.drive(closes ? cycle.torque : cycle.load);
+  } else if (runs) {
+    // The brakes open once the motors hold the weight, and the law acts once they have opened.
+    if (step.drive(shell.weight)) shell.opening += limits.period;
+    shell.follows = shell.opening > limits.brake;
+  } else {
+    step.drive(braking ? shell.weight : Joint{});
+  }
+  const bool open = shell.follows || (runs && shell.opening > 0);
+  shell.brakes = open ? 0 : bit(n) - 1;
+  shell.path_stop = machine.stop == StopKind::path ? limits.stop : 0;
+}
+
+inline void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
+                  SafetyShell& shell) {
+  with_mobility(robot.mobility,
+                [&](auto mobility) { guard<mobility()>(robot, limits, cycle, shell); });
+}
+}  // namespace truepose
