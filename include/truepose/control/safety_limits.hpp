@@ -17,9 +17,10 @@ struct SafetyLimits {
   Joint speed{};      ///< largest, of motors and setpoints
   int window = 1;     ///< cycles over which a motor's speed is measured, 1 to kMostWindow
   Joint count{};      ///< largest error of a difference of two readings: counts, noise
-  /// A frozen frame: identical readings of all motors while a motor and its setpoint should have
-  /// moved by `still`; or, from rest, its setpoint has moved by `lag`.
-  Joint still{}, lag{};
+  /// A frozen frame: identical readings of all motors although one should have moved by `still`.
+  Joint still{};
+  Joint kp{}, kd{};                   ///< 1/s² and 1/s: the loops that move it,
+  Joint rests{};                      ///< beyond an error at which a motor may rest
   Joint low{}, high{};                ///< range of the motors' readings (equal: not tested)
   Coordinates box_low{}, box_high{};  ///< range of the setpoint x (equal: not tested)
   Real saturation = 0.05;             ///< longest time at the torque limit
@@ -55,8 +56,8 @@ inline Outcome check(const SafetyLimits& limits, int motors, int freedoms) {
     // One count is no violation.
     good = good && l.count[i] >= 0 && l.tracking[i] > l.count[i] && l.tracking[i] < INFINITY &&
            l.deviation[i] >= l.tracking[i] && l.deviation[i] < INFINITY;
-    good = good && l.still[i] > l.count[i] && l.lag[i] >= l.still[i] && l.lag[i] < INFINITY &&
-           l.low[i] <= l.high[i];
+    good = good && l.still[i] > l.count[i] && l.still[i] < INFINITY && l.kp[i] >= 0 &&
+           l.kd[i] >= 0 && l.rests[i] >= 0 && l.low[i] <= l.high[i];
     if (!good) return {Status::no_such_value, i};
   }
   return {};

@@ -16,6 +16,7 @@
 #include "truepose/control/parity.hpp"
 #include "truepose/control/safety_limits.hpp"
 #include "truepose/control/safety_states.hpp"
+#include "truepose/control/tracker.hpp"
 
 namespace truepose {
 /// Requests of the operator. An acknowledgement and a start act when they begin.
@@ -62,17 +63,21 @@ struct SafetyShell {
   Joint weight{};                              ///< and the torques that hold the robot there
   FrameClock counter, time;
   unsigned cycle = 0;
-  std::array<Joint, kMostWindow> past{};    ///< motor readings of the last cycles
-  std::array<int, kMaxMotors> have{};       ///< of these, valid ones without a gap
-  int same = 0;                             ///< cycles with identical readings of all motors
-  Joint from{}, pace{};                     ///< setpoint and motion per cycle before these
-  Joint wanted{};                           ///< setpoint of the last cycle
-  Joint missing{}, saturated{}, clipped{};  ///< time, s
+  std::array<Joint, kMostWindow> past{};     ///< motor readings of the last cycles
+  std::array<int, kMaxMotors> have{};        ///< of these, valid ones without a gap
+  int same = 0;                              ///< cycles with identical readings of all motors
+  std::array<Tracker, kMaxMotors> moving{};  ///< motor readings, per cycle
+  Joint from{}, pace{};                      ///< setpoint and motion per cycle before these
+  Joint error{}, pushed{}, way{};            ///< that these errors would cause: error, speed, way
+  Joint wanted{};                            ///< setpoint of the last cycle
+  Joint missing{}, saturated{}, clipped{};   ///< time, s
 };
 
 namespace safety_detail {
-inline constexpr int kPace = 4;   ///< cycles over which `pace` is measured
-inline constexpr int kNamed = 3;  ///< identical frames that are one too many
+inline constexpr Real kPacePole = 0.85;  ///< of the trackers of the motors' motion per cycle
+inline constexpr Real kSlowest = 0.05;   ///< smallest motion per cycle that counts, over `still`
+inline constexpr int kLongest = 1000;    ///< cycles without a change that are counted
+inline constexpr int kNamed = 3;         ///< identical frames that are one too many
 
 /// Violations of one cycle, as bits, each with the motor that was first.
 struct Found {
@@ -112,26 +117,43 @@ struct Step {
     const int bits = std::clamp(limits.counter_bits, 1, 64);
     judge(shell.counter.advance(cycle.counter, 1, ~std::uint64_t{0} >> (64 - bits), limits.age));
     judge(shell.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
-    bool same = true, moved = false, frozen = false;
+    bool same = true;
     for (int i = 0; i < n; ++i) same = same && cycle.q[i] == past(1)[i];
     if (!shell.follows || !same) {
       for (int i = 0; i < n; ++i) {
-        const bool known = shell.have[i] >= kPace && number(cycle.q[i]);
-        shell.pace[i] = known ? (cycle.q[i] - past(kPace)[i]) / kPace : 0;
+        shell.pace[i] = std::fabs(shell.moving[i].rate);
         shell.from[i] = cycle.answer ? cycle.q_d[i] : shell.wanted[i];
+        shell.error[i] = shell.pushed[i] = shell.way[i] = 0;
       }
       shell.same = 0;
     }
     if (!shell.follows || !same || !cycle.answer) return;
-    shell.same = std::min(shell.same + 1, kMostWindow + 1);
+    shell.same = std::min(shell.same + 1, kLongest);
+    bool moved = false;
     for (int i = 0; i < n; ++i) {
       const Real asked = std::fabs(cycle.q_d[i] - shell.from[i]);
-      const Real expected = std::fabs(shell.pace[i]) * shell.same;
-      moved = moved || (shell.same <= kMostWindow && std::min(asked, expected) > limits.still[i]);
-      frozen = frozen || asked > limits.lag[i];
+      const Real still = limits.still[i], expected = shell.pace[i] * shell.same;
+      // A robot at rest may start late, but not one that just moved, faster than by its noise.
+      const bool just =
+          shell.pace[i] > kSlowest * still && (shell.same <= kMostWindow || expected < 3 * still);
+      moved =
+          moved || (just && std::min(asked, expected) > still) || !(std::fabs(driven(i)) <= still);
     }
-    fresh = fresh && !moved && !frozen;
-    if ((moved || frozen) && shell.same >= kNamed) found.add(StopCause::stale_frame);
+    fresh = fresh && !moved;
+    if (moved && shell.same >= kNamed) found.add(StopCause::stale_frame);
+  }
+
+  /// Way of a motor since its readings are identical, by the loop on the error that they leave. An
+  /// error at which a motor may rest drives nothing.
+  Real driven(int i) {
+    const Real away = cycle.q_d[i] - shell.from[i];
+    const Real error = away - std::clamp(away, -limits.rests[i], limits.rests[i]);
+    shell.pushed[i] +=
+        limits.period * limits.kp[i] * error + limits.kd[i] * (error - shell.error[i]);
+    if (error == 0) shell.pushed[i] = 0;
+    shell.error[i] = error;
+    shell.way[i] += limits.period * shell.pushed[i];
+    return shell.way[i];
   }
 
   void judge(FrameAge age) {
@@ -151,6 +173,8 @@ struct Step {
         shell.have[i] = 0;
         continue;
       }
+      if (shell.have[i] == 0) shell.moving[i] = {q, 0};
+      shell.moving[i].correct(1, kPacePole, q - shell.moving[i].predicted(1));
       const bool ranged = limits.low[i] < limits.high[i];
       if (ranged && !(q >= limits.low[i] && q <= limits.high[i]))
         found.add(StopCause::motor_range, i);

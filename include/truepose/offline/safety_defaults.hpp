@@ -10,8 +10,8 @@ namespace truepose {
 /// Position error of an uncalibrated robot, m (the paper's H4: 9 mm). Laws that correct it move the
 /// motors off their nominal positions by its image.
 inline constexpr Real kUncalibrated = 0.010;
-/// Share of the torque that the model of the feed-forward may be wrong by (assumed).
-inline constexpr Real kModelError = 0.1;
+/// Friction of motors whose robot file has none, over their torque limit (assumed).
+inline constexpr Real kFriction = 0.005;
 
 namespace safety_detail {
 /// Model at home: K M⁻¹ Kᵀ and its relatives.
@@ -53,11 +53,10 @@ inline Real travel(const Chain& chain) {
 ///     tracking    τ_i / kp_i: the error by which kp_i alone asks for the whole torque
 ///     deviation   tracking; laws that correct the geometry: and 10 mm at the platform
 ///     speed       √(a_i s_i): from rest over half the travel s_i at a_i, the largest acceleration
-///     count       two counts, 8 σ of the noise of a difference
+/// count       one count, and 8 σ of the noise of a difference
 ///     window      count is at most a tenth of the speed limit over it; 8 ms at most
-///     still       two counts and noise, in addition
-///     lag         still, friction's reversal 2 c_i/kp_i, and what the model's torque lacks, over
-///                 kp_i: a tenth of τ_i with the full feed-forward, else τ_i
+/// still       twice that: a reading and the measured pace err by one each
+/// rests       count, and friction over kp_i: 0.5 % of τ_i where the robot has none
 ///     low, high   the stops, as read
 ///     saturation  5/ω, of the slowest motor: a loop leaves saturation in that time
 ///     standstill  speed_i I_i / τ_i, the longest: the brake rubs with τ_i (assumed)
@@ -74,7 +73,7 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
     if (!outcome) return outcome;
     limits = {};
     limits.period = settings.period;
-    const bool full = settings.feed_forward == FeedForward::full;
+
     const bool corrects = properties(settings.law).corrects != Corrects::motors;
     int window = 1;
     Real slowest = INFINITY, rest = 0;
@@ -88,14 +87,17 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       limits.tracking[i] = torque / kp;
       limits.deviation[i] = limits.tracking[i] + (corrects ? kUncalibrated / home.lever(i) : 0);
       limits.speed[i] = std::sqrt(most[i] * safety_detail::travel(chain));
-      limits.count[i] = 2 * chain.encoder_step + 8 * std::sqrt(2.0) * chain.encoder_noise;
+      limits.count[i] = chain.encoder_step + 8 * std::sqrt(2.0) * chain.encoder_noise;
+      limits.count[i] += by_precision(1e-9, 1e-5);  // rounding
       const Real per_cycle = 0.1 * limits.speed[i] * settings.period;
       window = std::max(
           window,
           static_cast<int>(std::ceil(std::min<Real>(limits.count[i] / per_cycle, kMostWindow))));
-      limits.still[i] = 2 * limits.count[i] + by_precision(1e-9, 1e-5);
-      limits.lag[i] =
-          limits.still[i] + (2 * chain.coulomb + (full ? kModelError : 1) * torque) / kp;
+      limits.still[i] = 2 * limits.count[i];
+      limits.kp[i] = kp / inertia;
+      limits.kd[i] = settings.kd[i] / (settings.gains == Gains::inertia ? 1 : inertia);
+      const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
+      limits.rests[i] = limits.count[i] + friction / kp;
       if (std::isfinite(chain.low) && std::isfinite(chain.high)) {
         const Real low = motor_reading(chain, chain.low), high = motor_reading(chain, chain.high);
         limits.low[i] = std::min(low, high) - limits.count[i];
