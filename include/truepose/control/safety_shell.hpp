@@ -74,10 +74,10 @@ struct SafetyShell {
 };
 
 namespace safety_detail {
-inline constexpr Real kPacePole = 0.85;  ///< of the trackers of the motors' motion per cycle
-inline constexpr Real kSlowest = 0.05;   ///< smallest motion per cycle that counts, over `still`
-inline constexpr int kLongest = 1000;    ///< cycles without a change that are counted
-inline constexpr int kNamed = 3;         ///< identical frames that are one too many
+inline constexpr Real kPacePole = 0.85;   ///< of the trackers of the motors' motion per cycle
+inline constexpr Real kLeastPace = 0.02;  ///< smallest motion per cycle that counts, over `still`
+inline constexpr int kLongest = 1000;     ///< cycles without a change that are counted
+inline constexpr int kFrozen = 3;         ///< identical frames that are one too many
 
 /// Violations of one cycle, as bits, each with the motor that was first.
 struct Found {
@@ -135,12 +135,12 @@ struct Step {
       const Real still = limits.still[i], expected = shell.pace[i] * shell.same;
       // A robot at rest may start late, but not one that just moved, faster than by its noise.
       const bool just =
-          shell.pace[i] > kSlowest * still && (shell.same <= kMostWindow || expected < 3 * still);
+          shell.pace[i] > kLeastPace * still && (shell.same <= kMostWindow || expected < 3 * still);
       moved =
           moved || (just && std::min(asked, expected) > still) || !(std::fabs(driven(i)) <= still);
     }
     fresh = fresh && !moved;
-    if (moved && shell.same >= kNamed) found.add(StopCause::stale_frame);
+    if (moved && shell.same >= kFrozen) found.add(StopCause::stale_frame);
   }
 
   /// Way of a motor since its readings are identical, by the loop on the error that they leave. An

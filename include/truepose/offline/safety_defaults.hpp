@@ -3,7 +3,7 @@
 #pragma once
 
 #include "truepose/control/control.hpp"
-#include "truepose/control/safety_limits.hpp"
+#include "truepose/control/safety_shell.hpp"
 #include "truepose/offline/fastest.hpp"
 
 namespace truepose {
@@ -115,30 +115,77 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
   });
 }
 
-/// Largest distance of the reference point, m, from the last fresh frame before a common fault of
-/// all readings to standstill, at a speed (m/s; on passive axes rad and rad/s):
+/// Distance of the reference point, m, from the last fresh frame before a common fault of all
+/// readings to standstill, at a speed (m/s; on passive axes rad and rad/s), at home:
 ///
-///     v (age + 2) T              frames until the fault is detected, and the cycle that acts
+///     v (t + T)                  t: until the fault is detected; T: until the brakes are told
 ///     v brake                    the brakes close
 ///     ½ v² λ max_i(|J_i|/τ_i)    they do the work Σ τ_i |Δq_i|, and |Δx| ≤ Σ |J_i| |Δq_i|
 ///
-/// with λ a bound of the platform's apparent mass at home, J_i column i of J (its position rows).
-inline Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, Real speed,
-                                 Real& distance) {
+/// with λ a bound of the platform's apparent mass, J_i column i of J (its position rows). Frames
+/// with a counter or timestamp are detected as `age` allows. Without one the setpoint moves on, v
+/// t, before the motor that is fastest in counts shows it, and the loop takes the difference for an
+/// error: the speed grows by kd v t + kp v t²/2. Of 13 directions the one whose motors are slowest
+/// counts.
+/// By one count a loop changes its motor's speed by kd times the count, which adds to v.
+/// @param marked  frames carry a counter or timestamp
+inline Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool marked,
+                                 Real speed, Real& distance) {
   return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    safety_detail::AtHome<K> home;
+    using namespace safety_detail;
+    constexpr int n = kDof<K>, positions = kPositions<K>;
+    AtHome<K> home;
     const Outcome outcome = home.find(robot);
     if (!outcome) return outcome;
-    Real mass = 0, per_work = 0;
-    for (int j = 0; j < kPositions<K>; ++j) {  // Gershgorin
+    Real mass = 0, per_work = 0, kp = 0, kd = 0, dither = 0;
+    for (int j = 0; j < positions; ++j) {  // Gershgorin
       Real sum = 0;
-      for (int l = 0; l < kPositions<K>; ++l) sum += std::fabs(home.model.mass[j][l]);
+      for (int l = 0; l < positions; ++l) sum += std::fabs(home.model.mass[j][l]);
       mass = std::max(mass, sum);
     }
-    for (int i = 0; i < kDof<K>; ++i)
+    for (int i = 0; i < n; ++i) {
       per_work = std::max(per_work, home.lever(i) / limits.torque[i]);
-    distance = speed * ((limits.age + 2) * limits.period + limits.brake) +
-               0.5 * speed * speed * mass * per_work;
+      kp = std::max(kp, limits.kp[i]);
+      kd = std::max(kd, limits.kd[i]);
+      dither = std::max(dither, limits.kd[i] * limits.count[i] * home.lever(i));
+    }
+    const Real T = limits.period;
+    speed += dither;
+    Real pace = INFINITY, rests = 0;  // of the fastest motor, over its `still`
+    for (int direction = 1; direction < 27; ++direction) {
+      std::array<Real, 3> d{};
+      Real size = 0, most = 0;
+      for (int j = 0, code = direction; j < positions; ++j, code /= 3) {
+        d[j] = code % 3 - 1;
+        size += d[j] * d[j];
+      }
+      if (size == 0) continue;
+      for (int i = 0; i < n; ++i) {
+        Real rate = 0;
+        for (int j = 0; j < positions; ++j) rate += home.model.k[i][j] * d[j];
+        most = std::max(most, std::fabs(rate) / limits.still[i] / std::sqrt(size));
+      }
+      pace = std::min(pace, speed * T * most);
+    }
+    for (int i = 0; i < n; ++i) rests = std::max(rests, limits.rests[i] / limits.still[i]);
+
+    int k = 0;                             // frozen cycles with a closed loop
+    Real gained = 0, way = 0;              // speed and way of the platform by the loop,
+    Real error = 0, pushed = 0, seen = 0;  // and of that motor, over its `still`
+    while (!marked && k < kLongest && seen <= 1 && !(pace > kLeastPace && pace * (k + 1) > 1)) {
+      ++k;
+      const Real next = std::max(pace * k - rests, Real{0});
+      pushed += T * kp * next + kd * (next - error);
+      seen += T * pushed;
+      error = next;
+      gained += T * (kp * k * T + kd) * speed;
+      way += T * gained;
+    }
+    const int named = marked ? limits.age + 1 : std::max(k + 1, kFrozen);
+    way += T * gained * (named - k);
+    const Real last = speed + gained;
+    distance =
+        speed * named * T + way + last * (T + limits.brake) + 0.5 * last * last * mass * per_work;
     return outcome;
   });
 }
