@@ -189,6 +189,7 @@ struct Step {
 
   void check_law() {
     shell.unanswered = cycle.answer ? 0 : shell.unanswered + limits.period;
+    if (!closed() && !check(limits, n, n)) found.add(StopCause::contradictory_limits);
     if (!cycle.known) found.add(StopCause::unknown_pose);
     if (cycle.lost) found.add(StopCause::suspected_motor);
     if (cycle.disagree) found.add(StopCause::readings_disagree);
@@ -229,7 +230,7 @@ struct Step {
   }
 
   /// One transition. @return whether the state has changed
-  bool transit(int freedoms) {
+  bool transit() {
     const SafetyRequests& request = cycle.request;
     const SafetyMachine before = shell.machine;
     SafetyFindings now;
@@ -249,7 +250,6 @@ struct Step {
     // Only a start or an acknowledgement needs more than the absence of a violation.
     if (now.start || now.acknowledge) {
       if (!seen()) found.add(StopCause::unknown_pose);
-      if (!check(limits, n, freedoms)) found.add(StopCause::contradictory_limits);
       now.healthy = found.causes == 0 && fresh;
     }
     shell.machine = next(before, now);
@@ -295,7 +295,8 @@ struct Step {
       const Real now = shell.torque[i];
       const Real wanted = std::isfinite(target[i]) ? target[i] : now;
       const Real bounded = std::clamp(wanted, -most, most);
-      shell.torque[i] = now + std::clamp(bounded - now, -step, step);
+      const Real way = bounded - now;  // exact where it ends, no sum of roundings
+      shell.torque[i] = std::fabs(way) <= step ? bounded : now + std::copysign(step, way);
       reached = reached && shell.torque[i] == bounded;
     }
     return reached;
@@ -315,7 +316,7 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
   step.check_frame();
   step.check_readings();
   step.check_law();
-  const bool began = step.transit(n);
+  const bool began = step.transit();
   const SafetyMachine& machine = shell.machine;
   const bool runs = machine.state == SafetyState::running;
   const bool braking = machine.stop == StopKind::brake;

@@ -32,23 +32,23 @@ enum class StopKind : int {
 enum class StopCause : int {
   none = 0,
   requested = 1,
-  clock_backwards = 2,        ///< the counter or timestamp runs backwards
-  dropped_frames = 3,         ///< the counter or timestamp jumps forward
-  stale_frame = 4,            ///< readings are repeated or too old
-  missing_reading = 5,        ///< a motor gives no number
-  unknown_pose = 6,           ///< the motors are not referenced
-  suspected_motor = 7,        ///< the fault monitor has lost a motor, or cannot exclude one
-  readings_disagree = 8,      ///< the fault monitor isolates no reading; no motor is a candidate
-  no_answer = 9,              ///< the law has no torque
-  workspace = 10,             ///< the setpoint leaves its box
-  setpoint_speed = 11,        ///< the setpoint jumps, or moves faster than the speed limit
-  motor_range = 12,           ///< a motor is beyond its stops
-  overspeed = 13,             ///< a motor is too fast
-  tracking_error = 14,        ///< a motor is too far from its setpoint
-  torque_rate = 15,           ///< the law's torque exceeds the slew limit for too long
-  saturation = 16,            ///< a motor is at its torque limit for too long
-  contradictory_limits = 17,  ///< refusal: see `check` of the limits
-  not_ready = 18,             ///< refusal: not in this state
+  contradictory_limits = 2,  ///< see `check` of the limits
+  clock_backwards = 3,       ///< the counter or timestamp runs backwards
+  dropped_frames = 4,        ///< the counter or timestamp jumps forward
+  stale_frame = 5,           ///< readings are repeated or too old
+  missing_reading = 6,       ///< a motor gives no number
+  unknown_pose = 7,          ///< the motors are not referenced
+  suspected_motor = 8,       ///< the fault monitor has lost a motor, or cannot exclude one
+  readings_disagree = 9,     ///< the fault monitor isolates no reading; no motor is a candidate
+  no_answer = 10,            ///< the law has no torque
+  workspace = 11,            ///< the setpoint leaves its box
+  setpoint_speed = 12,       ///< the setpoint jumps, or moves faster than the speed limit
+  motor_range = 13,          ///< a motor is beyond its stops
+  overspeed = 14,            ///< a motor is too fast
+  tracking_error = 15,       ///< a motor is too far from its setpoint
+  torque_rate = 16,          ///< the law's torque exceeds the slew limit for too long
+  saturation = 17,           ///< a motor is at its torque limit for too long
+  not_ready = 18,            ///< refusal: not in this state
 };
 
 /// Properties of a cause.
@@ -63,6 +63,7 @@ struct CauseProperties {
 inline constexpr std::array kCauseTable{
     CauseProperties{StopCause::none, "none"},
     CauseProperties{StopCause::requested, "requested", true},
+    CauseProperties{StopCause::contradictory_limits, "contradictory limits", false, true},
     CauseProperties{StopCause::clock_backwards, "clock backwards", false, true},
     CauseProperties{StopCause::dropped_frames, "dropped frames", false, true},
     CauseProperties{StopCause::stale_frame, "stale frame", false, true},
@@ -78,7 +79,6 @@ inline constexpr std::array kCauseTable{
     CauseProperties{StopCause::tracking_error, "tracking error"},
     CauseProperties{StopCause::torque_rate, "torque rate"},
     CauseProperties{StopCause::saturation, "saturation"},
-    CauseProperties{StopCause::contradictory_limits, "contradictory limits"},
     CauseProperties{StopCause::not_ready, "not ready"},
 };
 static_assert(in_order(kCauseTable, &CauseProperties::cause));

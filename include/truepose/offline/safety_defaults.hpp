@@ -115,77 +115,95 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
   });
 }
 
+namespace safety_detail {
+/// Frozen cycles until the loop opens, and the speed and way of the platform by the loop until
+/// then, without a mark of the frames. @param pace  of the motor that is fastest in counts, over
+/// its `still`
+struct Unmarked {
+  int cycles = 0;
+  Real gained = 0, way = 0;
+  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests) {
+    const Real T = limits.period;
+    Real error = 0, pushed = 0, seen = 0;  // of that motor
+    while (cycles < kLongest && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
+      ++cycles;
+      const Real next = std::max(pace * cycles - rests, Real{0});
+      pushed += T * kp * next + kd * (next - error);
+      seen += T * pushed;
+      error = next;
+      gained += T * (kp * cycles * T + kd) * speed;
+      way += T * gained;
+    }
+  }
+};
+
+/// Least speed of the fastest motor over its `still`, per speed of the platform: of 13 directions.
+template <Mobility K>
+Real least_pace(const DynamicModel<K>& model, const SafetyLimits& limits) {
+  Real least = INFINITY;
+  for (int direction = 1; direction < 27; ++direction) {
+    std::array<Real, 3> d{};
+    Real size = 0, most = 0;
+    for (int j = 0, code = direction; j < kPositions<K>; ++j, code /= 3) {
+      d[j] = code % 3 - 1;
+      size += d[j] * d[j];
+    }
+    if (size == 0) continue;
+    for (int i = 0; i < kDof<K>; ++i) {
+      Real rate = 0;
+      for (int j = 0; j < kPositions<K>; ++j) rate += model.k[i][j] * d[j];
+      most = std::max(most, std::fabs(rate) / limits.still[i] / std::sqrt(size));
+    }
+    least = std::min(least, most);
+  }
+  return least;
+}
+}  // namespace safety_detail
+
 /// Distance of the reference point, m, from the last fresh frame before a common fault of all
-/// readings to standstill, at a speed (m/s; on passive axes rad and rad/s), at home:
+/// readings to standstill, at home, at a speed (m/s; on passive axes rad and rad/s):
 ///
 ///     v (t + T)                  t: until the fault is detected; T: until the brakes are told
 ///     v brake                    the brakes close
 ///     ½ v² λ max_i(|J_i|/τ_i)    they do the work Σ τ_i |Δq_i|, and |Δx| ≤ Σ |J_i| |Δq_i|
 ///
-/// with λ a bound of the platform's apparent mass, J_i column i of J (its position rows). Frames
-/// with a counter or timestamp are detected as `age` allows. Without one the setpoint moves on, v
-/// t, before the motor that is fastest in counts shows it, and the loop takes the difference for an
-/// error: the speed grows by kd v t + kp v t²/2. Of 13 directions the one whose motors are slowest
-/// counts.
-/// By one count a loop changes its motor's speed by kd times the count, which adds to v.
+/// with λ a bound of the platform's apparent mass, J_i column i of J (its position rows). By one
+/// count a loop changes its motor's speed by kd times the count, which adds to v. Frames with a
+/// counter or timestamp are detected as `age` allows. Without one, a motor first has to stand still
+/// where it should not. Until then the loop takes the setpoint's way v t for an error: the speed
+/// grows by kd v t + kp v t²/2. Slower motion is detected later, and the distance may be larger.
 /// @param marked  frames carry a counter or timestamp
 inline Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool marked,
                                  Real speed, Real& distance) {
   return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     using namespace safety_detail;
-    constexpr int n = kDof<K>, positions = kPositions<K>;
     AtHome<K> home;
     const Outcome outcome = home.find(robot);
     if (!outcome) return outcome;
-    Real mass = 0, per_work = 0, kp = 0, kd = 0, dither = 0;
-    for (int j = 0; j < positions; ++j) {  // Gershgorin
-      Real sum = 0;
-      for (int l = 0; l < positions; ++l) sum += std::fabs(home.model.mass[j][l]);
-      mass = std::max(mass, sum);
-    }
-    for (int i = 0; i < n; ++i) {
+    Real mass = 0, per_work = 0, kp = 0, kd = 0, dither = 0, rests = 0;
+    for (int j = 0; j < kPositions<K>; ++j)  // Gershgorin
+      mass = std::max(
+          mass, sum_of(kPositions<K>, [&](int l) { return std::fabs(home.model.mass[j][l]); }));
+    for (int i = 0; i < kDof<K>; ++i) {
       per_work = std::max(per_work, home.lever(i) / limits.torque[i]);
       kp = std::max(kp, limits.kp[i]);
       kd = std::max(kd, limits.kd[i]);
       dither = std::max(dither, limits.kd[i] * limits.count[i] * home.lever(i));
+      rests = std::max(rests, limits.rests[i] / limits.still[i]);
     }
-    const Real T = limits.period;
+    const Real T = limits.period, least = least_pace<K>(home.model, limits);
+    int named = limits.age + 1;
+    Real way = 0, gained = 0;
+    if (!marked) {
+      const Unmarked frozen(limits, kp, kd, speed, T * speed * least, rests);
+      named = std::max(frozen.cycles + 1, kFrozen);
+      gained = frozen.gained;
+      way = frozen.way + gained * T * (named - frozen.cycles);
+    }
     speed += dither;
-    Real pace = INFINITY, rests = 0;  // of the fastest motor, over its `still`
-    for (int direction = 1; direction < 27; ++direction) {
-      std::array<Real, 3> d{};
-      Real size = 0, most = 0;
-      for (int j = 0, code = direction; j < positions; ++j, code /= 3) {
-        d[j] = code % 3 - 1;
-        size += d[j] * d[j];
-      }
-      if (size == 0) continue;
-      for (int i = 0; i < n; ++i) {
-        Real rate = 0;
-        for (int j = 0; j < positions; ++j) rate += home.model.k[i][j] * d[j];
-        most = std::max(most, std::fabs(rate) / limits.still[i] / std::sqrt(size));
-      }
-      pace = std::min(pace, speed * T * most);
-    }
-    for (int i = 0; i < n; ++i) rests = std::max(rests, limits.rests[i] / limits.still[i]);
-
-    int k = 0;                             // frozen cycles with a closed loop
-    Real gained = 0, way = 0;              // speed and way of the platform by the loop,
-    Real error = 0, pushed = 0, seen = 0;  // and of that motor, over its `still`
-    while (!marked && k < kLongest && seen <= 1 && !(pace > kLeastPace && pace * (k + 1) > 1)) {
-      ++k;
-      const Real next = std::max(pace * k - rests, Real{0});
-      pushed += T * kp * next + kd * (next - error);
-      seen += T * pushed;
-      error = next;
-      gained += T * (kp * k * T + kd) * speed;
-      way += T * gained;
-    }
-    const int named = marked ? limits.age + 1 : std::max(k + 1, kFrozen);
-    way += T * gained * (named - k);
     const Real last = speed + gained;
     distance =
-        speed * named * T + way + last * (T + limits.brake) + 0.5 * last * last * mass * per_work;
+        way + speed * named * T + last * (T + limits.brake) + 0.5 * last * last * mass * per_work;
     return outcome;
   });
 }
