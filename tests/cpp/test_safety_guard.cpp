@@ -455,7 +455,5 @@ TEST("hostile cycles of any numbers, clocks and requests break no promise") {
     }
     for (const long times : in) CHECK(times > 20);
     CHECK(follows > count / 100);
-    std::printf("%s: ready %ld running %ld stopping %ld stopped %ld fault %ld, follows %ld\n",
-                mechanism.name, in[0], in[1], in[2], in[3], in[4], follows);
   });
 }

@@ -3,23 +3,6 @@
 
 using namespace mechanisms;
 
-namespace {
-
-/// Robots of three kinds of motors and up to six freedoms.
-template <class F>
-void for_some(F&& f) {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    const std::string name = mechanism.name;
-    if (name == "H4" || name == "Delta" || name == "6-UPS" || name == "5-bar")
-      f(mechanism, mobility);
-  });
-}
-
-/// Cycles of at most 10 ms.
-[[maybe_unused]] constexpr int kSoon = 10;
-
-}  // namespace
-
 TEST("healthy robots with counts never trip, under every law, in moves of 0.2 s") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::estimated}) {
@@ -99,9 +82,109 @@ TEST("a frozen frame of all readings is named within 3 cycles; the robot stops a
             CHECK(way <= 1.2 * most);
             if (speed <= 0.3) CHECK(way <= 0.010);
             CHECK(bench.shell.machine.state == SafetyState::fault);
-            std::printf("%s %d law %d %.2f m/s at %.1f: named %d, way %.2f mm, bound %.2f mm\n",
-                        mechanism.name, counted, static_cast<int>(law), speed, share, named,
-                        1e3 * way, 1e3 * most);
           }
+  });
+}
+
+TEST("a requested stop follows the path without a corner, then the brakes hold the robot") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Bench<K> bench(mechanism);
+    bench.begin();
+    Coordinates target = mechanism.robot.home;
+    target[0] += 0.04;
+    bench.move(target, 0.3);
+    bench.run_for(120);
+    bench.request.stop = true;
+    double off = 0;
+    CHECK(bench.cycles(200, [&] {
+      const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
+      off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates<K>(bench.plant.pose())[0]));
+      return bench.shell.machine.stop == StopKind::brake;
+    }) >= 150);
+    CHECK(off < 1e-3 && bench.clock.rate == 0);
+    const Pose rests = bench.plant.pose();
+    CHECK(bench.cycles(1000, [&] { return bench.shell.machine.state == SafetyState::stopped; }) >
+          0);
+    bench.run_for(100);
+    CHECK(bench.travelled(rests) < 1e-3);
+    CHECK(bench.shell.cause == StopCause::requested);
+    for (int i = 0; i < kDof<K>; ++i) CHECK(bench.shell.torque[i] == 0);
+  });
+}
+
+TEST("lost, late and jittering frames of a healthy robot are no violation until one is too old") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Bench<K> bench(mechanism);
+    bench.begin();
+    check::Random random(8);
+    Extended last{};
+    std::uint64_t mark = 1000;
+    const auto late = [&](Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint) {
+      static_cast<void>(setpoint);
+      const std::uint64_t phase = bench.frame % 20;
+      if (phase == 1 || (phase == 2 && bench.frame % 40 == 2)) {  // the frame of phase 0, again
+        q_e = last;
+        cycle.counter.value = bench.frame - phase;
+      }
+      const double stamp = 1e6 * (static_cast<double>(cycle.counter.value) + 0.2 * random());
+      cycle.time = {true, phase == 1 || (phase == 2 && bench.frame % 40 == 2)
+                              ? mark
+                              : static_cast<std::uint64_t>(1e6 + stamp)};
+      mark = cycle.time.value;
+      last = q_e;
+    };
+    bench.move(random_pose(mechanism, random, 0.5), 0.4);
+    bench.run_for(600, late);
+    CHECK(bench.healthy());
+    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+    CHECK(bench.shell.counter.jitter >= 1);
+  });
+}
+
+TEST("a motor whose encoder is lost stops the robot by all brakes at once") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    if (mechanism.robot.r == 0) return;
+    Bench<K> bench(mechanism, Law::tej);
+    FaultTolerantSettings settings;
+    settings.monitor.replaceable = 1e-12;  // nothing can stand for a motor
+    settings.monitor.fastest.fill(1e4);
+    prepare(settings.monitor);
+    FaultTolerantState monitor;
+    bench.monitored = {&settings, &monitor, nullptr};
+    bench.begin();
+    Coordinates target = mechanism.robot.home;
+    target[0] += 0.02;
+    bench.move(target, 0.3);
+    bench.run_for(150);
+    CHECK(bench.healthy());
+    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+    const auto lose = [](Extended& q_e, SafetyCycle&, Setpoint&) { q_e[0] = NAN; };
+    const auto stopped = [&] { return bench.shell.causes != 0; };
+    CHECK(bench.cycles(10, stopped, lose) > 0);
+    CHECK(bench.shell.cause == StopCause::suspected_motor);
+    CHECK(bench.shell.machine.stop == StopKind::brake);
+    CHECK(bench.shell.brakes == bit(kDof<K>) - 1);
+    const Pose since = bench.plant.pose();
+    bench.run_for(300, lose);
+    CHECK(bench.travelled(since) < 0.006);
+    CHECK(bench.shell.machine.state == SafetyState::fault);
+    // Repaired, it needs both acknowledgements.
+    acknowledge(monitor, 0);
+    bench.run_for(60);
+    CHECK(bench.shell.machine.state == SafetyState::fault);
+  });
+}
+
+TEST("a stop request while a motor is suspected is a stop by brake") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Bench<mobility()> bench(mechanism);
+    bench.begin();
+    bench.request.stop = true;
+    bench.cycle([](Extended&, SafetyCycle& cycle, Setpoint&) { cycle.suspected = 2; });
+    CHECK(bench.shell.machine.stop == StopKind::brake);
+    CHECK(bench.shell.cause == StopCause::requested);
   });
 }

@@ -18,6 +18,8 @@ enum class FrameAge : int { fresh = 0, repeated = 1, old = 2, dropped = 3, backw
 
 /// Clock rate error that the sender may have without its frames counting as older and older.
 inline constexpr Real kClockDrift = 1e-3;
+/// Deviation of a timestamp, in periods, that does not count as age.
+inline constexpr Real kJitter = 0.5;
 
 /// Follows one kind of mark from cycle to cycle.
 struct FrameClock {
@@ -46,10 +48,11 @@ struct FrameClock {
     const Real advance = static_cast<Real>(ahead) / per;
     const Real older = behind + 1 - advance;
     jitter = std::max(jitter, std::abs(advance - 1));
-    const bool old = older - kClockDrift > age;
-    behind = std::clamp(older - kClockDrift, Real{0}, static_cast<Real>(age));
+    const Real most = age + kJitter;
+    const bool old = older - kClockDrift > most;
+    behind = std::clamp(older - kClockDrift, Real{0}, most);
     if (old) return FrameAge::old;
-    if (older < -age) return FrameAge::dropped;
+    if (older < -most) return FrameAge::dropped;
     return ahead == 0 ? FrameAge::repeated : FrameAge::fresh;
   }
 };

@@ -37,7 +37,7 @@ struct SafetyLimits {
 /// Checks limits for contradictions in themselves; `contradiction` of the defaults compares them
 /// with a path.
 /// @return no_such_value, and the motor; -1: a time, a box or a number of cycles
-inline Outcome check(const SafetyLimits& limits, int motors, int freedoms) {
+inline Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
   const auto positive = [](Real value) { return value > 0 && value < INFINITY; };
   const SafetyLimits& l = limits;
   const Real period = l.period;

@@ -189,7 +189,7 @@ struct Step {
 
   void check_law() {
     shell.unanswered = cycle.answer ? 0 : shell.unanswered + limits.period;
-    if (!closed() && !check(limits, n, n)) found.add(StopCause::contradictory_limits);
+    if (!closed() && !consistent(limits, n, n)) found.add(StopCause::contradictory_limits);
     if (!cycle.known) found.add(StopCause::unknown_pose);
     if (cycle.lost) found.add(StopCause::suspected_motor);
     if (cycle.disagree) found.add(StopCause::readings_disagree);

@@ -32,7 +32,7 @@ enum class StopKind : int {
 enum class StopCause : int {
   none = 0,
   requested = 1,
-  contradictory_limits = 2,  ///< see `check` of the limits
+  contradictory_limits = 2,  ///< see consistent()
   clock_backwards = 3,       ///< the counter or timestamp runs backwards
   dropped_frames = 4,        ///< the counter or timestamp jumps forward
   stale_frame = 5,           ///< readings are repeated or too old

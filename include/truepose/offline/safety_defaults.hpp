@@ -79,8 +79,10 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
     Real slowest = INFINITY, rest = 0;
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
-      const Real inertia = home.model.slope[i] * home.inertia[i][i], torque = chain.torque_limit;
-      const Real kp = settings.kp[i] * (settings.gains == Gains::inertia ? inertia : 1);
+      const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
+      const Real torque = chain.torque_limit;
+      // Of an encoder that counts backwards both gains are negative.
+      const Real kp = std::fabs(settings.kp[i]) * (settings.gains == Gains::inertia ? inertia : 1);
       if (!(torque > 0 && kp > 0 && inertia > 0)) return Outcome{Status::no_such_value, i};
       limits.torque[i] = torque;
       limits.slew[i] = 2 * torque / kReaction;
@@ -95,7 +97,7 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
           static_cast<int>(std::ceil(std::min<Real>(limits.count[i] / per_cycle, kMostWindow))));
       limits.still[i] = 2 * limits.count[i];
       limits.kp[i] = kp / inertia;
-      limits.kd[i] = settings.kd[i] / (settings.gains == Gains::inertia ? 1 : inertia);
+      limits.kd[i] = std::fabs(settings.kd[i]) / (settings.gains == Gains::inertia ? 1 : inertia);
       const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
       limits.rests[i] = limits.count[i] + friction / kp;
       if (std::isfinite(chain.low) && std::isfinite(chain.high)) {
@@ -111,7 +113,7 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
     limits.age = std::clamp(static_cast<int>(kReaction / settings.period), 1, 2);
     limits.saturation = std::max(5 / slowest, settings.period);
     limits.standstill = std::max(rest, settings.period);
-    return check(limits, n, n);
+    return consistent(limits, n, n);
   });
 }
 
@@ -249,7 +251,7 @@ inline Outcome include(const Robot& robot, Real period, const Setpoint& setpoint
 inline Outcome contradiction(const Robot& robot, const SafetyLimits& limits,
                              const PathNeeds& needs) {
   const int n = dof(robot.mobility);
-  const Outcome own = check(limits, n, n);
+  const Outcome own = consistent(limits, n, n);
   if (!own) return own;
   for (int i = 0; i < n; ++i) {
     if (!(needs.speed[i] <= limits.speed[i] && needs.torque[i] <= limits.torque[i] &&
