@@ -97,6 +97,17 @@ Outcome realtime_fault_tolerant(const Robot& robot, const ControlSettings& setti
   return control_fault_tolerant<Mobility::schoenflies>(robot, settings, fault_settings, setpoint,
                                                        q_e, state, weighing, fault_state);
 }
+Outcome realtime_safely(const Robot& robot, const ControlSettings& settings,
+                        const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
+                        ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
+                        const Weighing& weighing, const Monitored& monitored) {
+  return control_safely<Mobility::schoenflies>(robot, settings, limits, setpoint, q_e, state, shell,
+                                               cycle, weighing, monitored);
+}
+void realtime_guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
+                    SafetyShell& shell) {
+  guard(robot, limits, cycle, shell);
+}
 void realtime_restore(FaultMonitor& seen, int reading) { acknowledge(seen, reading); }
 Setpoint realtime_paced(PathClock& clock, double period, double stop, const Setpoint& at) {
   clock.advance(period, stop);

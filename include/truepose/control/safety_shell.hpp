@@ -65,11 +65,13 @@ struct SafetyShell {
   unsigned cycle = 0;
   std::array<Joint, kMostWindow> past{};     ///< motor readings of the last cycles
   std::array<int, kMaxMotors> have{};        ///< of these, valid ones without a gap
+  int uneven = 0;                            ///< cycles for which a repeated frame is among them
   int same = 0;                              ///< cycles with identical readings of all motors
   std::array<Tracker, kMaxMotors> moving{};  ///< motor readings, per cycle
   Joint from{}, pace{};                      ///< setpoint and motion per cycle before these
   Joint error{}, pushed{}, way{};            ///< that these errors would cause: error, speed, way
   Joint wanted{};                            ///< setpoint of the last cycle
+  std::uint32_t unread = 0;                  ///< motors whose reading is missing, as bits
   Joint missing{}, saturated{}, clipped{};   ///< time, s
 };
 
@@ -83,7 +85,8 @@ inline constexpr int kFrozen = 3;         ///< identical frames that are one too
 struct Found {
   std::uint32_t causes = 0;
   std::array<int, kCauses> part;
-  void add(StopCause cause, int motor = -1) {
+  void add(bool violated, StopCause cause, int motor = -1) {
+    if (!violated) return;
     if (!(causes & bit_of(cause))) part[static_cast<std::size_t>(cause)] = motor;
     causes |= bit_of(cause);
   }
@@ -94,14 +97,14 @@ inline bool number(Real value) { return std::fabs(value) < 1e9; }
 
 /// Adds or takes off a period of a time that a condition has held.
 inline void hold_time(bool holds, Real period, Real& time) {
-  time = holds ? time + period : std::max(time - period, Real{0});
+  time = std::max(time + (holds ? period : -period), Real{0});
 }
 
-/// The steps of one cycle: frame, readings, law, machine, torques.
+/// The steps of one cycle of a robot with n motors: frame, readings, law, machine, torques.
+template <int n>
 struct Step {
   const SafetyLimits& limits;
   const SafetyCycle& cycle;
-  const int n;  ///< motors
   SafetyShell& shell;
 
   bool fresh = true;
@@ -112,13 +115,25 @@ struct Step {
   const Joint& past(int cycles) const {
     return shell.past[(shell.cycle - static_cast<unsigned>(cycles)) % kMostWindow];
   }
+  /// The motors for which a condition holds, as bits.
+  template <class Condition>
+  static std::uint32_t motors(Condition&& condition) {
+    std::uint32_t bits = 0;
+    for (int i = 0; i < n; ++i) bits |= static_cast<std::uint32_t>(condition(i)) << i;
+    return bits;
+  }
+  template <class Condition>
+  void flag(StopCause cause, Condition&& condition) {
+    const std::uint32_t bits = motors(condition);
+    found.add(bits != 0, cause, std::countr_zero(bits));
+  }
 
   void check_frame() {
     const int bits = std::clamp(limits.counter_bits, 1, 64);
     judge(shell.counter.advance(cycle.counter, 1, ~std::uint64_t{0} >> (64 - bits), limits.age));
     judge(shell.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
-    bool same = true;
-    for (int i = 0; i < n; ++i) same = same && cycle.q[i] == past(1)[i];
+    const Joint& last = past(1);
+    const bool same = !motors([&](int i) { return cycle.q[i] != last[i] || !number(last[i]); });
     if (!shell.follows || !same) {
       for (int i = 0; i < n; ++i) {
         shell.pace[i] = std::fabs(shell.moving[i].rate);
@@ -140,7 +155,7 @@ struct Step {
           moved || (just && std::min(asked, expected) > still) || !(std::fabs(driven(i)) <= still);
     }
     fresh = fresh && !moved;
-    if (moved && shell.same >= kFrozen) found.add(StopCause::stale_frame);
+    found.add(moved && shell.same >= kFrozen, StopCause::stale_frame);
   }
 
   /// Way of a motor since its readings are identical, by the loop on the error that they leave. An
@@ -158,69 +173,85 @@ struct Step {
 
   void judge(FrameAge age) {
     fresh = fresh && age == FrameAge::fresh;
-    if (age == FrameAge::old) found.add(StopCause::stale_frame);
-    if (age == FrameAge::dropped) found.add(StopCause::dropped_frames);
-    if (age == FrameAge::backwards) found.add(StopCause::clock_backwards);
+    if (age <= FrameAge::repeated) return;
+    found.add(age == FrameAge::old, StopCause::stale_frame);
+    found.add(age == FrameAge::dropped, StopCause::dropped_frames);
+    found.add(age == FrameAge::backwards, StopCause::clock_backwards);
   }
 
   void check_readings() {
+    const std::uint32_t valid = motors([&](int i) { return number(cycle.q[i]); });
+    const std::uint32_t used = (bit(n) - 1) & ~cycle.unused, read = valid & used;
+    if (read != used || shell.unread) {
+      shell.unread = used & ~valid;
+      for (int i = 0; i < n; ++i)
+        shell.missing[i] = shell.unread & bit(i) ? shell.missing[i] + limits.period : 0;
+      flag(StopCause::missing_reading,
+           [&](int i) { return !(shell.missing[i] <= limits.missing); });
+    }
+    flag(StopCause::motor_range, [&](int i) {
+      const Real q = cycle.q[i], low = limits.low[i], high = limits.high[i];
+      return read & bit(i) && low < high && !(q >= low && q <= high);
+    });
+    // The difference of two readings is exact to a count, and their noise. A repeated frame may be
+    // one end of it.
+    shell.uneven = fresh ? std::max(shell.uneven - 1, 0) : kMostWindow;
+    const int late = shell.uneven > 0 ? limits.age : 0;
+    flag(StopCause::overspeed, [&](int i) {
+      const int m = std::min({shell.have[i], limits.window, kMostWindow});
+      const Real most = limits.speed[i] * limits.period * (m + late) + limits.count[i];
+      return read & bit(i) && m > 0 && !(std::fabs(cycle.q[i] - past(m)[i]) <= most);
+    });
     for (int i = 0; i < n; ++i) {
-      const Real q = cycle.q[i];
-      const bool used = !(cycle.unused & bit(i)), valid = number(q);
-      shell.missing[i] = valid || !used ? 0 : shell.missing[i] + limits.period;
-      if (!(shell.missing[i] <= limits.missing)) found.add(StopCause::missing_reading, i);
-      if (!valid || !used || !fresh) {
+      if (!(read & bit(i))) {
         shell.have[i] = 0;
         continue;
       }
-      if (shell.have[i] == 0) shell.moving[i] = {q, 0};
-      shell.moving[i].correct(1, kPacePole, q - shell.moving[i].predicted(1));
-      const bool ranged = limits.low[i] < limits.high[i];
-      if (ranged && !(q >= limits.low[i] && q <= limits.high[i]))
-        found.add(StopCause::motor_range, i);
-      // The difference of two readings is exact to a count, and their noise.
-      const int m = std::min({shell.have[i], limits.window, kMostWindow});
-      const Real most = limits.speed[i] * m * limits.period + limits.count[i];
-      if (m > 0 && !(std::fabs(q - past(m)[i]) <= most)) found.add(StopCause::overspeed, i);
+      if (shell.have[i] == 0) shell.moving[i] = {cycle.q[i], 0};
+      shell.moving[i].correct(1, kPacePole, cycle.q[i] - shell.moving[i].predicted(1));
       shell.have[i] = std::min(shell.have[i] + 1, kMostWindow);
     }
     shell.past[shell.cycle % kMostWindow] = cycle.q;
   }
 
   void check_law() {
-    shell.unanswered = cycle.answer ? 0 : shell.unanswered + limits.period;
-    if (!closed() && !consistent(limits, n, n)) found.add(StopCause::contradictory_limits);
-    if (!cycle.known) found.add(StopCause::unknown_pose);
-    if (cycle.lost) found.add(StopCause::suspected_motor);
-    if (cycle.disagree) found.add(StopCause::readings_disagree);
+    found.add(!closed() && !consistent(limits, n, n), StopCause::contradictory_limits);
+    found.add(!cycle.known, StopCause::unknown_pose);
+    found.add(cycle.lost, StopCause::suspected_motor);
+    found.add(cycle.disagree, StopCause::readings_disagree);
     if (!cycle.answer) {
-      if (!shell.follows || !(shell.unanswered <= limits.held)) found.add(StopCause::no_answer);
+      shell.unanswered += limits.period;
+      found.add(!shell.follows || !(shell.unanswered <= limits.held), StopCause::no_answer);
       return;
     }
-    for (int j = 0; j < kMaxDof; ++j)
-      if (limits.box_low[j] < limits.box_high[j] &&
-          !(cycle.x[j] >= limits.box_low[j] && cycle.x[j] <= limits.box_high[j]))
-        found.add(StopCause::workspace);
-    for (int i = 0; i < n; ++i) {
-      const Real step = cycle.q_d[i] - shell.wanted[i];
-      if (shell.follows && !(std::fabs(step) <= limits.speed[i] * limits.period))
-        found.add(StopCause::setpoint_speed, i);
-      shell.wanted[i] = cycle.q_d[i];
-      const bool used = fresh && shell.have[i] > 0;
-      if (!(std::fabs(cycle.error[i]) <= limits.tracking[i]) ||
-          (used && !(std::fabs(cycle.q_d[i] - cycle.q[i]) <= limits.deviation[i])))
-        found.add(StopCause::tracking_error, i);
-      if (!shell.follows) {
-        shell.saturated[i] = shell.clipped[i] = 0;
-        continue;
+    shell.unanswered = 0;
+    found.add(motors([&](int j) {
+                const Real x = cycle.x[j], low = limits.box_low[j], high = limits.box_high[j];
+                return low < high && !(x >= low && x <= high);
+              }) != 0,
+              StopCause::workspace);
+    flag(StopCause::tracking_error,
+         [&](int i) { return !(std::fabs(cycle.error[i]) <= limits.tracking[i]); });
+    if (fresh)
+      flag(StopCause::tracking_error, [&](int i) {
+        return shell.have[i] > 0 && !(std::fabs(cycle.q_d[i] - cycle.q[i]) <= limits.deviation[i]);
+      });
+    if (shell.follows) {
+      const Real T = limits.period;
+      flag(StopCause::setpoint_speed, [&](int i) {
+        return !(std::fabs(cycle.q_d[i] - shell.wanted[i]) <= limits.speed[i] * T);
+      });
+      for (int i = 0; i < n; ++i) {
+        const Real torque = cycle.torque[i], step = torque - shell.torque[i];
+        hold_time(!(std::fabs(torque) < limits.torque[i]), T, shell.saturated[i]);
+        hold_time(!(std::fabs(step) <= limits.slew[i] * T), T, shell.clipped[i]);
       }
-      const Real torque = cycle.torque[i], step_limit = limits.slew[i] * limits.period;
-      hold_time(!(std::fabs(torque) < limits.torque[i]), limits.period, shell.saturated[i]);
-      hold_time(!(std::fabs(torque - shell.torque[i]) <= step_limit), limits.period,
-                shell.clipped[i]);
-      if (shell.saturated[i] > limits.saturation) found.add(StopCause::saturation, i);
-      if (shell.clipped[i] > limits.clipped) found.add(StopCause::torque_rate, i);
+      flag(StopCause::saturation, [&](int i) { return shell.saturated[i] > limits.saturation; });
+      flag(StopCause::torque_rate, [&](int i) { return shell.clipped[i] > limits.clipped; });
+    } else {
+      shell.saturated = shell.clipped = {};
     }
+    shell.wanted = cycle.q_d;
   }
 
   /// Whether all motors have been read without a gap for as long as their speeds are measured.
@@ -249,24 +280,22 @@ struct Step {
     now.brakes_closed = shell.since >= limits.brake + limits.standstill;
     // Only a start or an acknowledgement needs more than the absence of a violation.
     if (now.start || now.acknowledge) {
-      if (!seen()) found.add(StopCause::unknown_pose);
+      found.add(!seen(), StopCause::unknown_pose);
       now.healthy = found.causes == 0 && fresh;
     }
     shell.machine = next(before, now);
     const SafetyState state = shell.machine.state;
     const bool ready = state == SafetyState::ready, runs = state == SafetyState::running;
     shell.refused = StopCause::none;
-    const StopCause reason = found.causes   ? found.first()
-                             : !fresh       ? StopCause::stale_frame
-                             : request.stop ? StopCause::requested
-                                            : StopCause::not_ready;
-    if ((now.acknowledge && !ready && !runs) || (now.start && !runs)) shell.refused = reason;
-
-    if (violations) remember({violations, found.part});
+    if ((now.acknowledge && !ready && !runs) || (now.start && !runs))
+      shell.refused = found.causes   ? found.first()
+                      : !fresh       ? StopCause::stale_frame
+                      : request.stop ? StopCause::requested
+                                     : StopCause::not_ready;
+    if (violations) remember(violations);
     if (before.state == SafetyState::running && now.stop && !violations)
-      remember({bit_of(StopCause::requested), found.part});
-    const bool changed = !(shell.machine == before);
-    if (changed && ready) {
+      remember(bit_of(StopCause::requested));
+    if (ready && before.state != state) {
       shell.causes = 0;
       shell.cause = StopCause::none;
       shell.part = -1;
@@ -276,14 +305,15 @@ struct Step {
     return !same_stop;
   }
 
-  void remember(const Found& violations) {
-    if (shell.causes == 0) {
-      shell.cause = violations.first();
+  /// The first violation is the cause, before it a request.
+  void remember(std::uint32_t causes) {
+    if (!(shell.causes & ~bit_of(StopCause::requested))) {
+      shell.cause = Found{causes, {}}.first();
       shell.part = shell.cause == StopCause::requested
                        ? -1
-                       : violations.part[static_cast<std::size_t>(shell.cause)];
+                       : found.part[static_cast<std::size_t>(shell.cause)];
     }
-    shell.causes |= violations.causes;
+    shell.causes |= causes;
   }
 
   /// Torques and brakes of the state. @return whether all torques are what is wanted
@@ -311,7 +341,7 @@ template <Mobility K>
 void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
            SafetyShell& shell) {
   constexpr int n = kDof<K>;
-  safety_detail::Step step{limits, cycle, n, shell};
+  safety_detail::Step<n> step{limits, cycle, shell};
   ++shell.cycle;
   step.check_frame();
   step.check_readings();
