@@ -5,7 +5,7 @@
 #undef M_2_SQRTPI
 
 #include "truepose/control/command.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"

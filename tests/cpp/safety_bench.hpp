@@ -27,16 +27,38 @@ Robot limited_robot(const Mechanism& mechanism) {
   return robot;
 }
 
-/// One robot, its controller and shell; the true robot is the nominal one.
+/// What the true robot has beyond the nominal one; by default nothing.
+struct Reality {
+  double length = 0;    ///< error of rods, m
+  double friction = 0;  ///< of motors, over their torque limit; the model has none
+  double ripple = 0;    ///< of their torque
+};
+
+inline Robot true_robot(Robot robot, const Reality& reality) {
+  for (int i = 0; i < robot.motors; ++i) robot.chain[i].rod += reality.length * (i % 3 - 1);
+  return robot;
+}
+
+inline Effects effects_of(const Robot& robot, const Reality& reality) {
+  Effects effects;
+  for (int i = 0; i < robot.motors; ++i)
+    effects.friction[i] = reality.friction * robot.chain[i].torque_limit;
+  effects.ripple = reality.ripple;
+  return effects;
+}
+
+/// One robot, its controller and shell.
 template <Mobility K>
 struct Bench {
   static constexpr int n = kDof<K>;
   using Spoil = std::function<void(Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint)>;
 
-  explicit Bench(const Mechanism& mechanism, Law law = Law::joint, FeedForward forward = {})
+  explicit Bench(const Mechanism& mechanism, Law law = Law::joint, FeedForward forward = {},
+                 const Reality& reality = {})
       : robot(limited_robot<K>(mechanism)),
+        truth(true_robot(robot, reality)),
         prior(robot),
-        plant(robot, {}, to_pose<K>(robot.home), 1),
+        plant(truth, effects_of(robot, reality), to_pose<K>(robot.home), 1),
         from(robot.home),
         to(robot.home) {
     settings = settings_for(robot, law);
@@ -91,7 +113,7 @@ struct Bench {
     CHECK(shell.brakes == 0);
     request = {};
   }
-  /// A move of the whole robot, whose clock begins now. @param along  of the box
+  /// A move of the whole robot, whose clock begins now.
   void move(const Coordinates& target, double time) {
     from = clock.time > 0 ? to : robot.home;
     to = target;
@@ -106,7 +128,7 @@ struct Bench {
   /// Nothing has stopped it.
   bool healthy() const { return shell.machine.state == SafetyState::running && shell.causes == 0; }
 
-  Robot robot;
+  Robot robot, truth;
   Prior prior;
   ControlSettings settings;
   SafetyLimits limits;

@@ -272,6 +272,7 @@ TEST("the safety shell allocates nothing, whatever stops it") {
     CHECK(place_poles(robot, robot.home, 100, 1, settings));
     SafetyLimits limits;
     CHECK(default_limits(robot, settings, limits));
+    limits.standstill = 0.05;
     Setpoint setpoint;
     setpoint.x = robot.home;
     Extended q_e{};

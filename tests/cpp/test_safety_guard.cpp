@@ -163,7 +163,7 @@ TEST("a healthy robot runs for as long as it may") {
   });
 }
 
-TEST("every violation stops a running robot for its cause, within 10 ms of what its limit allows") {
+TEST("every violation stops a running robot for its cause, within 10 ms beyond its own time") {
   for_some([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     using Change = std::function<void(SafetyCycle&, int)>;

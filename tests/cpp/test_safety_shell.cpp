@@ -39,6 +39,34 @@ TEST("robots at rest with readings that never change do not trip, nor do slow on
   });
 }
 
+TEST("no false alarm: healthy robots with friction, ripple and wrong lengths, fast and slow") {
+  const long moves = check::sample_size(6);
+  long cycles = 0;
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    for (const bool marked : {true, false})
+      for (const Law law : {Law::joint, Law::tej})
+        for (const double friction : {0.0, 0.005}) {
+          Bench<mobility()> bench(mechanism, law, {}, {1e-3, friction, 0.02});
+          bench.begin();
+          check::Random random(31);
+          const auto marks = [&](Extended&, SafetyCycle& cycle, Setpoint&) {
+            if (!marked) cycle.counter = {};
+          };
+          bench.shell.counter = {};
+          for (long m = 0; m < moves && bench.healthy(); ++m) {
+            const double duration = 0.2 * std::pow(10, m % 3 * 0.5);
+            bench.move(random_pose(mechanism, random, 0.5), duration);
+            const int periods = static_cast<int>(1000 * duration) + 50;
+            bench.run_for(periods, marks);
+            cycles += periods;
+          }
+          CHECK(bench.healthy());
+          if (!bench.healthy()) std::printf("  %s\n", properties(bench.shell.cause).name);
+        }
+  });
+  CHECK(cycles > 10000 * moves);
+}
+
 TEST("a frozen frame of all readings is named within 3 cycles; the robot stops as printed") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
