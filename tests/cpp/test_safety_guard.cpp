@@ -12,10 +12,10 @@ using namespace pivots_tested;
 namespace {
 
 #if defined(__SANITIZE_ADDRESS__)
-constexpr long kHostile = 300'000;
+constexpr long kHostile = 2'000'000;
 #elif defined(__has_feature)
 #if __has_feature(address_sanitizer)
-constexpr long kHostile = 300'000;
+constexpr long kHostile = 2'000'000;
 #else
 constexpr long kHostile = 10'000'000;
 #endif
