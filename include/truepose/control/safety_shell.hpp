@@ -194,11 +194,12 @@ struct Step {
       return read & bit(i) && low < high && !(q >= low && q <= high);
     });
     // The difference of two readings is exact to a count, and their noise. A repeated frame may be
-    // one end of it.
+    // one end of it: then over as many cycles as there are.
     shell.uneven = fresh ? std::max(shell.uneven - 1, 0) : kMostWindow;
     const int late = shell.uneven > 0 ? limits.age : 0;
+    const int window = late ? kMostWindow : std::min(limits.window, kMostWindow);
     flag(StopCause::overspeed, [&](int i) {
-      const int m = std::min({shell.have[i], limits.window, kMostWindow});
+      const int m = std::min(shell.have[i], window);
       const Real most = limits.speed[i] * limits.period * (m + late) + limits.count[i];
       return read & bit(i) && m > 0 && !(std::fabs(cycle.q[i] - past(m)[i]) <= most);
     });
