@@ -45,7 +45,7 @@ struct FrameClock {
       behind = 0;
       return FrameAge::backwards;
     }
-    const Real advance = static_cast<Real>(ahead) / per;
+    const Real advance = static_cast<Real>(static_cast<std::int64_t>(ahead)) / per;
     const Real older = behind + 1 - advance;
     jitter = std::max(jitter, std::abs(advance - 1));
     const Real most = age + kJitter;
