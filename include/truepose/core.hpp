@@ -13,6 +13,9 @@
 /// - truepose::compensate_latency: present values of slow and delayed sensors
 /// - truepose::monitor_faults: faulty readings; truepose::control_fault_tolerant: a controller that
 ///   continues without them
+/// - truepose::control_safely: any of these laws inside the safety shell; truepose::guard: the
+/// shell
+///   around another controller
 /// - truepose::set_parameters: another geometry ξ of the same robot
 ///
 /// Every result is an Outcome or has a Status: check it before using the output.
@@ -21,6 +24,7 @@
 #include "truepose/control/command.hpp"
 #include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/control/joints.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"

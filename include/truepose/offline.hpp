@@ -11,6 +11,7 @@
 #include "truepose/offline/fastest.hpp"
 #include "truepose/offline/faults.hpp"
 #include "truepose/offline/registration.hpp"
+#include "truepose/offline/safety_defaults.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 #include "truepose/offline/stretch.hpp"

@@ -5,7 +5,7 @@
 #undef M_2_SQRTPI
 
 #include "truepose/control/command.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"
@@ -96,6 +96,17 @@ Outcome realtime_fault_tolerant(const Robot& robot, const ControlSettings& setti
                                 const Weighing& weighing, FaultTolerantState& fault_state) {
   return control_fault_tolerant<Mobility::schoenflies>(robot, settings, fault_settings, setpoint,
                                                        q_e, state, weighing, fault_state);
+}
+Outcome realtime_safely(const Robot& robot, const ControlSettings& settings,
+                        const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
+                        ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
+                        const Weighing& weighing, const Monitored& monitored) {
+  return control_safely<Mobility::schoenflies>(robot, settings, limits, setpoint, q_e, state, shell,
+                                               cycle, weighing, monitored);
+}
+void realtime_guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
+                    SafetyShell& shell) {
+  guard(robot, limits, cycle, shell);
 }
 void realtime_restore(FaultMonitor& seen, int reading) { acknowledge(seen, reading); }
 Setpoint realtime_paced(PathClock& clock, double period, double stop, const Setpoint& at) {

@@ -7,8 +7,9 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control/command.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/full/linearise.hpp"
+#include "truepose/offline/safety_defaults.hpp"
 
 using namespace mechanisms;
 
@@ -53,6 +54,27 @@ long run_fault_tolerant(const Robot& robot, const ControlSettings& settings,
     if (k % 128 == 127) acknowledge(fault_state.monitor, c);
   }
   return faults;
+}
+
+/// The same inside the safety shell, which is started again and again.
+template <Mobility K>
+long run_safely(const Robot& robot, const ControlSettings& settings, const SafetyLimits& limits,
+                const std::vector<Cycle>& cycles, ControlState& state, const Weighing& weighing,
+                const Monitored& monitored) noexcept [[clang::nonblocking]] {
+  long follows = 0;
+  SafetyShell shell;
+  const Cycle* cycle = cycles.data();
+  for (std::size_t k = 0; k < cycles.size(); ++k) {
+    SafetyCycle marks;
+    marks.request.acknowledge = k % 100 == 30;
+    marks.request.start = k % 100 == 31;
+    static_cast<void>(control_safely<K>(robot, settings, limits, cycle[k / 500].setpoint,
+                                        cycle[k / 500].q_e, state, shell, marks, weighing,
+                                        monitored));
+    follows += shell.follows;
+    if (k % 100 == 90) shell = {};
+  }
+  return follows;
 }
 
 template <Mobility K>
@@ -140,6 +162,23 @@ TEST("no law and no model blocks, on any mechanism") {
       CHECK(start(slow, late));
       CHECK(run_fault_tolerant<K>(robot, settings, fault_settings, cycles, state, prior.weighing(),
                                   fault_state, late) > 0);
+    }
+    {
+      for (int i = 0; i < kDof<K>; ++i) robot.chain[i].torque_limit = 100;
+      ControlSettings settings;
+      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      SafetyLimits limits;
+      CHECK(default_limits(robot, settings, limits));
+      FaultTolerantSettings fault_settings;
+      prepare(fault_settings.monitor);
+      FaultTolerantState fault_state;
+      ControlState state;
+      limits.tracking.fill(1);
+      limits.deviation.fill(2);
+      CHECK(run_safely<K>(robot, settings, limits, cycles, state, prior.weighing(), {}) > 0);
+      const Monitored monitored{&fault_settings, &fault_state, nullptr};
+      static_cast<void>(
+          run_safely<K>(robot, settings, limits, cycles, state, prior.weighing(), monitored));
     }
     CHECK(run_models(robot, cycles) == 0);
     for (const double gate : {kGate, 0.0}) {

@@ -5,10 +5,11 @@
 #include <cstdlib>
 
 #include "mechanisms.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/offline/plant.hpp"
+#include "truepose/offline/safety_defaults.hpp"
 
 namespace {
 volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable
@@ -258,6 +259,41 @@ TEST("a fault-tolerant controller allocates nothing, whatever its readings do") 
       CHECK(allocations == before);
       CHECK(faults > 100);
     }
+  });
+}
+
+TEST("the safety shell allocates nothing, whatever stops it") {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    for (int i = 0; i < kDof<K>; ++i) robot.chain[i].torque_limit = 100;
+    Prior prior(robot);
+    ControlSettings settings;
+    CHECK(place_poles(robot, robot.home, 100, 1, settings));
+    SafetyLimits limits;
+    CHECK(default_limits(robot, settings, limits));
+    limits.standstill = 0.05;
+    Setpoint setpoint;
+    setpoint.x = robot.home;
+    Extended q_e{};
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    ControlState state;
+    SafetyShell shell;
+    long runs = 0, faults = 0;
+    const long before = allocations;
+    for (long k = 0; k < 3000; ++k) {
+      SafetyCycle cycle;
+      cycle.request.acknowledge = k % 300 == 20;
+      cycle.request.start = k % 300 == 21;
+      Extended read = q_e;
+      if (k % 300 > 100) read[0] = k % 600 > 300 ? NAN : 3;
+      static_cast<void>(control_safely<K>(robot, settings, limits, setpoint, read, state, shell,
+                                          cycle, prior.weighing()));
+      runs += shell.follows;
+      faults += shell.machine.state == SafetyState::fault;
+    }
+    CHECK(allocations == before);
+    CHECK(runs > 100 && faults > 100);
   });
 }
 

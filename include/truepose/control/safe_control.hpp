@@ -1,0 +1,59 @@
+// One cycle of any law inside the safety shell, with or without the fault monitor.
+#pragma once
+
+#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safety_shell.hpp"
+
+namespace truepose {
+/// The fault monitor around the law: settings and state, or none.
+struct Monitored {
+  const FaultTolerantSettings* settings = nullptr;
+  FaultTolerantState* state = nullptr;
+  Multirate* late = nullptr;  ///< slow and delayed sensors; nullptr: none
+};
+
+/// Fills in what the fault monitor has found about the motors.
+template <Mobility K>
+void note_monitor(const FaultMonitor& monitor, SafetyCycle& cycle) {
+  constexpr int n = kDof<K>;
+  for (int i = 0; i < n; ++i)
+    if (monitor.reading[i].health != Health::valid) cycle.unused |= bit(i);
+  const std::uint32_t motors = bit(n) - 1, doubted = monitor.doubted & motors;
+  cycle.suspected |= cycle.unused | doubted | (monitor.lost & motors);
+  cycle.known = cycle.known && monitor.placed;
+  cycle.lost = monitor.lost || (monitor.undecided && doubted);
+  cycle.disagree = monitor.undecided && !doubted;
+}
+
+/// Runs one cycle: control() or control_fault_tolerant(), then guard(). The torques and brakes are
+/// shell.torque and shell.brakes; the path moves only while shell.follows, and slows down where
+/// shell.path_stop > 0.
+/// @param marks  counter, timestamp, requests, and whether the pose is known; the rest is filled in
+/// @return of the law
+template <Mobility K>
+Outcome control_safely(const Robot& robot, const ControlSettings& settings,
+                       const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
+                       ControlState& state, SafetyShell& shell, SafetyCycle& marks,
+                       const Weighing& weighing = {}, const Monitored& monitored = {}) {
+  constexpr int n = kDof<K>;
+  SafetyCycle& cycle = marks;
+  if (!shell.follows) state = {};
+  Outcome outcome;
+  if (monitored.state) {
+    outcome = control_fault_tolerant<K>(robot, settings, *monitored.settings, setpoint, q_e, state,
+                                        weighing, *monitored.state, monitored.late);
+    note_monitor<K>(monitored.state->monitor, cycle);
+  } else {
+    outcome = control<K>(robot, settings, setpoint, q_e, state, weighing);
+  }
+  cycle.x = setpoint.x;
+  cycle.q_d = state.q_d;
+  std::copy_n(q_e.begin(), n, cycle.q.begin());
+  cycle.answer = outcome;
+  cycle.torque = state.torque;
+  cycle.load = state.load;
+  cycle.error = state.error;
+  guard<K>(robot, limits, cycle, shell);
+  return outcome;
+}
+}  // namespace truepose

@@ -1,0 +1,214 @@
+// Limits of the safety shell: derived from robots, compared with paths; and the age of frames.
+#include "controllers.hpp"
+#include "rotational.hpp"
+#include "truepose/offline/safety_defaults.hpp"
+
+using namespace pivots_tested;
+
+namespace {
+
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+
+template <class F>
+void for_every(F&& f) {
+  for_each(f);
+  for_each_pivot(f);
+}
+
+Robot with_torque(Robot robot, double most) {
+  for (int i = 0; i < robot.motors; ++i) robot.chain[i].torque_limit = most;
+  return robot;
+}
+
+}  // namespace
+
+TEST("frames that come one a cycle are fresh, also where the counter wraps") {
+  for (const int bits : {2, 8, 16, 64}) {
+    FrameClock clock;
+    const std::uint64_t mask = kAll >> (64 - bits);
+    for (std::uint64_t k = 0; k < 1000; ++k)
+      CHECK(clock.advance({true, (kAll - 500 + k) & mask}, 1, mask, 2) == FrameAge::fresh);
+    CHECK(clock.jitter == 0 && clock.behind == 0);
+  }
+}
+
+TEST("a repeated frame is repeated, the third in a row too old, whatever marks it") {
+  for (const double per : {1.0, 1e6}) {
+    FrameClock clock;
+    std::uint64_t mark = 7;
+    const auto step = static_cast<std::uint64_t>(per);
+    for (int k = 0; k < 10; ++k)
+      CHECK(clock.advance({true, mark += step}, per, kAll, 2) == FrameAge::fresh);
+    FrameClock silent = clock;
+    for (const FrameAge age : {FrameAge::repeated, FrameAge::repeated, FrameAge::old}) {
+      CHECK(clock.advance({true, mark}, per, kAll, 2) == age);
+      CHECK(silent.advance({}, per, kAll, 2) == age);  // a mark that is missing
+    }
+    CHECK(clock.advance({true, mark}, per, kAll, 2) == FrameAge::old);
+    CHECK(clock.advance({true, mark + step}, per, kAll, 2) == FrameAge::fresh);
+  }
+}
+
+TEST("frames that fall behind bit by bit become too old; a clock that is 0.1 % slow does not") {
+  FrameClock clock, drifts;
+  int k = 0;
+  double late = 0, slow = 0;
+  for (; k < 1000; ++k)
+    if (clock.advance({true, static_cast<std::uint64_t>(late += 0.98e6)}, 1e6, kAll, 2) ==
+        FrameAge::old)
+      break;
+  CHECK(k > 125 && k < 140);
+  for (k = 0; k < 100000; ++k)
+    CHECK(drifts.advance({true, static_cast<std::uint64_t>(slow += 0.999e6)}, 1e6, kAll, 2) ==
+          FrameAge::fresh);
+}
+
+TEST("a jump forward has dropped frames, unless it makes up for late ones; backwards is named") {
+  FrameClock clock;
+  CHECK(clock.advance({true, 100}, 1, 0xff, 2) == FrameAge::fresh);
+  CHECK(clock.advance({true, 103}, 1, 0xff, 2) == FrameAge::fresh);  // two are missing
+  CHECK(clock.advance({true, 107}, 1, 0xff, 2) == FrameAge::dropped);
+  CHECK(clock.advance({true, 107}, 1, 0xff, 2) == FrameAge::repeated);
+  CHECK(clock.advance({true, 107}, 1, 0xff, 2) == FrameAge::repeated);
+  CHECK(clock.advance({true, 110}, 1, 0xff, 2) == FrameAge::fresh);
+  CHECK(clock.advance({true, 109}, 1, 0xff, 2) == FrameAge::backwards);
+  CHECK(clock.advance({true, 110}, 1, 0xff, 2) == FrameAge::fresh);
+  CHECK(clock.jitter == 3);
+  FrameClock unmarked;
+  for (int k = 0; k < 10; ++k) CHECK(unmarked.advance({}, 1, kAll, 2) == FrameAge::fresh);
+}
+
+TEST("limits of every robot are consistent, and derived as documented") {
+  for_every([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = with_torque(mechanism.robot, 40);
+    SafetyLimits limits;
+    for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+      const ControlSettings settings = settings_for(robot, Law::joint, gains);
+      CHECK(default_limits(robot, settings, limits));
+      CHECK(consistent(limits, n, n));
+      ControlSettings diagonal = settings_for(robot, Law::joint);
+      for (int i = 0; i < n; ++i) {
+        CHECK(limits.torque[i] == 40);
+        CHECK_NEAR(limits.slew[i], 8000, 1e-9);
+        CHECK_NEAR(limits.tracking[i], 40 / diagonal.kp[i], 1e-9 * limits.tracking[i]);
+        CHECK(limits.deviation[i] == limits.tracking[i]);
+        CHECK_NEAR(limits.kp[i], 1e4, 1e-5);
+        CHECK_NEAR(limits.kd[i], 200, 1e-6);
+      }
+      CHECK_NEAR(limits.saturation, 0.05, 1e-9);
+    }
+    const SafetyLimits joint = limits;
+    CHECK(default_limits(robot, settings_for(robot, Law::tej, Gains::inertia), limits));
+    for (int i = 0; i < n; ++i) CHECK(limits.deviation[i] > joint.deviation[i]);
+    double slow = 0, fast = 0;
+    CHECK(stopping_distance(robot, limits, true, 0.1, slow));
+    CHECK(stopping_distance(robot, limits, true, 0.3, fast));
+    CHECK(slow >= 0.1 * 0.024 && fast > 3 * slow - 0.003);
+    // The speed limit keeps its meaning: faster motors need more room for counts.
+    for (const double share : {0.01, 0.3, 0.9}) {
+      const double step = robot.chain[0].encoder_step = share * joint.tracking[0];
+      CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
+      const double cycles = std::ceil(step / (0.1 * joint.speed[0] * 1e-3));
+      CHECK(limits.window >= std::clamp(cycles, 1.0, 8.0) && limits.window <= cycles + 1);
+    }
+  });
+}
+
+TEST("the stops are the motors' range, as their encoders read") {
+  const Mechanism mechanism = linear_delta();
+  Robot robot = with_torque(mechanism.robot, 40);
+  for (int i = 0; i < 3; ++i) {
+    robot.chain[i].low = -0.9;
+    robot.chain[i].high = 0.9;
+    robot.chain[i].encoder_gain = -2;
+  }
+  CHECK(finish(robot));
+  SafetyLimits limits;
+  CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
+  for (int i = 0; i < 3; ++i) {
+    CHECK_NEAR(limits.low[i], -1.8 - robot.chain[i].encoder_offset, 1e-6);
+    CHECK_NEAR(limits.high[i], 1.8 - robot.chain[i].encoder_offset, 1e-6);
+  }
+}
+
+TEST("without a torque limit or a gain there are no limits, and the motor is named") {
+  Mechanism mechanism = delta();
+  Robot robot = with_torque(mechanism.robot, 40);
+  robot.chain[1].torque_limit = 0;
+  SafetyLimits limits;
+  Outcome outcome = default_limits(robot, settings_for(robot, Law::joint), limits);
+  CHECK(outcome.status == Status::no_such_value && outcome.chain == 1);
+  robot.chain[1].torque_limit = 40;
+  ControlSettings settings = settings_for(robot, Law::joint);
+  settings.kp[2] = 0;
+  outcome = default_limits(robot, settings, limits);
+  CHECK(outcome.status == Status::no_such_value && outcome.chain == 2);
+}
+
+TEST("contradictory limits are refused, and named") {
+  const Robot robot = with_torque(delta().robot, 40);
+  SafetyLimits good;
+  CHECK(default_limits(robot, settings_for(robot, Law::joint), good));
+  const auto refused = [&](auto change, int motor) {
+    SafetyLimits limits = good;
+    change(limits);
+    const Outcome outcome = consistent(limits, 3, 3);
+    CHECK(outcome.status == Status::no_such_value && outcome.chain == motor);
+  };
+  using L = SafetyLimits;
+  for (Real L::* time : {&L::period, &L::stop, &L::brake, &L::standstill, &L::saturation,
+                         &L::clipped, &L::missing, &L::held})
+    for (const double bad : {-1.0, std::nan("")}) refused([&](L& l) { l.*time = bad; }, -1);
+  for (Real L::* time : {&L::missing, &L::held, &L::period})
+    refused([&](L& l) { l.*time = 0.02; }, -1);  // later than the reaction time
+  for (Joint L::* each : {&L::torque, &L::slew, &L::tracking, &L::deviation, &L::speed, &L::count,
+                          &L::still, &L::kp, &L::kd, &L::rests})
+    for (const double bad : {-1.0, std::nan("")}) refused([&](L& l) { (l.*each)[1] = bad; }, 1);
+  for (Joint L::* each : {&L::torque, &L::slew, &L::tracking, &L::deviation, &L::speed, &L::still})
+    for (const double bad : {0.0, static_cast<double>(INFINITY)})
+      refused([&](L& l) { (l.*each)[2] = bad; }, 2);
+  refused([](L& l) { l.slew[0] *= 0.9; }, 0);  // the stop's torque would come too late
+  refused([](L& l) { l.tracking[0] = l.count[0]; }, 0);
+  refused([](L& l) { l.deviation[0] = 0.9 * l.tracking[0]; }, 0);
+  refused([](L& l) { l.still[0] = l.count[0]; }, 0);
+  refused([](L& l) { l.low[0] = l.high[0] + 1; }, 0);
+  refused([](L& l) { l.box_low[2] = 1; }, -1);
+  for (const int bad : {0, 9, -1}) refused([&](L& l) { l.window = bad; }, -1);
+  for (const int bad : {0, 11, -1}) refused([&](L& l) { l.age = bad; }, -1);
+  for (const int bad : {1, 65, -1}) refused([&](L& l) { l.counter_bits = bad; }, -1);
+}
+
+TEST("limits below what a path needs are refused before anything moves") {
+  for_every([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot robot = with_torque(mechanism.robot, 400);
+    SafetyLimits good;
+    CHECK(default_limits(robot, settings_for(robot, Law::joint), good));
+    PathNeeds needs;
+    Coordinates to = robot.home;
+    to[0] += 0.02;
+    for (int k = 0; k <= 300; ++k)
+      CHECK(include(robot, 1e-3, quintic<K>(robot.home, to, 0.3, 1e-3 * k), needs));
+    CHECK(contradiction(robot, good, needs));
+    const auto refused = [&](auto change, int motor) {
+      SafetyLimits limits = good;
+      change(limits);
+      const Outcome outcome = contradiction(robot, limits, needs);
+      CHECK(outcome.status == Status::no_such_value && outcome.chain == motor);
+    };
+    refused([&](SafetyLimits& l) { l.speed[0] = 0.99 * needs.speed[0]; }, 0);
+    refused([&](SafetyLimits& l) { l.torque[0] = 0.99 * needs.torque[0]; }, 0);
+    refused(
+        [&](SafetyLimits& l) {
+          l.box_low = l.box_high = robot.home;
+          l.box_low[0] -= 0.1;
+          l.box_high[0] += 0.019;
+        },
+        -1);
+    refused([&](SafetyLimits& l) { l.period = -1; }, -1);
+    CHECK(needs.speed[0] > 0 && needs.slew[0] > 0 && needs.torque[0] > 0);
+    CHECK(!include(robot, 1e-3, {{NAN}, {}, {}}, needs));
+  });
+}

@@ -1,0 +1,218 @@
+// The safety shell around laws of simulated robots: what trips it, how soon, and how it stops.
+#include "safety_bench.hpp"
+
+using namespace mechanisms;
+
+TEST("healthy robots with counts never trip, under every law, in moves of 0.2 s") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::estimated}) {
+      if (law == Law::cartesian && kDof<mobility()> == 6) continue;
+      Bench<mobility()> bench(mechanism, law);
+      bench.begin();
+      check::Random random(5);
+      for (int m = 0; m < 3; ++m) {
+        bench.move(random_pose(mechanism, random, 0.5), 0.2);
+        bench.run_for(240);
+        CHECK(bench.healthy());
+        if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+      }
+    }
+  });
+}
+
+TEST("robots at rest with readings that never change do not trip, nor do slow ones") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (const FeedForward forward : {FeedForward::full, FeedForward::gravity}) {
+      Bench<mobility()> bench(mechanism, Law::joint, forward);
+      bench.begin();
+      bench.run_for(500);
+      CHECK(bench.healthy());
+      Coordinates near = mechanism.robot.home;
+      near[0] += 0.001;
+      bench.move(near, 0.5);
+      bench.run_for(600);
+      bench.move(mechanism.robot.home, 0.02);
+      bench.run_for(100);
+      CHECK(bench.healthy());
+      if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+    }
+  });
+}
+
+TEST("no false alarm: healthy robots with friction, ripple and wrong lengths, fast and slow") {
+  const long moves = check::sample_size(6);
+  long cycles = 0;
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    for (const bool marked : {true, false})
+      for (const Law law : {Law::joint, Law::tej})
+        for (const double friction : {0.0, 0.005}) {
+          Bench<mobility()> bench(mechanism, law, {}, {1e-3, friction, 0.02});
+          bench.begin();
+          check::Random random(31);
+          const auto marks = [&](Extended&, SafetyCycle& cycle, Setpoint&) {
+            if (!marked) cycle.counter = {};
+          };
+          bench.shell.counter = {};
+          for (long m = 0; m < moves && bench.healthy(); ++m) {
+            const double duration = 0.2 * std::pow(10, m % 3 * 0.5);
+            bench.move(random_pose(mechanism, random, 0.5), duration);
+            const int periods = static_cast<int>(1000 * duration) + 50;
+            bench.run_for(periods, marks);
+            cycles += periods;
+          }
+          CHECK(bench.healthy());
+          if (!bench.healthy()) std::printf("  %s\n", properties(bench.shell.cause).name);
+        }
+  });
+  CHECK(cycles > 10000 * moves);
+}
+
+TEST("a frozen frame of all readings is named within 3 cycles; the robot stops as printed") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    for (const bool counted : {false, true})
+      for (const Law law : {Law::joint, Law::estimated})
+        for (const double speed : {0.02, 0.1, 0.3, 0.6})
+          for (const double share : {0.3, 0.5}) {
+            Bench<K> bench(mechanism, law);
+            bench.begin();
+            Coordinates target = mechanism.robot.home;
+            target[0] += 0.04;
+            bench.move(target, 0.04 * 1.875 / speed);  // the largest speed of a quintic
+            bench.run_for(static_cast<int>(share * bench.duration * 1000));
+            const double u = bench.clock.time / bench.duration,
+                         along = 16 * u * u * (1 - u) * (1 - u);
+            Extended frozen{};
+            const Joint wanted = bench.shell.wanted;
+            const Pose since = bench.plant.pose();
+            bool first = true;
+            const auto freeze = [&](Extended& q_e, SafetyCycle& cycle, Setpoint&) {
+              if (first) frozen = q_e;
+              if (!first && counted) cycle.counter.value = bench.frame = bench.frame - 1;
+              first = false;
+              q_e = frozen;
+            };
+            bench.cycle(freeze);  // the last fresh one
+            CHECK(bench.healthy());
+            double counts = 0;  // of the fastest motor, per cycle
+            for (int i = 0; i < kDof<K>; ++i)
+              counts = std::max(counts, std::fabs(bench.shell.wanted[i] - wanted[i]) /
+                                            bench.robot.chain[i].encoder_step);
+            const int named = bench.cycles(300, [&] { return bench.shell.causes != 0; }, freeze);
+            CHECK(named > 0 && (named <= 3 || (!counted && counts < 1)));
+            CHECK(bench.shell.cause == StopCause::stale_frame);
+            CHECK(bench.shell.machine.stop == StopKind::brake);
+            bench.run_for(200, freeze);
+            double most = 0;
+            const double now = along * speed;
+            CHECK(stopping_distance(bench.robot, bench.limits, counted, now, most));
+            const double way = bench.travelled(since);
+            CHECK(way <= 1.2 * most);
+            if (speed <= 0.3) CHECK(way <= 0.010);
+            CHECK(bench.shell.machine.state == SafetyState::fault);
+          }
+  });
+}
+
+TEST("a requested stop follows the path without a corner, then the brakes hold the robot") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Bench<K> bench(mechanism);
+    bench.begin();
+    Coordinates target = mechanism.robot.home;
+    target[0] += 0.04;
+    bench.move(target, 0.3);
+    bench.run_for(120);
+    bench.request.stop = true;
+    double off = 0;
+    CHECK(bench.cycles(200, [&] {
+      const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
+      off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates<K>(bench.plant.pose())[0]));
+      return bench.shell.machine.stop == StopKind::brake;
+    }) >= 150);
+    CHECK(off < 1e-3 && bench.clock.rate == 0);
+    const Pose rests = bench.plant.pose();
+    CHECK(bench.cycles(1000, [&] { return bench.shell.machine.state == SafetyState::stopped; }) >
+          0);
+    bench.run_for(100);
+    CHECK(bench.travelled(rests) < 1e-3);
+    CHECK(bench.shell.cause == StopCause::requested);
+    for (int i = 0; i < kDof<K>; ++i) CHECK(bench.shell.torque[i] == 0);
+  });
+}
+
+TEST("lost, late and jittering frames of a healthy robot are no violation until one is too old") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Bench<K> bench(mechanism);
+    bench.begin();
+    check::Random random(8);
+    Extended last{};
+    std::uint64_t mark = 1000;
+    const auto late = [&](Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint) {
+      static_cast<void>(setpoint);
+      const std::uint64_t phase = bench.frame % 20;
+      if (phase == 1 || (phase == 2 && bench.frame % 40 == 2)) {  // the frame of phase 0, again
+        q_e = last;
+        cycle.counter.value = bench.frame - phase;
+      }
+      const double stamp = 1e6 * (static_cast<double>(cycle.counter.value) + 0.2 * random());
+      cycle.time = {true, phase == 1 || (phase == 2 && bench.frame % 40 == 2)
+                              ? mark
+                              : static_cast<std::uint64_t>(1e6 + stamp)};
+      mark = cycle.time.value;
+      last = q_e;
+    };
+    bench.move(random_pose(mechanism, random, 0.5), 0.4);
+    bench.run_for(600, late);
+    CHECK(bench.healthy());
+    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+    CHECK(bench.shell.counter.jitter >= 1);
+  });
+}
+
+TEST("a motor whose encoder is lost stops the robot by all brakes at once") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    if (mechanism.robot.r == 0) return;
+    Bench<K> bench(mechanism, Law::tej);
+    FaultTolerantSettings settings;
+    settings.monitor.replaceable = 1e-12;  // nothing can stand for a motor
+    settings.monitor.fastest.fill(1e4);
+    prepare(settings.monitor);
+    FaultTolerantState monitor;
+    bench.monitored = {&settings, &monitor, nullptr};
+    bench.begin();
+    Coordinates target = mechanism.robot.home;
+    target[0] += 0.02;
+    bench.move(target, 0.3);
+    bench.run_for(150);
+    CHECK(bench.healthy());
+    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+    const auto lose = [](Extended& q_e, SafetyCycle&, Setpoint&) { q_e[0] = NAN; };
+    const auto stopped = [&] { return bench.shell.causes != 0; };
+    CHECK(bench.cycles(10, stopped, lose) > 0);
+    CHECK(bench.shell.cause == StopCause::suspected_motor);
+    CHECK(bench.shell.machine.stop == StopKind::brake);
+    CHECK(bench.shell.brakes == bit(kDof<K>) - 1);
+    const Pose since = bench.plant.pose();
+    bench.run_for(300, lose);
+    CHECK(bench.travelled(since) < 0.006);
+    CHECK(bench.shell.machine.state == SafetyState::fault);
+    // Repaired, it needs both acknowledgements.
+    acknowledge(monitor, 0);
+    bench.run_for(60);
+    CHECK(bench.shell.machine.state == SafetyState::fault);
+  });
+}
+
+TEST("a stop request while a motor is suspected is a stop by brake") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Bench<mobility()> bench(mechanism);
+    bench.begin();
+    bench.request.stop = true;
+    bench.cycle([](Extended&, SafetyCycle& cycle, Setpoint&) { cycle.suspected = 2; });
+    CHECK(bench.shell.machine.stop == StopKind::brake);
+    CHECK(bench.shell.cause == StopCause::requested);
+  });
+}
