@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -17,6 +18,7 @@ from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, 
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
+from truepose.exceptions import TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
 from truepose.show.units import PRINT
@@ -218,13 +220,19 @@ def suspicion(fit: Calibration) -> float:
 
 def _tried(case: Case) -> list[Hypothesis]:
     """Return every hypothesis of one unknown, and of the others those that contradict least."""
-    every = [replace(of, kind=kind) for kind, generate in CAUSES.items() for of in generate(case)]
+    every = [of for kind in CAUSES for of in _stated(kind, case)]
     if case.first is not None:
         every = [of for of in every if of.kind not in VAGUE]
     sized = [of for of in every if of.size is not None or of.kind in ALWAYS]
     others = [of for of in every if of.size is None and of.kind not in ALWAYS]
     far = [_contradiction(of) for of in others]
     return sized + [others[k] for k in np.argsort(far, kind="stable")[:FITTED]]
+
+
+def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
+    """Yield the hypotheses of one cause, as far as the poses that they need have answers."""
+    with contextlib.suppress(TrueposeError):
+        yield from (replace(of, kind=kind) for of in CAUSES[kind](case))
 
 
 def _contradiction(of: Hypothesis) -> float:

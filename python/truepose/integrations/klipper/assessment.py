@@ -115,18 +115,20 @@ def assess(config: Config, arm: float | None = None, assumed: Assumed | None = N
     with fitting(config, "[delta_calibrate] ", arm):
         model = drawn_of(printer)
         known = prior(model, printer, assumed, arm)
-        doubts.refuse(model, printer, known, assumed)
+        with doubts.caused(model, readings, known, assumed):
+            doubts.refuse(model, printer, known, assumed)
+            found, judged = fitted(model, readings, known, assumed)
         start = printer.values
         if not np.isfinite(np.concatenate(errors(model, start, readings)[:2])).all():
             start = known.mean  # the file's parameters cannot reach the readings' poses
         by_klipper = klipper(model, start, readings)
-        found, judged = fitted(model, readings, known, assumed)
         used = {"the file's parameters": printer.values, "Klipper's criterion": by_klipper}
         fits = [Residuals(name, *errors(model, p, readings)[:2]) for name, p in used.items()]
         e = errors(model, found.p, readings)
         off = found.expected(e.lengths) - readings.distances
         fits.append(Residuals(held_out.ESTIMATE, e.heights, off))
-        doubts.refuse_unfit(fits[-1])
+        with doubts.caused(model, readings, known, assumed):
+            doubts.refuse_unfit(fits[-1])
         ways = held_out.ways(model, by_klipper, readings, known.mean)
         heights_alone = readings.heights_only()
         as_drawn = klipper(model, known.mean, heights_alone)

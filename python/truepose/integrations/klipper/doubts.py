@@ -10,6 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.cause import NO_CAUSE
+from truepose.calibration.causes.search import search
+from truepose.calibration.log_checks import log_of
+from truepose.exceptions import TrueposeError
 from truepose.integrations.klipper.criterion import errors, rms
 from truepose.integrations.klipper.estimate import (
     CHANGED,
@@ -19,6 +23,7 @@ from truepose.integrations.klipper.estimate import (
     UnfitError,
     estimate,
     prior,
+    settings,
 )
 from truepose.integrations.klipper.held_out import Residuals
 from truepose.integrations.klipper.model import Model
@@ -26,6 +31,7 @@ from truepose.integrations.klipper.noise import Judged
 from truepose.integrations.klipper.printer import (
     MM,
     TAKE_OUT,
+    TOWERS,
     Printer,
     Readings,
     probe_offset,
@@ -56,6 +62,24 @@ def refuse(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> No
         )
     _wrong_height(model, printer, known, assumed)
     _wrong_distance(readings, e.lengths)
+
+
+@contextlib.contextmanager
+def caused(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> Iterator[None]:
+    """Put a mistake that explains all readings before the message of an UnfitError."""
+    try:
+        yield
+    except UnfitError as error:
+        found = NO_CAUSE
+        with contextlib.suppress(TrueposeError):
+            log = log_of(known.robot, -readings.steps * model.step)
+            found = search(known.robot, log, settings(readings, assumed), always=True).causes
+        if found.verdict != "decisive":
+            raise
+        said = found.text
+        for k, tower in enumerate(TOWERS, 1):
+            said = said.replace(f"q{k}", f"stepper_{tower}")
+        raise UnfitError(f"{said}; if not that, {error}") from None
 
 
 def _wrong_distance(readings: Readings, lengths: Array) -> None:

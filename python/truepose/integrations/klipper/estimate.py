@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 import statistics
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -214,18 +215,23 @@ def differences(
     return result
 
 
-def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> Estimate:
-    """Return the maximum a posteriori estimate; UnfitError if a reading's pose is unreachable."""
+def settings(readings: Readings, assumed: Assumed) -> dict[str, Any]:
+    """Return the settings of :func:`truepose.calibrate` for a printer's readings."""
     H, D = len(readings.heights), len(readings.distances)
     pairs = H + np.arange(2 * D).reshape(D, 2)
+    between = differences(assumed, readings.heights, pairs, readings.distances)
+    return {"level": "ideal", "model_error": "off", "differences": between}
+
+
+def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> Estimate:
+    """Return the maximum a posteriori estimate; UnfitError if a reading's pose is unreachable."""
+    D = len(readings.distances)
     try:
         found = calibrate(
             known.robot,
             -readings.steps * model.step,
-            level="ideal",
-            model_error="off",
             cause="ignore",
-            differences=differences(assumed, readings.heights, pairs, readings.distances),
+            **settings(readings, assumed),
         )
     except PoseError:  # its advice concerns other logs
         raise UnfitError(

@@ -187,6 +187,10 @@ BAD = {
         lambda text: text.replace("rotation_distance: 40", "rotation_distance: 4"),
         "have microsteps or rotation_distance changed since",
     ),
+    "other microsteps of one motor": (
+        one("microsteps: 16", "microsteps: 8"),
+        "[delta_calibrate] stepper_a: 2 times the true value: its gear or gain (odds 10^",
+    ),
     "three gross heights": (
         lambda text: lines_of("distance")(re.sub(r"(ht[345]) = 16.0", r"\1 = -400", text)),
         "no printer was found that fits the readings: are some wrong, or have microsteps",
