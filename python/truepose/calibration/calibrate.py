@@ -229,7 +229,9 @@ def explained(
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         fit = inflated(fit, causes.text)
     elif wide is not None:
-        fit = replace(fit, notes=(*fit.notes, f"{causes.text}: calibrated with these"))
+        before = () if base is None else base.notes  # as of a contradicting known pose
+        said = f"{causes.text}: calibrated with these"
+        fit = replace(fit, notes=tuple(dict.fromkeys([*before, *fit.notes, said])))
     return replace(fit, causes=causes), of
 
 
