@@ -1,43 +1,14 @@
 // Laws, controllers and fault-tolerant controllers for C.
 #include <bit>
-#include <cstddef>
 
-#include "description.hpp"
-#include "model.hpp"
+#include "controllers.hpp"
 
 using namespace truepose;
 
 namespace truepose::c {
 namespace {
-struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
-  ControlSettings settings;
-  ControlState state;
-  CachedGain kept;
-};
-
-struct FaultTolerantSetup : InMemory<truepose_fault_monitor, FaultTolerantSetup, 0x72617547U> {
-  FaultTolerantSettings settings;
-  FaultTolerantState state;
-};
-
 bool law_exists(std::int32_t law) {
   return law >= 0 && law < static_cast<std::int32_t>(kLawTable.size());
-}
-
-ControlSettings of_c(const truepose_control_settings& from) {
-  ControlSettings settings;
-  fields(from, settings, Copy<true>{});
-  settings.sigma_scale = std::max(settings.sigma_scale, 1);
-  return settings;
-}
-
-/// Reads settings that an earlier release may have made: members they lack have their defaults.
-template <class C, class Core>
-Status take(const C& given, const Core& defaults, C& all) {
-  describe(defaults, all);
-  if (given.size < offsetof(C, period) || given.size > sizeof all) return Status::other_version;
-  std::memcpy(&all, &given, given.size);
-  return Status::ok;
 }
 
 Status status_of(const truepose_control_settings& s) {
@@ -76,8 +47,6 @@ void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   if (report->stops)
     report->stop = state.monitor.lost ? setup.settings.stop_lost : setup.settings.stop;
 }
-
-constexpr Outcome kUnfinished{Status::unfinished, -1};
 
 /// ê_q of a law; the other results of the cycle unless null.
 truepose_outcome servo(const truepose_model* model, std::int32_t law, Real band,
@@ -262,11 +231,7 @@ truepose_outcome truepose_control_fault_tolerant(
     if (made == nullptr || setup == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept);
     if (!weighs.sound) return weighs.sound;
-    const c::Model* monitored = finest ? c::Model::of(finest) : nullptr;
-    if (finest && (monitored == nullptr || monitored->robot.mobility != robot.mobility ||
-                   monitored->robot.r != robot.r))
-      return c::kUnfinished;
-    setup->settings.finest = monitored ? &monitored->robot : nullptr;
+    if (!c::monitors(*setup, robot, finest)) return c::kUnfinished;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
       return control_fault_tolerant<mobility()>(
           robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),

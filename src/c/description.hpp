@@ -51,6 +51,12 @@ void fields(auto& c, Like<FaultTolerantSettings> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, stop, stop_lost, held)
   TRUEPOSE_VISIT(c, core.monitor, fastest, moved, kp, kd, rests, shaken, low, high)
 }
+void fields(auto& c, Like<SafetyLimits> auto& core, auto&& f) {
+  TRUEPOSE_VISIT(c, core, window, age, counter_bits, period, saturation, clipped, missing, held,
+                 stop, brake, standstill)
+  TRUEPOSE_VISIT(c, core, torque, slew, tracking, deviation, speed, count, still, kp, kd, rests,
+                 low, high, box_low, box_high)
+}
 
 /// Calls f(part of the C description, part of the core's) for every part in use.
 void parts(auto& c, auto& core, auto&& f) {

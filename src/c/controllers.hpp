@@ -1,0 +1,47 @@
+// Controllers and fault-tolerant controllers in memory from C callers, and their settings.
+#pragma once
+
+#include <cstddef>
+
+#include "description.hpp"
+#include "model.hpp"
+
+namespace truepose::c {
+struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
+  ControlSettings settings;
+  ControlState state;
+  CachedGain kept;
+};
+
+struct FaultTolerantSetup : InMemory<truepose_fault_monitor, FaultTolerantSetup, 0x72617547U> {
+  FaultTolerantSettings settings;
+  FaultTolerantState state;
+};
+
+/// Sets the model of a monitor; null: the law's. @return false: not loaded, or of another robot
+inline bool monitors(FaultTolerantSetup& setup, const Robot& robot, const truepose_model* finest) {
+  const Model* of = finest ? Model::of(finest) : nullptr;
+  if (finest && (of == nullptr || of->robot.mobility != robot.mobility || of->robot.r != robot.r))
+    return false;
+  setup.settings.finest = of ? &of->robot : nullptr;
+  return true;
+}
+
+inline ControlSettings of_c(const truepose_control_settings& from) {
+  ControlSettings settings;
+  fields(from, settings, Copy<true>{});
+  settings.sigma_scale = std::max(settings.sigma_scale, 1);
+  return settings;
+}
+
+/// Reads settings that an earlier release may have made: members they lack have their defaults.
+template <class C, class Core>
+Status take(const C& given, const Core& defaults, C& all) {
+  describe(defaults, all);
+  if (given.size < offsetof(C, period) || given.size > sizeof all) return Status::other_version;
+  std::memcpy(&all, &given, given.size);
+  return Status::ok;
+}
+
+inline constexpr Outcome kUnfinished{Status::unfinished, -1};
+}  // namespace truepose::c

@@ -1,0 +1,123 @@
+// The safety shell for C.
+#include <bit>
+
+#include "controllers.hpp"
+#include "truepose/control/safe_control.hpp"
+#include "truepose/offline/safety_defaults.hpp"
+
+using namespace truepose;
+
+namespace truepose::c {
+namespace {
+struct Shell : InMemory<truepose_safety_shell, Shell, 0x5368656CU> {
+  SafetyLimits limits;
+  SafetyShell shell;
+};
+
+SafetyLimits limits_of(const truepose_safety_limits& from) {
+  SafetyLimits limits;
+  fields(from, limits, Copy<true>{});
+  return limits;
+}
+
+SafetyCycle cycle_of(const truepose_safety_marks& from) {
+  SafetyCycle cycle;
+  cycle.counter = {from.counter_given != 0, from.counter};
+  cycle.time = {from.time_given != 0, from.time};
+  cycle.known = from.known != 0;
+  cycle.request = {from.start != 0, from.stop != 0, from.acknowledge != 0};
+  return cycle;
+}
+
+void report_on(const SafetyShell& shell, truepose_safety_report* report) {
+  *report = truepose_safety_report{};
+  report->state = static_cast<std::int32_t>(shell.machine.state);
+  report->cause = static_cast<std::int32_t>(shell.cause);
+  report->part = shell.part;
+  report->refused = static_cast<std::int32_t>(shell.refused);
+  report->causes = shell.causes;
+  report->brakes = shell.brakes;
+  report->follows = shell.follows;
+  report->path_stop = shell.path_stop;
+  give(shell.torque, report->torque);
+}
+}  // namespace
+}  // namespace truepose::c
+
+extern "C" {
+const char* truepose_stop_cause_text(int32_t cause) {
+  return cause >= 0 && cause < kCauses ? kCauseTable[static_cast<std::size_t>(cause)].name : "";
+}
+
+size_t truepose_safety_shell_size(void) { return sizeof(c::Shell); }
+
+truepose_outcome truepose_safety_defaults(const truepose_model* model,
+                                          const truepose_control_settings* settings,
+                                          truepose_safety_limits* limits) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    truepose_control_settings all;
+    const Status status = c::take(*settings, ControlSettings{}, all);
+    if (status != Status::ok) return {status, -1};
+    SafetyLimits derived;
+    const Outcome outcome = default_limits(robot, c::of_c(all), derived);
+    if (outcome) c::describe(derived, *limits);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_stopping_distance(const truepose_model* model,
+                                            const truepose_safety_limits* limits, int32_t marked,
+                                            truepose_real speed, truepose_real* distance) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    const SafetyLimits core = c::limits_of(*limits);
+    const int n = dof(robot.mobility);
+    Outcome outcome = consistent(core, n, n);
+    if (outcome && !(speed >= 0 && speed < INFINITY)) outcome = {Status::no_such_value, -1};
+    return outcome ? stopping_distance(robot, core, marked != 0, speed, *distance) : outcome;
+  });
+}
+
+truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t size,
+                                            const truepose_model* model,
+                                            const truepose_safety_limits* limits) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    truepose_safety_limits all;
+    const Status status = c::take(*limits, SafetyLimits{}, all);
+    if (status != Status::ok) return {status, -1};
+    const SafetyLimits core = c::limits_of(all);
+    const int n = dof(robot.mobility);
+    const Outcome outcome = consistent(core, n, n);
+    if (!outcome) return outcome;
+    c::Shell* made = c::Shell::make(shell, size);
+    if (made == nullptr) return {Status::too_small, -1};
+    made->limits = core;
+    return {};
+  });
+}
+
+truepose_outcome truepose_control_safely(
+    const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
+    truepose_fault_monitor* monitor, truepose_safety_shell* shell,
+    const truepose_setpoint* setpoint, const truepose_real* q_e, const truepose_knowledge* known,
+    truepose_real* work, const truepose_safety_marks* marks, truepose_safety_report* report) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    c::Controller* made = c::Controller::of(controller);
+    c::Shell* safe = c::Shell::of(shell);
+    c::FaultTolerantSetup* setup = monitor ? c::FaultTolerantSetup::of(monitor) : nullptr;
+    if (made == nullptr || safe == nullptr || (monitor && setup == nullptr)) return c::kUnfinished;
+    if (setup && !c::monitors(*setup, robot, finest)) return c::kUnfinished;
+    const bool weighs = setup || properties(made->settings.law).weighs;
+    const c::Known by(robot, known, work, &made->kept, weighs);
+    if (!by.sound) return by.sound;
+    SafetyCycle cycle = c::cycle_of(*marks);
+    const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr};
+    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
+      return control_safely<mobility()>(
+          robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
+          c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
+    });
+    c::report_on(safe->shell, report);
+    return outcome;
+  });
+}
+}

@@ -1,0 +1,122 @@
+// The safety shell in C does what the core's does, and refuses what is no shell.
+#include "../../src/c/description.hpp"
+#include "safety_bench.hpp"
+#include "truepose/truepose.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+bool same(truepose_outcome a, Outcome b) {
+  return a.status == static_cast<int>(b.status) && a.part == b.chain;
+}
+
+/// A robot with torque limits, its controller and its shell as a C program has them.
+template <Mobility K>
+struct InC {
+  explicit InC(const Mechanism& mechanism) : robot(limited_robot<K>(mechanism)) {
+    truepose_description table;
+    c::describe(robot, table);
+    CHECK(same(truepose_load(&model, sizeof model, &table), {}));
+    c::describe(settings_for(robot, Law::joint), settings);
+    CHECK(same(truepose_controller_init(&controller, sizeof controller, &settings), {}));
+    CHECK(same(truepose_safety_defaults(&model, &settings, &limits), {}));
+    CHECK(same(truepose_safety_shell_init(&shell, sizeof shell, &model, &limits), {}));
+    std::copy_n(robot.home.begin(), kMaxDof, setpoint.x);
+    Extended read{};
+    CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), read)));
+    std::copy(read.begin(), read.end(), q_e);
+  }
+  truepose_outcome cycle(truepose_safety_marks marks = {}, bool frozen = false) {
+    marks.counter_given = marks.known = 1;
+    marks.counter = frozen ? frame : ++frame;
+    return truepose_control_safely(&model, nullptr, &controller, nullptr, &shell, &setpoint, q_e,
+                                   nullptr, nullptr, &marks, &report);
+  }
+  /// From switching on to the law in action.
+  void begin() {
+    for (int k = 0; k < 10; ++k) cycle();
+    truepose_safety_marks marks{};
+    marks.acknowledge = 1;
+    cycle(marks);
+    CHECK(report.state == TRUEPOSE_SAFETY_READY);
+    marks.start = 1;
+    for (int k = 0; k < 60 && !report.follows; ++k) cycle(marks);
+    CHECK(report.state == TRUEPOSE_SAFETY_RUNNING && report.follows && report.brakes == 0);
+  }
+  Robot robot;
+  truepose_model model;
+  truepose_control_settings settings;
+  truepose_controller controller;
+  truepose_safety_limits limits;
+  truepose_safety_shell shell;
+  truepose_setpoint setpoint{};
+  truepose_real q_e[TRUEPOSE_READINGS];
+  truepose_safety_report report{};
+  std::uint64_t frame = 0;
+};
+
+}  // namespace
+
+TEST("a shell in C starts, names a frozen frame in three cycles, and moves on once acknowledged") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    InC<K> c(mechanism);
+    c.begin();
+    // The core's shell, one cycle for one cycle.
+    ControlState state;
+    SafetyShell shell;
+    SafetyLimits limits;
+    const ControlSettings settings = settings_for(c.robot, Law::joint);
+    CHECK(bool(default_limits(c.robot, settings, limits)));
+    Extended q_e;
+    std::copy_n(c.q_e, q_e.size(), q_e.begin());
+    Setpoint setpoint;
+    setpoint.x = c.robot.home;
+    for (std::uint64_t frame = 1; frame <= c.frame; ++frame) {
+      SafetyCycle cycle;
+      cycle.counter = {true, frame};
+      cycle.request = {frame > 11, false, frame > 10};
+      static_cast<void>(
+          control_safely<K>(c.robot, settings, limits, setpoint, q_e, state, shell, cycle));
+    }
+    CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
+    int until = 0;
+    while (c.report.state == TRUEPOSE_SAFETY_RUNNING && until < 10) ++until, c.cycle({}, true);
+    CHECK(until == 3 && c.report.cause == TRUEPOSE_STOP_STALE_FRAME);
+    CHECK(std::string(truepose_stop_cause_text(c.report.cause)) == "stale frame");
+    for (int k = 0; k < 10000 && c.report.state != TRUEPOSE_SAFETY_FAULT; ++k) c.cycle();
+    CHECK(c.report.brakes == bit(kDof<K>) - 1 && !c.report.follows);
+    CHECK(c.report.causes == 1U << TRUEPOSE_STOP_STALE_FRAME);
+    c.begin();  // acknowledged
+  });
+}
+
+TEST("limits that contradict themselves, and a shell that is none, are refused") {
+  const Mechanism mechanism = h4();
+  InC<Mobility::schoenflies> c(mechanism);
+  truepose_safety_limits limits = c.limits;
+  const auto begun = [&] {
+    return truepose_safety_shell_init(&c.shell, sizeof c.shell, &c.model, &limits);
+  };
+  limits.torque[2] = 0;
+  CHECK(same(begun(), {Status::no_such_value, 2}));
+  limits = c.limits;
+  limits.missing = NAN;
+  CHECK(same(begun(), {Status::no_such_value, -1}));
+  limits = c.limits;
+  ++limits.size;
+  CHECK(same(begun(), {Status::other_version, -1}));
+  CHECK(same(
+      truepose_safety_shell_init(&c.shell, truepose_safety_shell_size() - 1, &c.model, &c.limits),
+      {Status::too_small, -1}));
+  truepose_real distance = 0;
+  CHECK(same(truepose_stopping_distance(&c.model, &c.limits, 1, 0.3, &distance), {}));
+  CHECK(0.003 < distance && distance < 0.1);
+  CHECK(same(truepose_stopping_distance(&c.model, &c.limits, 1, NAN, &distance),
+             {Status::no_such_value, -1}));
+  c.shell = {};
+  c.report.state = 77;
+  CHECK(same(c.cycle(), {Status::unfinished, -1}) && c.report.state == 77);
+  CHECK(std::string(truepose_stop_cause_text(19)).empty());
+}
