@@ -99,6 +99,7 @@ constexpr std::uint32_t causes_with(bool CauseProperties::* property) {
   return causes;
 }
 
+/// State, kind of stop, and whether a limit was violated.
 struct SafetyMachine {
   SafetyState state = SafetyState::stopped;
   StopKind stop = StopKind::none;  ///< in `stopping`

@@ -21,7 +21,7 @@ inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most)
     if (outcome) outcome = ikm<K>(robot, pose, closure);
     if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
     if (!outcome) return outcome;
-    std::array<double, n> size;
+    std::array<Real, n> size;
     bool limited = true;
     for (int i = 0; i < n; ++i) {
       size[i] = model.mass[i][i];
@@ -30,13 +30,13 @@ inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most)
     const Ldlt<n> mass(model.mass, size);
     if (!mass.regular()) return Outcome{Status::singular, -1};
     for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
-      std::array<double, n> acceleration{};
-      const double torque = force < n ? robot.chain[force].torque_limit : 1;
+      std::array<Real, n> acceleration{};
+      const Real torque = force < n ? robot.chain[force].torque_limit : 1;
       for (int j = 0; j < n; ++j)
         acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
       mass.solve(acceleration);
       for (int c = 0; c < n + robot.r; ++c) {
-        double moves = 0;
+        Real moves = 0;
         for (int j = 0; j < n; ++j) moves += H_x[c][j] * acceleration[j];
         most[c] += std::fabs(moves);
       }
