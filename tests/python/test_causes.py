@@ -61,7 +61,7 @@ def shifted(rows):
 
 
 def slipped(rows):
-    rows[30:, 0] += 0.03
+    rows[30:, 0] -= 0.03
 
 
 def gross(rows):
@@ -85,7 +85,7 @@ def exchanged(rows):
 
 MADE = [
     (shifted, "q3: its rows are 1 too late"),
-    (slipped, "q1: slipped before row 31, by 1.7"),
+    (slipped, "q1: slipped before row 31, by -1.7"),
     (gross, "gross errors in 20 of 60 rows: rows 1, 4, 7, 10"),
     (stuck, "z_telemeter: stuck at"),
     (scaled(4, 4.0), "theta: 4 times the true value: its gear or gain"),
