@@ -28,15 +28,15 @@ void note_monitor(const FaultMonitor& monitor, SafetyCycle& cycle) {
 /// Runs one cycle: control() or control_fault_tolerant(), then guard(). The torques and brakes are
 /// shell.torque and shell.brakes; the path moves only while shell.follows, and slows down where
 /// shell.path_stop > 0.
-/// @param marks  counter, timestamp, requests, and whether the pose is known; the rest is filled in
+/// @param cycle  counter, timestamp, requests, and whether the pose is known, fresh in each cycle;
+/// the rest is filled in
 /// @return of the law
 template <Mobility K>
 Outcome control_safely(const Robot& robot, const ControlSettings& settings,
                        const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
-                       ControlState& state, SafetyShell& shell, SafetyCycle& marks,
+                       ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
                        const Weighing& weighing = {}, const Monitored& monitored = {}) {
   constexpr int n = kDof<K>;
-  SafetyCycle& cycle = marks;
   if (!shell.follows) state = {};
   Outcome outcome;
   if (monitored.state) {

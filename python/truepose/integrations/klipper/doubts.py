@@ -78,7 +78,7 @@ def caused(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> 
             raise
         said = found.text
         for k, tower in enumerate(TOWERS, 1):
-            said = said.replace(f"q{k}", f"stepper_{tower}")
+            said = said.replace(f"q{k}", f"stepper_{tower}").replace(f"chain {k}", f"tower {tower}")
         raise UnfitError(f"{said}; if not that, {error}") from None
 
 
