@@ -10,6 +10,7 @@ import truepose as tp
 from truepose.commands import faults
 from truepose.faults.limits import FALSE_ALARM
 from truepose.faults.parity import Parity, detectable, gate, parity, unexplained
+from truepose.faults.undetected import undetected_motors
 from truepose.robot import knowledge
 
 ELBOWS = ("theta", "elbow1", "elbow2", "elbow3", "elbow4")
@@ -421,3 +422,17 @@ def test_a_robot_without_redundant_sensors_is_told_what_is_left(run):
 def test_a_question_that_cannot_be_answered_is_one_line(run, words, message):
     status, out, err = run("faults", *words)
     assert status == 2 and out == "" and message in err and err.count("\n") == 1
+
+
+def test_what_stays_undetected_is_said_first(run, h4):
+    """Outside figure: with θ alone at θ = 0, q1 off by 3° moves the platform, but not θ."""
+    found = tp.faults.detectability(h4, [h4.home], [h4.home])
+    q1, q2, q3, _ = undetected_motors(found, np.array([h4.home])).records()
+    assert q1["off (rad)"] == pytest.approx(np.radians(3)) and q2["moves (m)"] > 14e-3
+    off = h4.ikm(h4.home) - [np.radians(3), 0, 0, 0]
+    assert q1["moves (m)"] == np.linalg.norm((h4.fkm(off) - h4.home)[:3])
+    assert abs(q1["theta"]) < 1e-9 and q1["torque"] < q1["friction"]
+    assert q3["moves (m)"] < 1e-3 < q3["theta"]
+    said = " ".join(run("faults", "h4")[1].split()).split("Smallest")[0]
+    assert "Undetected at the worst pose: q1 off by 3.00° moves the platform by" in said
+    assert "friction" in said

@@ -1,0 +1,93 @@
+"""What stays undetected: motor encoders that are off by less than any test of the readings sees."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.faults.limits import Detectability
+from truepose.robot.units import angles, reading_units
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import measured
+
+#: Largest fault that is considered, by the reading's unit: m or rad (assumed).
+MOST = {"rad": np.radians(3), "m": 0.01}
+#: Friction of motors whose file states none, as a share of the torque limit (assumed).
+FRICTION = 0.005
+
+
+def undetected_motors(found: Detectability, poses: Array) -> Table:
+    """Return one row a motor: its encoder off by just less than `detected` where that moves most.
+
+    The motors hold their setpoints, so the platform stands where that encoder puts it. `poses`
+    (N, n) are those of `found`. Units in the data: m, rad, N·m (slides: N).
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.faults.undetected import undetected_motors
+    >>> h4 = tp.load("h4")
+    >>> found = tp.faults.detectability(h4, [h4.home], [h4.home])
+    >>> print(*undetected_motors(found, np.array([h4.home])).rows[0], sep="; ")
+    q1; 3.00°; 14.4 mm, 0°; theta 0°; 0.048 N·m (0.15)
+    """
+    robot, n = found.robot, found.robot.n
+    turns, units = angles(robot), reading_units(robot)
+    rest = np.zeros(n)
+    rows = []
+    for i, chain in enumerate(robot.spec.chain):
+        off = np.minimum(found.detected.reshape(-1, n + robot.r)[:, i], MOST[units[i]])
+        leak = found.cross_sensitivity["joint"].reshape(-1, n + robot.r, 2)[:, i]
+        at = int((leak[:, int(turns.all())] * off).argmax())
+        x, q = poses[at], robot.ikm(poses[at])
+        q[i] -= off[at]
+        there = robot.fkm(q, guess=x, errors="nan")
+        moves = {
+            unit: float(np.linalg.norm((there - x)[part]))
+            for unit, part in (("m", ~turns), ("rad", turns))
+            if part.any()
+        }
+        change = (robot.rkm(there, errors="nan") - robot.rkm(x)).tolist()
+        sensors = dict(zip(robot.readings[n:], change, strict=True))
+        hold = robot.inverse_dynamics(np.array([x, there]), rest, rest, errors="nan")
+        torque = float(np.abs(hold[1] - hold[0]).max())
+        friction = chain.coulomb_friction or FRICTION * (chain.torque_limit or 0)
+        told = zip(sensors, change, units[n:], strict=True)
+        force, forces = (
+            "N·m" if units[i] == "rad" else "N",
+            {"torque": torque, "friction": friction},
+        )
+        rows.append(
+            [
+                robot.readings[i],
+                _cell({units[i]: float(off[at])}, "off"),
+                _cell(moves, "moves"),
+                Cell(", ".join(f"{name} {measured(abs(v), u)}" for name, v, u in told), sensors),
+                Cell(f"{number(torque)} {force} ({number(friction)})", forces),
+            ]
+        )
+    header = ["motor", "off by", "platform moves", "sensors change", "torques change (friction)"]
+    return Table("undetected", "Undetected motor encoders, each at its worst pose", header, rows)
+
+
+def worst_of(table: Table) -> str:
+    """Return the row whose platform moves farthest, as a sentence."""
+
+    def way(row: Sequence[str]) -> float:
+        return float(next(iter(row[2].data.values())))  # type: ignore[attr-defined]
+
+    motor, off, moves, sensors, torques = max(table.rows, key=way)
+    said = [f"the sensors by {sensors}"] if sensors else []
+    said.append(f"the torques at rest by {torques.replace('(', '(friction: ')}")
+    return f"Undetected at the worst pose: {motor} off by {off} moves the platform by {moves}, " + (
+        " and ".join(said) + "."
+    )
+
+
+def _cell(values: dict[str, float], what: str) -> Cell:
+    data = {f"{what} ({unit})": value for unit, value in values.items()}
+    if not np.isfinite(list(values.values())).all():
+        return Cell("out of the workspace", data)
+    return Cell(", ".join(measured(value, unit) for unit, value in values.items()), data)
