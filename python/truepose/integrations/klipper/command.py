@@ -27,7 +27,8 @@ _ARMS = (10.0, 5000.0)
 
 def command(
     config: Annotated[
-        Path, typer.Argument(metavar="PRINTER.CFG", help="Klipper's config file, saved block too.")
+        Path,
+        typer.Argument(metavar="PRINTER.CFG", help="Klipper's config file, or its klippy.log."),
     ],
     write: Annotated[
         Path | None,
@@ -56,6 +57,10 @@ def command(
             help="How many readings to say that are worth taking next.",
         ),
     ] = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(help="File to write: the planned heights as points that Klipper probes."),
+    ] = None,
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -65,16 +70,24 @@ def command(
     tolerances; σ of each parameter; the error of held-out heights and of a print; and whether to
     use the estimate.
 
-    --plan adds the next points to measure; without readings, the first ones.
+    --plan adds the next points to measure; without readings, the first ones. --points writes the
+    heights among them for Klipper.
 
     Example: **truepose klipper printer.cfg --report printer.html --write new.cfg**
     """
     nominal = None if arm is None else MM * arm
+    if points and next_readings is None:
+        raise InputError("--points: writes the heights of --plan N: give that too")
+    planned = points and files.Output(points, "points", "--points")
     if next_readings is not None and not (write or robot or report):
         read = Config.read(config)
         if not has_readings(read):
             table, assumed = to_read.first_readings(read, next_readings, nominal)
+            if planned:
+                files.check([planned], [config], force)
+                files.write({planned: to_read.points_text(table, None)}, [config], force)
             show([table], how, [f"{line}." for line in assumed])
+            wrote(how, points)
             return
     outputs: dict[files.Output, Callable[[Assessment], str]] = {}
     if write:
@@ -82,6 +95,8 @@ def command(
         if os.path.lexists(write):
             raise InputError(f"{new}: is there already: give the name of a new file")
         outputs[new] = output.config_text
+    if planned:
+        outputs[planned] = lambda found: to_read.points_text(found.to_read, found)
     if robot:
         outputs[robotfile.output(robot, "--robot")] = output.robot_text
     if report:
@@ -91,7 +106,10 @@ def command(
             figures.page, source=config.name
         )
     files.check(outputs, [config], force)
-    found = assess(Config.read(config), nominal)
+    read = Config.read(config)
+    if write and read.logged:
+        raise InputError(f"--write: {config} is a log of Klipper's: give the printer.cfg")
+    found = assess(read, nominal)
     if next_readings is not None:
         found = replace(found, to_read=to_read.next_readings(found, next_readings))
     files.write({file: text(found) for file, text in outputs.items()}, [config], force)
@@ -102,7 +120,7 @@ def command(
     answer = (*review.words(found), *review.assumptions(found.prior, found.assumed))
     shown = [*further, *(narrow(tables) if how is Format.table else tables)]
     show(shown, how, [f"{line}." for line in answer])
-    wrote(how, write, robot, report)
+    wrote(how, write, robot, report, points)
 
 
 def narrow(tables: list[Table]) -> list[Table]:
