@@ -24,7 +24,7 @@ _BETWEEN = re.compile(r",(?![^()]*\))")
 def computed(
     robot: Robot, read: Mapping[str, Any], numbers: Callable[[str], Array], text: str
 ) -> dict[str, Any]:
-    """Return a log's columns, those of the formulas in SI units instead of what they are made of.
+    """Return a log's columns: formulas in SI units, and the columns that no formula uses.
 
     `read` has the columns by name; ``numbers(name)`` returns one as floats.
     """

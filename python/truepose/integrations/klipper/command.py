@@ -14,7 +14,7 @@ import typer
 from truepose import files, robotfile
 from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
-from truepose.integrations.klipper import output, review, to_read
+from truepose.integrations.klipper import backups, output, review, to_read
 from truepose.integrations.klipper.assessment import Assessment, assess
 from truepose.integrations.klipper.config import Config
 from truepose.integrations.klipper.printer import MM, has_readings
@@ -57,6 +57,10 @@ def command(
             help="How many readings to say that are worth taking next.",
         ),
     ] = None,
+    backup: Annotated[
+        list[Path],
+        typer.Option(help="Earlier file of the same printer, repeatable: do they agree?"),
+    ] = [],  # noqa: B006 – typer's way of a repeatable option
     points: Annotated[
         Path | None,
         typer.Option(help="File to write: the planned heights as points that Klipper probes."),
@@ -79,16 +83,15 @@ def command(
     if points and next_readings is None:
         raise InputError("--points: writes the heights of --plan N: give that too")
     planned = points and files.Output(points, "points", "--points")
-    if next_readings is not None and not (write or robot or report):
-        read = Config.read(config)
-        if not has_readings(read):
-            table, assumed = to_read.first_readings(read, next_readings, nominal)
-            if planned:
-                files.check([planned], [config], force)
-                files.write({planned: to_read.points_text(table, None)}, [config], force)
-            show([table], how, [f"{line}." for line in assumed])
-            wrote(how, points)
-            return
+    first = next_readings is not None and not (write or robot or report)
+    if first and not has_readings(read := Config.read(config)):
+        table, assumed = to_read.first_readings(read, next_readings or 0, nominal)
+        if planned:
+            files.check([planned], [config], force)
+            files.write({planned: to_read.points_text(table, None)}, [config], force)
+        show([table], how, [f"{line}." for line in assumed])
+        wrote(how, points)
+        return
     outputs: dict[files.Output, Callable[[Assessment], str]] = {}
     if write:
         new = files.Output(write, "printer.cfg", "--write")
@@ -117,7 +120,12 @@ def command(
         say(f"{config}: {note}", err=True)
     tables = review.tables(found)
     further = [] if found.to_read is None else [found.to_read]
-    answer = (*review.words(found), *review.assumptions(found.prior, found.assumed))
+    agreed: list[str] = []
+    if backup:
+        others = [assess(Config.read(other), nominal) for other in backup]
+        table, verdict = backups.judged([found, *others])
+        further, agreed = [table, *further], [verdict]
+    answer = (*agreed, *review.words(found), *review.assumptions(found.prior, found.assumed))
     shown = [*further, *(narrow(tables) if how is Format.table else tables)]
     show(shown, how, [f"{line}." for line in answer])
     wrote(how, write, robot, report, points)
