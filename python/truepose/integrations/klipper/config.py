@@ -223,7 +223,7 @@ def rewritten(
             section = header[1].strip()
         option = re.match(r"(\w+)\s*[:=]", line)
         if header or option:
-            replaced = bool(option) and option[1].lower() in changes.get(section, {})
+            replaced = option is not None and option[1].lower() in changes.get(section, {})
         goes_on = line[:1].isspace() and line.strip()  # a value of several lines
         own.append("#" + line if replaced and (option or goes_on) else line)
     noted = _taken_out("\n".join(own))

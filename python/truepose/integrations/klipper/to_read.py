@@ -66,7 +66,7 @@ def first_readings(config: Config, count: int, arm: float | None = None) -> tupl
     return table, [before, *assumptions(known, assumed)]
 
 
-def points_text(planned: Table, found: Assessment | None) -> str:
+def points_text(planned: Table | None, found: Assessment | None) -> str:
     """Return the planned heights as DELTA_CALIBRATE's points, with the probed ones before.
 
     DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
@@ -75,7 +75,8 @@ def points_text(planned: Table, found: Assessment | None) -> str:
     if found is not None and (probed := found.printer.readings.probed):
         steps = found.printer.readings.height_steps[-probed:]
         before = found.model.positions(found.printer.values, steps)
-    new = [row[2:4] for row in planned.rows if row[1] == _WHAT["plane"]]
+    rows = () if planned is None else planned.rows
+    new = [row[2:4] for row in rows if row[1] == _WHAT["plane"]]
     at = (before[:, :2] / MM).round().astype(int).tolist()
     points = [f"    {x}, {y}" for x, y in at]
     points += [f"    {x}, {y}" for x, y in new]
