@@ -14,9 +14,8 @@ import typer
 from truepose import files, robotfile
 from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
-from truepose.integrations.klipper import backups, output, review, to_read
+from truepose.integrations.klipper import backups, gcode, output, review, to_read
 from truepose.integrations.klipper.assessment import Assessment, assess
-from truepose.integrations.klipper.config import Config
 from truepose.integrations.klipper.printer import MM, has_readings
 from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
@@ -28,7 +27,9 @@ _ARMS = (10.0, 5000.0)
 def command(
     config: Annotated[
         Path,
-        typer.Argument(metavar="PRINTER.CFG", help="Klipper's config file, or its klippy.log."),
+        typer.Argument(
+            metavar="PRINTER.CFG", help="Klipper's printer.cfg or klippy.log, or a text with M665."
+        ),
     ],
     write: Annotated[
         Path | None,
@@ -57,6 +58,10 @@ def command(
             help="How many readings to say that are worth taking next.",
         ),
     ] = None,
+    probe_radius: Annotated[
+        float | None,
+        typer.Option(metavar="MM", min=10.0, help="Marlin: radius of the points of G33."),
+    ] = None,
     backup: Annotated[
         list[Path],
         typer.Option(help="Earlier file of the same printer, repeatable: do they agree?"),
@@ -82,16 +87,13 @@ def command(
     nominal = None if arm is None else MM * arm
     if points and next_readings is None:
         raise InputError("--points: writes the heights of --plan N: give that too")
-    planned = points and files.Output(points, "points", "--points")
-    first = next_readings is not None and not (write or robot or report)
-    if first and not has_readings(read := Config.read(config)):
-        table, assumed = to_read.first_readings(read, next_readings or 0, nominal)
-        if planned:
-            files.check([planned], [config], force)
-            files.write({planned: to_read.points_text(table, None)}, [config], force)
-        show([table], how, [f"{line}." for line in assumed])
-        wrote(how, points)
-        return
+    planned = None if points is None else files.Output(points, "points", "--points")
+    if next_readings is not None and not (write or robot or report):
+        unread = gcode.read(config, probe_radius)
+        if not has_readings(unread):
+            table, assumed = to_read.first_readings(unread, next_readings, nominal)
+            _first(table, [f"{line}." for line in assumed], config, planned, how, force)
+            return
     outputs: dict[files.Output, Callable[[Assessment], str]] = {}
     if write:
         new = files.Output(write, "printer.cfg", "--write")
@@ -109,9 +111,7 @@ def command(
             figures.page, source=config.name
         )
     files.check(outputs, [config], force)
-    read = Config.read(config)
-    if write and read.logged:
-        raise InputError(f"--write: {config} is a log of Klipper's: give the printer.cfg")
+    read = gcode.read(config, probe_radius)
     found = assess(read, nominal)
     if next_readings is not None:
         found = replace(found, to_read=to_read.next_readings(found, next_readings))
@@ -122,13 +122,30 @@ def command(
     further = [] if found.to_read is None else [found.to_read]
     agreed: list[str] = []
     if backup:
-        others = [assess(Config.read(other), nominal) for other in backup]
+        others = [assess(gcode.read(other, probe_radius), nominal) for other in backup]
         table, verdict = backups.judged([found, *others])
         further, agreed = [table, *further], [verdict]
+    if read.kind in gcode.FIRMWARES:
+        agreed += [f"Lines for {read.kind}: {' | '.join(gcode.lines_of(found))}"]
     answer = (*agreed, *review.words(found), *review.assumptions(found.prior, found.assumed))
     shown = [*further, *(narrow(tables) if how is Format.table else tables)]
     show(shown, how, [f"{line}." for line in answer])
     wrote(how, write, robot, report, points)
+
+
+def _first(
+    table: Table,
+    said: list[str],
+    config: Path,
+    planned: files.Output | None,
+    how: Format,
+    force: bool,
+) -> None:
+    """Print and write the readings to take first."""
+    if planned:
+        files.check([planned], [config], force)
+        files.write({planned: to_read.points_text(table, None)}, [config], force)
+    show([table], how, said, written=(planned.path if planned else None,))
 
 
 def narrow(tables: list[Table]) -> list[Table]:

@@ -56,7 +56,7 @@ class Config:
     included: tuple[str, ...]  #: names of files that are not read
     end: str = "\n"  #: most frequent line end
     mark: str = ""  #: byte-order mark of UTF-8, or empty
-    logged: bool = False  #: from a klippy.log
+    kind: str = "printer.cfg"  #: or klippy.log, Marlin, RepRapFirmware
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
@@ -68,7 +68,7 @@ class Config:
         config, ended, _ = last.partition(_LOGGED_END)
         if not ended:
             raise InputError(f"{path}: ends within the configuration of Klipper's last start")
-        return replace(cls.parse(config, path), logged=True)
+        return replace(cls.parse(config, path), kind="klippy.log")
 
     @classmethod
     def parse(cls, text: str, path: str | Path = "printer.cfg") -> Self:

@@ -538,11 +538,11 @@ def test_a_klippy_log_is_read_by_its_last_start(run, config, tmp_path):
     log = tmp_path / "klippy.log"
     log.write_text(logged(read("phnxdrgn536")), encoding="utf-8")
     of_log, of_file = Config.read(log), Config.read(config)
-    assert of_log.logged and of_log.values == of_file.values
+    assert of_log.kind == "klippy.log" and of_log.values == of_file.values
     arms = ("--arm", 345)
     assert run("klippy.log", *arms)[:2] == run("printer.cfg", *arms)[:2]
     status, _, err = run("klippy.log", "--write", "new.cfg")
-    assert status == 2 and "klippy.log is a log of Klipper's: give the printer.cfg" in err
+    assert status == 2 and "klippy.log is no printer.cfg (klippy.log)" in err
     log.write_text(logged(read("phnxdrgn536"), end=""), encoding="utf-8")
     status, _, err = run("klippy.log")
     assert status == 2 and "ends within the configuration of Klipper's last start" in err
