@@ -10,6 +10,7 @@ import tomlkit
 import truepose as tp
 from truepose import robotfile
 from truepose.commands.robots import check, remarks
+from truepose.robot.units import reading_units
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
 
