@@ -10,6 +10,7 @@ import tomlkit
 import truepose as tp
 from truepose import robotfile
 from truepose.commands.robots import check, remarks
+from truepose.robot.units import reading_units
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
 
@@ -171,12 +172,12 @@ def test_poses_beyond_a_singularity_are_no_part_of_a_workspace(checked, h4_text)
     assert any("beyond a singularity, from home: " in line for line in remarks(robot))
 
 
-def test_motors_at_home_are_told(any_robot):
+def test_readings_at_home_are_told(any_robot):
     first = remarks(any_robot)[0]
-    q = [float(v) for v in re.findall(r"= (-?[\d.]+)(?:°| mm)", first)]
-    turns = np.array([chain.actuator == "revolute" for chain in any_robot.spec.chain])
-    expected = any_robot.ikm(any_robot.home) * np.where(turns, 180 / np.pi, 1e3)
-    assert q == pytest.approx(expected, abs=5.1e-3)
+    q_e = [float(v) for v in re.findall(r"= (-?[\d.]+)(?:°| mm)", first)]
+    factors = [180 / np.pi if unit == "rad" else 1e3 for unit in reading_units(any_robot)]
+    expected = any_robot.extended_positions(any_robot.home) * factors
+    assert q_e == pytest.approx(expected, abs=5.1e-3)
 
 
 UPU = """

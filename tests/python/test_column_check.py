@@ -12,6 +12,7 @@ from truepose import _core, logs
 from truepose.calibration import expectation, log_checks
 from truepose.calibration.causes import column_check
 from truepose.robot import frames
+from truepose.robot.workspace import workspace_samples
 
 SENSORS = {
     "delta": ("elbow1", "elbow2", "elbow3"),
@@ -246,6 +247,44 @@ def write_mcap(path, channels):
         writer.finish()
 
 
+def write_ros_bag(path, joints, imu):
+    """Write joints (N, 4) as JointStates and an IMU's angle as a Vector3, each in its channel."""
+    mcap = pytest.importorskip("mcap.writer")
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/imu": "geometry_msgs/msg/Vector3"}
+    joint, vector, header, time = (
+        store.types[name]
+        for name in (*kinds.values(), "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    )
+    with path.open("wb") as file:
+        writer = mcap.Writer(file)
+        writer.start(profile="ros2")
+        channel = {}
+        for topic, kind in kinds.items():
+            text = store.generate_msgdef(kind, ros_version=2)[0].encode()
+            channel[topic] = writer.register_channel(
+                topic, "cdr", writer.register_schema(kind, "ros2msg", text)
+            )
+        for k, (angles, yaw) in enumerate(zip(joints, imu, strict=True)):
+            names = ["A", "B", "C", "D"]
+            state = joint(header(time(k, 0), ""), names, angles, np.zeros(0), np.zeros(0))
+            for topic, message in (("/joint_states", state), ("/imu", vector(0.0, 0.0, yaw))):
+                data = bytes(store.serialize_cdr(message, kinds[topic]))
+                writer.add_message(channel[topic], k * 10**9, data, k * 10**9)
+        writer.finish()
+
+
+def test_a_bag_of_ros_2_is_read_by_formulas(cases, tmp_path):
+    robot, q_e = cases["h4"]
+    robot, q_e = robot.with_sensors("theta"), q_e[:, :5]
+    write_ros_bag(tmp_path / "bag.mcap", q_e[:, :4], np.degrees(q_e[:, 4]))
+    given = "q1 = A rad, q2 = B rad, q3 = C rad, q4 = D * rad, theta = /imu.z * deg"
+    read = logs.read(robot, tmp_path / "bag.mcap", given)
+    np.testing.assert_allclose(read.readings, q_e, rtol=1e-15)
+    assert read.unused == ("/imu.x", "/imu.y")
+
+
 @pytest.mark.parametrize("late", [0, 1e-6, -3e-3, 9e-3])
 def test_messages_of_one_pose_join_though_their_stamps_differ(cases, tmp_path, late):
     robot, q_e = cases["h4"]
@@ -334,3 +373,14 @@ def test_a_long_log_is_predicted_part_by_part(cases, monkeypatch):
     parts = expectation.expect(robot, q_e)
     for name in ("x", "expected", "residual", "sigma"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+
+
+def test_a_missing_offset_is_named_with_what_the_motor_spans(tmp_path):
+    """Legs that count from home, as string encoders do, fit the hexapod nowhere."""
+    robot = tp.load("stewart").with_sensors("roll", "pitch")
+    q_e = robot.read(workspace_samples(robot, 20, np.random.default_rng(0)), seed=1)
+    q_e[:, 0] -= robot.ikm(robot.home)[0]
+    with pytest.raises(tp.InputError) as told:
+        tp.calibrate(robot, logs.of(robot, dict(zip(robot.readings, q_e.T, strict=True))))
+    said = str(told.value)
+    assert "q1 reads" in said and "(chain 1 encoder_offset)" in said and "q2 reads" not in said

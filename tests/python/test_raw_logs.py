@@ -72,3 +72,42 @@ def test_a_raw_column_of_unknown_worth_is_refused(tmp_path, column, comment, mes
     columns = {column if c == column.split("_")[0] else c: v for c, v in columns.items()}
     with pytest.raises(tp.InputError, match=message):
         logs.read(robot, written(tmp_path / "log.csv", columns, [comment] if comment else []))
+
+
+def test_formulas_with_units_give_columns_of_other_names(hexapod, tmp_path, run):
+    """Names with spaces and slashes, and a column named as a unit."""
+    robot, q_e = hexapod
+    names = ["A steps", "B steps", "leg/3", "turn", "q5", "q6", "imu_deg"]
+    columns = dict(zip(names, (1e3 * q_e).T.tolist(), strict=True))
+    columns |= {"A steps": ((q_e[:, 0] - 0.1) / 5e-6).tolist(), "extra": q_e[:, 0].tolist()}
+    columns |= {"imu_deg": (np.degrees(q_e[:, 6]) + 3).tolist()}
+    log = written(tmp_path / "log.csv", columns)
+    given = "q1 = A steps * 0.005 mm + 10 cm, q2 = B steps mm, q3=leg/3/1000*m, q4 = turn * 1e-3 m,"
+    given += "q5 = q5 * mm, q6 = q6 mm, roll = (imu_deg - 3) * deg"
+    read = logs.read(robot, log, given)
+    np.testing.assert_allclose(read.readings, q_e, rtol=1e-12)
+    assert read.unused == ("extra",)
+    status, out, _ = run("faults", "stewart", "--sensors", "roll", str(log), "--columns", given)
+    assert status == 0 and "No fault detected" in out
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("q1", "'q1': must be NAME = FORMULA"),
+        ("q7 = a mm", "unknown column 'q7'"),
+        ("q1 = a", "has no unit; multiply it by one: mm, m or inch"),
+        ("q1 = a deg", "must be in mm, m or inch"),
+        ("q1 = (a + bb) mm", "'bb' is not defined"),
+        ("q1 = 3 mm", "has no column of the log (columns: a)"),
+        ("q1 = a mm, q1 = a m", "q1 is given twice"),
+        ("q1 = 9**9**9 * a mm", "must not have powers"),
+        ("q1 = a * (", "cannot be computed"),
+        ("q1 = a.__class__ mm", "has no column"),
+    ],
+)
+def test_a_wrong_formula_is_said_in_one_line(hexapod, tmp_path, given, said):
+    log = written(tmp_path / "log.csv", {"a": [1.0, 2.0]})
+    with pytest.raises(tp.InputError) as told:
+        logs.read(hexapod[0], log, given)
+    assert said in str(told.value) and "\n" not in str(told.value)

@@ -21,6 +21,8 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles, reading_units
+from truepose.robot.workspace import workspace_samples
+from truepose.show.units import printed
 
 #: Variation of a prediction, in σ, that its reading must follow.
 VARIES = 8.0
@@ -164,7 +166,26 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     share = f"only {100 * near:.0f} % of the lines lie near the robot's workspace"
     none = "the motors' readings fit this robot on no line"
     order = ": units, signs, offsets and the order of the motors' columns?"
-    return [Finding((share if near else none) + order, refused=True)]
+    text = "; ".join([(share if near else none) + order, *_beyond(robot, q)])
+    return [Finding(text, refused=True)]
+
+
+def _beyond(robot: Robot, q: Array) -> Iterator[str]:
+    """Yield what motors read that none of their readings (N, n) may be, over the workspace."""
+    if robot.spec.workspace is None:
+        return
+    samples = workspace_samples(robot, 100, np.random.default_rng(0))
+    spans = robot.ikm(samples, errors="nan")
+    low, high = np.nanmin(spans, axis=0), np.nanmax(spans, axis=0)
+    margin, units = 0.1 * (high - low), reading_units(robot)
+    away = (q < low - margin).all(axis=0) | (q > high + margin).all(axis=0)
+    for i in np.flatnonzero(away):
+        ends = ((q[:, i].min(), q[:, i].max()), (low[i], high[i]))
+        reads, spans_over = (f"{printed(a, units[i])} to {printed(b, units[i])}" for a, b in ends)
+        yield (
+            f"q{i + 1} reads {reads}, and spans {spans_over} over the workspace (chain {i + 1} "
+            "encoder_offset)"
+        )
 
 
 def outside(robot: Robot, log: Log) -> Iterator[Finding]:

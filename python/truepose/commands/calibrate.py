@@ -47,6 +47,7 @@ def command(
     ),
     plot: Path | None = options.plot_option("each parameter's change and σ"),
     sensors: options.SensorsOption = None,
+    columns: options.Columns = None,
     level: options.ModelLevel = None,
     loss: Loss = Option("student", help="Loss function for gross errors."),
     tuning: float | None = Option(
@@ -143,7 +144,7 @@ def command(
             bar(advance=1, description=what)
 
         settings["searched"] = lambda share: bar(description=f"causes {share:.0%}")
-        where, result = _assess(made, log, known_pose, asked, settings, done)
+        where, result = _assess(made, log, known_pose, columns, asked, settings, done)
 
         def page() -> str:
             from truepose.commands import calibration_figures  # matplotlib takes its time
@@ -167,6 +168,7 @@ def _assess(
     robot: Robot,
     log: Path | None,
     known_pose: Path | None,
+    columns: str | None,
     asked: options.Asked,
     settings: dict[str, Any],
     done: Callable[[str], None],
@@ -179,7 +181,7 @@ def _assess(
         table, known = known, None
         settings |= {"registration": "known", "loss": "squares"}
     else:
-        table = logs.read(robot, where)
+        table = logs.read(robot, where, columns)
     done("log read")
     between = asked.between(robot, table, where)
     table, findings = log_checks.check(robot, table, measurements(between.of(robot, table)))

@@ -46,6 +46,7 @@ def command(
         show_default=False,
     ),
     sensors: options.SensorsOption = None,
+    columns: options.Columns = None,
     poses: options.Poses = None,
     calibrated: bool = Option(
         False, "--calibrated", help="After self-calibration over these poses."
@@ -84,7 +85,8 @@ def command(
         given |= {"--effects": effects != "none", "--boxes": boxes > 1}
         if extra := [name for name, value in given.items() if value]:
             raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
-        isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
+        readings = logs.read(loaded, log, columns).readings
+        isolated = isolate(loaded, readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
     write = options.writer([robot, poses], force, plot=plot)

@@ -49,6 +49,15 @@ SensorsOption = Annotated[
     str | None,
     Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),
 ]
+Columns = Annotated[
+    str | None,
+    Option(
+        metavar="FORMULAS",
+        help="Columns of the log with other names or units: 'q1 = A_steps * 0.005 mm, "
+        "roll = imu * deg'.",
+        show_default="q1 … qn and each sensor's name; SI",
+    ),
+]
 ModelLevel = Annotated[
     Level | None,
     Option(

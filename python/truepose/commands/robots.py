@@ -111,7 +111,7 @@ def check_command(file: Path = Argument(help="A robot file (TOML).")) -> None:
     """Check a robot file: one line for each error, and exit status 2.
 
     An error states file, line, key, value and the valid choices. For a valid file the command
-    prints the motors at home and the reachable part of the workspace on a grid.
+    prints motors and sensors at home and the reachable part of the workspace on a grid.
 
     Example: **truepose check my_robot.toml**
     """
@@ -147,10 +147,11 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
 
 
 def remarks(robot: Robot) -> list[str]:
-    """Return remarks, one line each: motors at home, sensors beyond their range, workspace."""
-    units, q = reading_units(robot), robot.ikm(robot.home)
-    motors = (f"q{k} = {printed(*pair)}" for k, pair in enumerate(zip(q, units, strict=False), 1))
-    lines = [f"motors at home: {', '.join(motors)}"]
+    """Return remarks, one line each: readings at home, sensors beyond their range, workspace."""
+    units = reading_units(robot)
+    at_home = zip(robot.readings, robot.extended_positions(robot.home), units, strict=True)
+    readings = ", ".join(f"{name} = {printed(r, unit)}" for name, r, unit in at_home)
+    lines = [f"readings at home: {readings}"]
     if robot.loose:
         lines.append(
             "legs: each is a single rod; the model assumes that other parts constrain the "

@@ -38,6 +38,7 @@ def command(
     ),
     lean: options.Lean = None,
     sensors: options.SensorsOption = None,
+    columns: options.Columns = None,
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -57,7 +58,7 @@ def command(
     whose = f"{loaded.name}'s coordinates are in"
     sizes = options.parse_each(sigma, "--sigma", units, whose)
     leans = options.parse_lean(lean)
-    found = zero(loaded, logs.read(loaded, log), at=pose, sigma=sizes, lean=leans)
+    found = zero(loaded, logs.read(loaded, log, columns), at=pose, sigma=sizes, lean=leans)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
     write(robot=lambda: options.file_text(found.robot))

@@ -15,7 +15,7 @@ import numpy as np
 
 from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, choose, controls, one_line
-from truepose.logs import base_lean, limits, raw
+from truepose.logs import base_lean, formulas, limits, raw
 from truepose.plugins import plugins
 from truepose.robot import lean
 from truepose.robot.compliance import Payloads
@@ -95,13 +95,17 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     return _numbered({str(name): column_of(table, name) for name in names}, where).log(robot)
 
 
-def read(robot: Robot, path: str | Path) -> Log:
+def read(robot: Robot, path: str | Path, columns: str | None = None) -> Log:
     """Read a log file: Parquet or MCAP by its first bytes, else CSV.
 
-    MCAP: all channels of JSON messages; a row for each message with the motors' readings, and of
+    MCAP: all channels of JSON and ROS 2 messages, with columns by keys, a JointState's joints, and
+    else as ``/imu/data.orientation.x``; a row for each message with the motors' readings, and of
     every other channel the message nearest in time, at most 0.01 s and half the motors' usual
     interval away. CSV: a line of names, then a line for each pose; comma, semicolon or tab; lines
     that begin with # are comments. An InputError names the file, the line, the column and the cell.
+
+    `columns` are formulas with units for columns of another name or unit, with commas between:
+    ``"q1 = A_steps * 0.005 mm, theta = (imu - 3) * deg"``.
     """
     path = Path(path)
     data = limits.read(path)
@@ -111,10 +115,13 @@ def read(robot: Robot, path: str | Path) -> Log:
     else:
         formats = (found.load() for found in plugins("log_formats").values())
         own = next((each for each in formats if data.startswith(each.MAGIC)), None)
-        table = own.read(path, data, robot.readings) if own else None
-    if table is not None:
-        return _numbered(table, str(path)).log(robot)
-    return _csv(path, data).log(robot, raw.said(data.decode("utf-8-sig").splitlines()))
+        table = own.read(path, data, robot.readings, columns or "") if own else None
+    cells = _csv(path, data) if table is None else _numbered(table, str(path))
+    header = raw.said(data.decode("utf-8-sig").splitlines()) if table is None else {}
+    if columns is not None:
+        made = formulas.computed(robot, cells.columns, cells.numbers, columns)
+        cells = cells._replace(columns=made)
+    return cells.log(robot, header)
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:

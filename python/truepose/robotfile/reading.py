@@ -19,6 +19,7 @@ from truepose.robotfile import consistency
 from truepose.robotfile.base import COORDINATES, Section
 from truepose.robotfile.consistency import Problem, tables
 from truepose.robotfile.pattern import expand, misfits
+from truepose.robotfile.quantities import in_si
 from truepose.robotfile.schema import ACTUATORS, Chain, Pattern, RobotFile, Tolerance
 from truepose.robotfile.sensors import SENSORS
 from truepose.robotfile.to_core import parameter_names
@@ -253,6 +254,7 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
     data = dict(data)
     if "based_on" in data:
         data = _based_on(data)
+    data = in_si(data)
     shared = data.pop("chain_defaults", {})
     if not isinstance(shared, dict):
         raise RobotFileError(("chain_defaults",), "chain_defaults: must be a table")

@@ -147,9 +147,10 @@ class Explained(NamedTuple):
                 text += f" {factor * size[0]:.4g} ± {factor * size[1]:.2g}{unit and f' {unit}'}"
             texts.append(text)
         value, sigma = size or (None, None)
-        return Cause(
-            kind=", ".join(mistake.kind for mistake in self.of.each),
-            text=", and ".join(texts),
+        kinds = (mistake.kind for mistake in self.of.each)
+        return Cause(  # a very wrong part may need its mistake twice until it converges
+            kind=", ".join(dict.fromkeys(kinds)),
+            text=", and ".join(dict.fromkeys(texts)),
             log_odds=self.log_odds,
             consistent=consistent(self.fit, REJECTED),
             size=value,

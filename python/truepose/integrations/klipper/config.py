@@ -1,8 +1,9 @@
-"""Reader and writer of printer.cfg, Klipper's configuration file, with its saved block.
+"""Reader and writer of printer.cfg, Klipper's configuration file, and reader of its klippy.log.
 
 As in Klipper (klippy/configfile.py), a comment begins at any ``#``, or at a ``;`` at the start of a
 line or after a space. Lines that begin with ``#*#`` were written by SAVE_CONFIG; the file's own
-values take precedence over them. Included files are named, not read.
+values take precedence over them. Included files are named, not read. A klippy.log has the whole
+configuration, includes too, at every start of Klipper; the last one counts.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import math
 import os
 import re
 import statistics
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -23,6 +24,9 @@ from truepose.exceptions import InputError, one_line, shortened
 
 #: Largest file size; the longest real configurations have a tenth of it.
 MOST_BYTES = 1_000_000
+#: Largest klippy.log, and what is before and behind a configuration in it.
+MOST_LOG = 100_000_000
+_LOGGED, _LOGGED_END = "===== Config file =====\n", "\n=======================\n"
 #: Largest magnitude of a number; larger ones would overflow in powers.
 LARGEST = 1e12
 #: Start of every line written by SAVE_CONFIG.
@@ -52,11 +56,19 @@ class Config:
     included: tuple[str, ...]  #: names of files that are not read
     end: str = "\n"  #: most frequent line end
     mark: str = ""  #: byte-order mark of UTF-8, or empty
+    kind: str = "printer.cfg"  #: or klippy.log, Marlin, RepRapFirmware
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
         """Read a file; InputError (one line) if it is unreadable or not a configuration."""
-        return cls.parse(files.text(Path(path), MOST_BYTES), path)
+        text = files.text(Path(path), MOST_LOG).replace("\r\n", "\n")
+        _, logged, last = text.rpartition(_LOGGED)
+        if not logged:
+            return cls.parse(files.text(Path(path), MOST_BYTES), path)
+        config, ended, _ = last.partition(_LOGGED_END)
+        if not ended:
+            raise InputError(f"{path}: ends within the configuration of Klipper's last start")
+        return replace(cls.parse(config, path), kind="klippy.log")
 
     @classmethod
     def parse(cls, text: str, path: str | Path = "printer.cfg") -> Self:
@@ -203,15 +215,17 @@ def rewritten(
     `changes` and `drawn` are by section and option. Nominal numbers in `drawn` stay as comments,
     which Klipper ignores; the first one is read as :attr:`Config.off`.
     """
-    own, section = [], ""
+    own, section, replaced = [], "", False
     for line in config.text.split("\n"):
         if line.startswith(SAVED):
             continue
         if header := _SECTION.match(line):
             section = header[1].strip()
         option = re.match(r"(\w+)\s*[:=]", line)
-        replaced = option and option[1].lower() in changes.get(section, {})
-        own.append("#" + line if replaced else line)
+        if header or option:
+            replaced = option is not None and option[1].lower() in changes.get(section, {})
+        goes_on = line[:1].isspace() and line.strip()  # a value of several lines
+        own.append("#" + line if replaced and (option or goes_on) else line)
     noted = _taken_out("\n".join(own))
     for (name, key), number in drawn.items():
         headers = [k for k, line in enumerate(own) if (h := _SECTION.match(line)) and h[1] == name]

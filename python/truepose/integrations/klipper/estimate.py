@@ -123,9 +123,15 @@ def _drawn_arm(printer: Printer, rods: list[str], arm: float | None) -> tuple[fl
     """Return the nominal length of the rods, and its source."""
     if arm is not None:
         return arm, "--arm"
-    for name in rods:
+    known, config = options(printer.kinematics), printer.config
+    by_hand = [
+        name
+        for name, of in ((name, known[name]) for name in rods)
+        if config.has(of.section, of.option) and of.option not in config.saved.get(of.section, {})
+    ]
+    for name in () if by_hand else rods:
         if (value := _replaced(printer, name)) is not None:
-            of = options(printer.kinematics)[name]
+            of = known[name]
             return value, f"[{of.section}] {of.option} before it was replaced"
     lengths = [printer.parameters[name] for name in rods]
     if max(lengths) == min(lengths):

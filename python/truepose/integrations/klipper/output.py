@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from truepose.commands.options import file_text
+from truepose.exceptions import InputError
 from truepose.integrations.klipper.assessment import Assessment
 from truepose.integrations.klipper.config import rewritten
 from truepose.integrations.klipper.estimate import as_drawn, knowing
@@ -15,6 +16,9 @@ def config_text(found: Assessment) -> str:
     Only free parameters change. Their nominal values, on which the estimate depends, are kept as
     comments, as SAVE_CONFIG does.
     """
+    config = found.printer.config
+    if config.kind != "printer.cfg":
+        raise InputError(f"--write: {config.path} is no printer.cfg ({config.kind}): give that")
     changes: dict[str, dict[str, str]] = {}
     learnt = found.estimate.learnt(found.model.names)
     known = options(found.printer.kinematics)
@@ -22,7 +26,7 @@ def config_text(found: Assessment) -> str:
         if name in learnt or name.startswith("angle"):
             changes.setdefault(of.section, {})[of.option] = f"{value / of.scale:.6f}"
     drawn = as_drawn(found.prior, found.printer.kinematics)
-    return rewritten(found.printer.config, changes, drawn)
+    return rewritten(config, changes, drawn)
 
 
 def robot_text(found: Assessment) -> str:

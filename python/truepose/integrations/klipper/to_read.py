@@ -66,6 +66,30 @@ def first_readings(config: Config, count: int, arm: float | None = None) -> tupl
     return table, [before, *assumptions(known, assumed)]
 
 
+def points_text(planned: Table | None, found: Assessment | None) -> str:
+    """Return the planned heights as DELTA_CALIBRATE's points, with the probed ones before.
+
+    DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
+    """
+    before = np.zeros((0, 3))
+    if found is not None and (probed := found.printer.readings.probed):
+        steps = found.printer.readings.height_steps[-probed:]
+        before = found.model.positions(found.printer.values, steps)
+    rows = () if planned is None else planned.rows
+    new = [row[2:4] for row in rows if row[1] == _WHAT["plane"]]
+    at = (before[:, :2] / MM).round().astype(int).tolist()
+    points = [f"    {x}, {y}" for x, y in at]
+    points += [f"    {x}, {y}" for x, y in new]
+    lines = [
+        "# For Klipper: include this file in printer.cfg, then DELTA_CALIBRATE and SAVE_CONFIG.",
+        f"# {len(before)} points as probed before, and {len(new)} that tell most beside them.",
+        "[delta_calibrate]",
+        "points:",
+        *points,
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def _table(plans: list[PosePlan], model: Model, printer: Printer, title: str) -> Table:
     """Return one row per reading, the most useful first; data has Klipper's stable positions."""
     rows = []

@@ -1,9 +1,11 @@
-"""Logs in MCAP, the format of Foxglove and PlotJuggler: channels of JSON messages."""
+"""Logs in MCAP, the format of Foxglove, PlotJuggler and ROS 2: JSON and ROS 2 messages."""
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +19,14 @@ from truepose.logs.writing import Column
 from truepose.plugins import package
 
 MAGIC = b"\x89MCAP"
+#: Largest array of a message whose entries become columns: a covariance of a pose.
+_MOST_ENTRIES = 36
 #: Largest time between messages of two channels at one pose, s.
 TOLERANCE = 0.01
 
 
-def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
-    """Return the columns of an MCAP file's bytes; `wanted` are the names of the readings."""
+def read(path: Path, data: bytes, wanted: tuple[str, ...], formulas: str = "") -> dict[str, Any]:
+    """Return the columns of an MCAP file's bytes; `wanted` are the readings, also by formulas."""
     make_reader = _mcap(path).reader.make_reader
     channels: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     owner: dict[str, str] = {}
@@ -31,9 +35,14 @@ def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
         summary = reader.get_summary()
         chunks = summary.chunk_indexes if summary else ()
         require(path, 0, 0, sum(chunk.uncompressed_size for chunk in chunks))
-        for count, (_, channel, message) in enumerate(reader.iter_messages(), 1):
+        ros = _Ros(path)
+        for count, (schema, channel, message) in enumerate(reader.iter_messages(), 1):
             require(path, count, 0)
-            cells = json.loads(message.data) if channel.message_encoding == "json" else None
+            cells = None
+            if channel.message_encoding == "json":
+                cells = json.loads(message.data)
+            elif channel.message_encoding == "cdr" and schema and schema.encoding == "ros2msg":
+                cells = ros.cells(schema, channel.topic, message.data)
             if not isinstance(cells, dict):
                 continue
             for name in cells:
@@ -48,8 +57,47 @@ def read(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
     except Exception as error:  # a damaged file may raise anything
         raise spoilt(path, "MCAP", error) from None
     if not owner:
-        raise InputError(f"{path}: no channel of JSON messages")
-    return _joined(path, channels, owner, wanted)
+        raise InputError(f"{path}: no channel of JSON or ROS 2 messages")
+    by_formula = sorted((name for name in owner if name in formulas), key=formulas.index)
+    return _joined(path, channels, owner, (*wanted, *by_formula))
+
+
+class _Ros:
+    """Decoder of ROS 2 messages, whose definitions the file has."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._known = path, set[str]()
+        self._store: Any = None  # of message types, when it is needed
+
+    def cells(self, schema: Any, topic: str, data: bytes) -> dict[str, float]:
+        """Return a message's numbers: of a JointState by joint, else by topic and field."""
+        if self._store is None:
+            missing = f"{self._path}: ROS 2 messages need rosbags: pip install 'truepose[ros]'"
+            package("rosbags.typesys", missing)
+            from rosbags.typesys import Stores, get_typestore
+
+            self._store = get_typestore(Stores.EMPTY)
+        if schema.name not in self._known:
+            from rosbags.typesys import get_types_from_msg
+
+            self._store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            self._known.add(schema.name)
+        message = self._store.deserialize_cdr(data, schema.name)
+        if schema.name.endswith("/JointState"):
+            return dict(zip(message.name, message.position.tolist(), strict=False))
+        return dict(_numbers(topic, message))
+
+
+def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a message's fields, of its messages too."""
+    if isinstance(value, (int, float)):
+        yield name, float(value)
+    elif isinstance(value, np.ndarray) and value.size <= _MOST_ENTRIES:
+        yield from ((f"{name}[{k}]", float(v)) for k, v in enumerate(value.ravel()))
+    elif dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            if field.name not in ("header", "__msgtype__"):
+                yield from _numbers(f"{name}.{field.name}", getattr(value, field.name))
 
 
 def _joined(

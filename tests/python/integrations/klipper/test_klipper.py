@@ -474,3 +474,11 @@ def test_a_file_that_is_rewritten_keeps_its_other_saved_options():
     assert again.values["stepper_a"] == {"position_endstop": "302.5", "angle": "210.25"}
     assert again.values["printer"] == {"kinematics": "delta", "delta_radius": "151.5"}
     assert again.off == {("printer", "delta_radius"): 150.0, **config.off}
+
+
+def test_a_value_of_several_lines_is_taken_out_whole():
+    text = "[printer]\nmacro:\n  G28\n\n  G1 X0\nkinematics: delta\nradius:\n  150\n  # mine\n"
+    new = rewritten(Config.parse(text), {"printer": {"radius": "151"}}, {})
+    own = new.split(SAVED_HEADER)[0]
+    assert own == text.replace("radius:\n  150\n  # mine", "#radius:\n#  150\n#  # mine") + "\n"
+    assert Config.parse(new).values["printer"]["macro"] == "\nG28\n\nG1 X0"

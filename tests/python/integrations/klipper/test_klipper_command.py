@@ -520,3 +520,55 @@ def test_numbers_of_neighbouring_colour_bars_stand_apart(name):
     boxes.sort(key=lambda box: box.x0)
     gaps = [right.x0 - left.x1 for left, right in itertools.pairwise(boxes)]
     assert len(bars) == 3 and min(gaps) > 0.3 * boxes[0].height
+
+
+def logged(text: str, end: str = "=======================\n") -> str:
+    """Klippy.log with two starts of Klipper; it has one configuration, the saved part merged."""
+    config = Config.parse(text)
+    lines = []
+    for name, options in config.values.items():
+        values = [f"{key} = {value}".replace("\n", "\n\t") for key, value in options.items()]
+        lines += [f"[{name}]", *values, ""]
+    start = "Start printer at Thu Jan  8 03:18:32 2026\n===== Config file =====\n"
+    old = f"{start}[printer]\nkinematics: cartesian\n\n=======================\nStats 1.0: a=1\n"
+    return old + start + "\n".join(lines) + "\n" + end + "Stats 2.0: <b>b</b>=1\n"
+
+
+def test_a_klippy_log_is_read_by_its_last_start(run, config, tmp_path):
+    log = tmp_path / "klippy.log"
+    log.write_text(logged(read("phnxdrgn536")), encoding="utf-8")
+    of_log, of_file = Config.read(log), Config.read(config)
+    assert of_log.kind == "klippy.log" and of_log.values == of_file.values
+    arms = ("--arm", 345)
+    assert run("klippy.log", *arms)[:2] == run("printer.cfg", *arms)[:2]
+    status, _, err = run("klippy.log", "--write", "new.cfg")
+    assert status == 2 and "klippy.log is no printer.cfg (klippy.log)" in err
+    log.write_text(logged(read("phnxdrgn536"), end=""), encoding="utf-8")
+    status, _, err = run("klippy.log")
+    assert status == 2 and "ends within the configuration of Klipper's last start" in err
+
+
+def test_the_planned_heights_are_written_as_points_for_klipper(run, config, tmp_path):
+    """DELTA_CALIBRATE replaces the probed heights: their points come first."""
+    status, out, _ = run("printer.cfg", "--plan", 5, "--points", "points.cfg")
+    assert status == 0 and "Wrote points.cfg" in out
+    points = Config.read(tmp_path / "points.cfg").word("delta_calibrate", "points")
+    probed = printer_of(Config.read(config)).readings.probed
+    rows = json.loads(run("printer.cfg", "--plan", 5, "--format", "json")[1])["next"]
+    new = [
+        f"{row['x (mm)']:.0f}, {row['y (mm)']:.0f}" for row in rows if row["reading"] == "height"
+    ]
+    assert new and points.strip().split("\n")[probed:] == new
+    status, _, err = run("printer.cfg", "--points", "points.cfg")
+    assert status == 2 and err.count("\n") == 1 and "give that too" in err
+    config.write_text(lines_of("height|distance")(read("phnxdrgn536")), encoding="utf-8")
+    assert run("printer.cfg", "--plan", 4, "--points", "first.cfg")[0] == 0
+    first = Config.read(tmp_path / "first.cfg").word("delta_calibrate", "points")
+    assert len(first.strip().split("\n")) == 4
+
+
+def test_arms_that_the_owner_set_count_more_than_what_was_replaced_before(run, config):
+    text = read("phnxdrgn536").replace("[stepper_a]\n", "[stepper_a]\narm_length: 344.5\n", 1)
+    taken = "\n".join(line for line in text.split("\n") if not line.startswith("#*# arm_length"))
+    config.write_text(taken, encoding="utf-8")
+    assert "344.5 mm (the file, which has one for all)" in run("printer.cfg")[1]
