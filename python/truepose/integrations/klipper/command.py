@@ -28,7 +28,7 @@ def command(
     config: Annotated[
         Path,
         typer.Argument(
-            metavar="PRINTER.CFG", help="Klipper's printer.cfg or klippy.log, or a text with M665."
+            metavar="PRINTER.CFG", help="Klipper's config file or klippy.log, or a text with M665."
         ),
     ],
     write: Annotated[
