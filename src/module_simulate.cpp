@@ -48,9 +48,9 @@ struct Setup {
 /// Weights of a simulation's readings, from Python's knowledge or a calibrator, and its faults.
 class LoopExtras {
  public:
-  explicit LoopExtras(const Setup& of)
+  LoopExtras(const Setup& of, std::uint64_t seed)
       : weights_(of.nominal, of.known),
-        lying_(of.faults, of.settings.period),
+        lying_(of.faults, of.settings.period, seed),
         monitor_weights_(of.fault_setup ? of.fault_setup->robot : of.nominal,
                          of.fault_setup ? &of.fault_setup->known : nullptr) {
     extras.weighing = weights_.view();
@@ -121,7 +121,7 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras with(of);
+    LoopExtras with(of, seed);
     with.extras.law = own_law(of.nominal, torque_of);
     log.reserve(periods + 1);
     outcome = with_mobility(of.nominal.mobility, [&](auto mobility) {
@@ -209,7 +209,7 @@ auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, i
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras with(of);
+    LoopExtras with(of, seed);
     with_mobility(of.nominal.mobility, [&]<Mobility K>(Fixed<K>) {
       Coordinates from = of.nominal.home, standing = start;
       std::optional<Loop<K>> loop;
@@ -283,7 +283,7 @@ void bind_faults(nb::module_& m) {
   m.attr("most_late") = kMostLate;
   nb::class_<Fault> fault(m, "Fault");
   fault.def(nb::init<>());
-  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end);
+  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end, count);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
       .def("read", &faulty);
