@@ -73,6 +73,6 @@ void bind_fault_monitor(nb::module_& m) {
   m.def("review", &review, "fault_setup"_a, "desired"_a, "q_e"_a);
   m.def("fastest", &batch_fastest);
   m.attr("symptoms") =
-      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees");
+      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees", "noisy");
 }
 }  // namespace truepose::python

@@ -108,13 +108,18 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (monitored) {
     ControlSettings now = settings;
     fault_state.known = *weighing.known;
-    bool any = false, left = false, motor = false;
+    bool any = false, left = false, motor = false, noisy = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = monitor.reading[c].health == Health::failed;
       // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
       // from readings that hardly determine it, and drive it by that.
       if (failed && !(monitor.lost >> c & 1U)) fault_state.known.sigma[c] *= kDisbelieved;
+      const ReadingNoise& noise = monitor.reading[c].noise;
+      if (noise.noisy())
+        fault_state.known.sigma[c] =
+            std::hypot(fault_state.known.sigma[c], std::sqrt(noise.variance()));
       any = any || failed;
+      noisy = noisy || noise.noisy();
       motor = motor || (c < n && failed);
       left = left || (c >= n && !failed);
     }
@@ -125,7 +130,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || monitor.changed;
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
-    outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
+    outcome = control<K>(robot, now, setpoint, believed, state, any || noisy || late ? reweighed : weighing);
   }
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
   if (fault_state.unanswered > fault_settings.held) {

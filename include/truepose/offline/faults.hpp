@@ -128,7 +128,9 @@ class FaultyReadings {
       case FaultKind::gain: read *= fault.size; break;
       case FaultKind::delay: read = state.past[(state.newest + 1) % state.past.size()]; break;
       case FaultKind::swap: std::swap(read, q_e[fault.other]); break;
-      case FaultKind::noise: read += std::normal_distribution<double>(0, 1)(random_) * fault.size; break;
+      case FaultKind::noise:
+        read += std::normal_distribution<double>(0, 1)(random_) * fault.size;
+        break;
       case FaultKind::coarse: read = quantized(read, fault.size * fault.count); break;
       case FaultKind::hold:
         if (first || time >= state.since + fault.size - kClock) {
