@@ -238,8 +238,11 @@ class Cycle : MonitoredCycle<K> {
     const Real away = desired_[c] - reading.model;
     const Real bears = settings_.rests[c];
     const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
-    reading.speed +=
-        settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems);
+    const Real most =
+        settings_.fastest[c] > 0 ? settings_.period * settings_.fastest[c] : kNoNumber;
+    reading.speed += std::clamp(
+        settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems),
+        -most, most);
     if (seems == 0) reading.speed = 0;
     reading.seems = seems;
     reading.way += settings_.period * reading.speed;
@@ -266,6 +269,15 @@ class Cycle : MonitoredCycle<K> {
     reading.strays += (off * off - reading.strays) / kSettling;
   }
 
+  /// Following error of an extrapolated motor: the loop reduces that of one that stands still.
+  Real behind(int c) {
+    MonitoredReading& reading = monitor_.reading[c];
+    if (!reading.stands) return reading.behind;
+    reading.noise.off.value =
+        reading.noise.predict(settings_.period, settings_.kp[c], settings_.kd[c]);
+    return reading.noise.off.value;
+  }
+
   /// Substitutes the excluded readings; failed ones have unknown errors, b̂ = Σ_b GᵀV⁻¹ p.
   void substitute() {
     ReadingCovariance V, own;
@@ -279,8 +291,7 @@ class Cycle : MonitoredCycle<K> {
       if (monitor_.reading[c].health != Health::failed) {
         // Extrapolated: a sensor follows the motors, a motor its setpoint.
         believed_[c] = monitor_.reading[c].own.predicted(settings_.period);
-        if (c < n && std::isfinite(desired_[c]))
-          believed_[c] = desired_[c] - monitor_.reading[c].behind;
+        if (c < n && std::isfinite(desired_[c])) believed_[c] = desired_[c] - behind(c);
         if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
           believed_[c] = parity_.read[c] - parity_.value[c - n] +
                          monitor_.parity[c - n].predicted(settings_.period);
@@ -337,6 +348,7 @@ class Cycle : MonitoredCycle<K> {
         if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
           reading.stands = true;
+          reading.noise.off = {reading.usual + reading.off, 0};
           if (late(c) || monitor_.undecided) {
             reading.health = Health::failed;
             reading.symptom = Symptom::stuck;

@@ -130,7 +130,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || monitor.changed;
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
-    outcome = control<K>(robot, now, setpoint, believed, state, any || noisy || late ? reweighed : weighing);
+    outcome = control<K>(robot, now, setpoint, believed, state,
+                         any || noisy || late ? reweighed : weighing);
   }
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
   if (fault_state.unanswered > fault_settings.held) {

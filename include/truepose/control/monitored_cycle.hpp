@@ -76,7 +76,8 @@ struct MonitoredCycle {
     if (!followed || monitor_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
     // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
     // + m(m + 1)/2 of an acceleration. A reading that jumped must return to its prediction.
-    const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
+    const bool gap = reading.symptom == Symptom::missing || reading.symptom == Symptom::stuck;
+    const int m = gap ? reading.bridged : 0;
     const Real missed = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
     const Real way = settings_.period * settings_.period * settings_.fastest[c] *
                      (settings_.own.acceleration + missed);
