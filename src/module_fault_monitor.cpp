@@ -63,9 +63,13 @@ void bind_fault_monitor(nb::module_& m) {
   monitor.def(nb::init<>());
   TRUEPOSE_FIELDS(monitor, def_rw, period, false_alarm, refresh, coast, decide, replaceable, spikes,
                   within, correlation, fastest, moved, kp, kd, rests, shaken, low, high);
+  nb::class_<MomentumSettings> momentum(m, "MomentumSettings");
+  momentum.def(nb::init<>());
+  TRUEPOSE_FIELDS(momentum, def_rw, period, bandwidth, alarm, share, named, window, over, sigma,
+                  give, carry);
   nb::class_<FaultTolerantSettings> settings(m, "FaultTolerantSettings");
   settings.def(nb::init<>());
-  TRUEPOSE_FIELDS(settings, def_rw, monitor, stop, stop_lost, held);
+  TRUEPOSE_FIELDS(settings, def_rw, monitor, momentum, stop, stop_lost, held);
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultTolerantSettings&,
                     const std::optional<MultirateSettings>&>(),

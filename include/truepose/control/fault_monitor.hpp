@@ -236,7 +236,7 @@ class Cycle : MonitoredCycle<K> {
   void drive(int c) {
     MonitoredReading& reading = monitor_.reading[c];
     const Real away = desired_[c] - reading.model;
-    const Real bears = settings_.rests[c];
+    const Real bears = settings_.rests[c] + 2 * reading.pushed;
     const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
     const Real most =
         settings_.fastest[c] > 0 ? settings_.period * settings_.fastest[c] : kNoNumber;
@@ -339,6 +339,7 @@ class Cycle : MonitoredCycle<K> {
       if (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2) {
         if (reading.stands || reading.noise.grain > 0) sampled(c);
         reading.stands = false;
+        if (c < n) reading.pushed = monitor_.pushed[c];
         reading.raw = raw(c);
         if (c < n || monitor_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = 0;

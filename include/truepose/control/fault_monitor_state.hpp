@@ -86,6 +86,7 @@ struct MonitoredReading {
   Real usual = 0;       ///< its mean while the motor moves,
   Real off = 0;         ///< its deviation from the mean at the last motion,
   Real strays = 0;      ///< and the mean square of that
+  Real pushed = 0;      ///< motors: error that external forces caused when the reading changed last
   int bridged = 0;      ///< consecutive extrapolated cycles
   bool stands = false;  ///< unchanged while the model moves: extrapolated until it changes or fails
   ReadingNoise noise;
@@ -111,6 +112,7 @@ struct FaultMonitor {
   Pose pose;                  ///< of the believed motors
   Coordinates motion{}, last{};  ///< in this cycle, in the one before
   Real way = 0;                  ///< since the last update of the geometry's covariance
+  Joint pushed{};                ///< motor errors that external forces cause
   std::array<Tracker, kMaxSensors> parity;
   Real chi2 = 0;                                ///< level of the parity
   int freedom = 0;                              ///< its degrees of freedom

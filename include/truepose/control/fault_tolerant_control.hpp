@@ -98,9 +98,19 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   const Outcome monitored = monitor_faults<K>(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
       state.started ? state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
-  if (monitored && state.started)
+  // Forces are observed while every motor is read and no brake acts.
+  bool observed = monitored && state.started && !fault_state.stops;
+  for (int i = 0; i < n; ++i)
+    observed =
+        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
+  if (!observed)
+    fault_state.observer = {};
+  else
     static_cast<void>(observe_momentum<K>(robot, fault_settings.momentum, monitor.pose,
                                           state.torque, fault_state.observer));
+  for (int i = 0; i < n; ++i)
+    monitor.pushed[i] =
+        std::fabs(fault_state.observer.residual[i]) * fault_settings.momentum.give[i];
   constexpr std::uint32_t all = bit(n) - 1;
   const bool held = fault_state.brakes == all;
   fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;

@@ -39,6 +39,7 @@ struct MomentumSettings {
   Real window = 0.3;    ///< time constant with which older samples are forgotten, s
   Real over = 0.1;      ///< time below a quarter of `alarm` after which a disturbance is over, s
   Joint sigma{};        ///< σ of unknown friction and counts, N·m or N; 0: no observer
+  Joint give{};         ///< error at which a motor's loop balances 1 N·m (N), rad or m
   bool carry = false;   ///< feeds an identified payload forward
 };
 

@@ -145,7 +145,7 @@ struct MonitoredCycle {
   Real much(int c, Real share) const {
     const MonitoredReading& reading = monitor_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays)) +
-           kLonger * reading.noise.grain;
+           kLonger * reading.noise.grain + 2 * reading.pushed;
   }
 
   /// Whether a reading stands still for longer than between its samples.
