@@ -37,6 +37,7 @@ struct MomentumSettings {
   Real share = 0.05;    ///< σ of masses and torques, as a share of the torque
   Real named = 0.85;    ///< share of the residual that a named cause accounts for
   Real window = 0.3;    ///< time constant with which older samples are forgotten, s
+  Real kept = 0.6;      ///< the same for a cause that is already named
   Real over = 0.1;      ///< time below a quarter of `alarm` after which a disturbance is over, s
   Joint sigma{};        ///< σ of unknown friction and counts, N·m or N; 0: no observer
   Joint give{};         ///< error at which a motor's loop balances 1 N·m (N), rad or m
@@ -48,6 +49,7 @@ struct Cause {
   Joint once{}, effect{};  ///< φ, filtered once and twice
   Real information = 0;    ///< Σ φᵀV⁻¹φ
   Real score = 0;          ///< Σ φᵀV⁻¹ρ
+  Real energy = 0;         ///< of friction: Σ of that motor's share of ρᵀV⁻¹ρ
 };
 
 /// State and report. Plain data, the caller's; a new one starts afresh.
@@ -67,10 +69,11 @@ struct MomentumObserver {
   Joint once{}, residual{};  ///< ρ, filtered once and twice
   Cause payload;
   std::array<Cause, kMaxMotors> friction;
-  Real energy = 0;  ///< Σ ρᵀV⁻¹ρ
-  Real count = 0;   ///< of samples in the sums
-  int since = 0;    ///< cycles since the disturbance began; 0: none
-  int quiet = 0;    ///< cycles below a quarter of `alarm`
+  Real energy = 0;   ///< Σ ρᵀV⁻¹ρ
+  Real count = 0;    ///< of samples in the sums
+  int since = 0;     ///< cycles since the disturbance began; 0: none
+  Real largest = 0;  ///< norm of the force since the disturbance began
+  int quiet = 0;     ///< cycles below a quarter of `alarm`
 };
 
 namespace momentum_detail {
@@ -177,8 +180,8 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
                        : state.quiet * settings.period > settings.over) {
     if (state.since > 0) {
       state.payload.information = state.payload.score = 0;
-      for (Cause& cause : state.friction) cause.information = cause.score = 0;
-      state.energy = state.count = state.size = state.sigma = 0;
+      for (Cause& cause : state.friction) cause.information = cause.score = cause.energy = 0;
+      state.energy = state.count = state.size = state.sigma = state.largest = 0;
       state.disturbance = Disturbance::none;
       state.motor = -1;
       state.since = 0;
@@ -187,12 +190,10 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
   }
   constexpr Real kSettled = 4;  // time constants of the filter
   ++state.since;
-  if (state.since * gain < kSettled) {
-    // A force that is over before is a contact; it is named when it is seen to have ended.
-    if (state.chi2 < settings.alarm / 4 && state.disturbance == Disturbance::none)
-      state.disturbance = Disturbance::contact;
-    return {};
-  }
+  Real square = 0;
+  for (int i = 0; i < n; ++i) square += state.force[i] * state.force[i];
+  state.largest = std::max(state.largest, std::sqrt(square));
+  if (state.since * gain < kSettled) return {};
   const Real keep = 1 - settings.period / settings.window;
   const auto add = [&](Cause& cause) {
     cause.information = keep * cause.information + product(cause.effect, cause.effect);
@@ -201,31 +202,35 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
   add(state.payload);
   state.energy = keep * state.energy + product(state.residual, state.residual);
   state.count = keep * state.count + 1;
-  const auto accounts = [&](const Cause& cause) {
-    // A mass and friction are not negative.
-    return cause.score > 0 ? cause.score * cause.score / cause.information : 0;
-  };
-  const Cause* most = &state.payload;
+  // A mass and friction are not negative. A motor at rest may rub with less than its friction, in
+  // either direction: all of its residual counts as friction's, as soon as any is against motion.
+  const Real from_mass = state.payload.score > 0
+                             ? state.payload.score * state.payload.score / state.payload.information
+                             : 0;
+  Real most = from_mass;
   int motor = -1;
   for (int i = 0; i < n; ++i) {
-    add(state.friction[i]);
-    if (accounts(state.friction[i]) > accounts(*most)) {
-      most = &state.friction[i];
+    Cause& cause = state.friction[i];
+    add(cause);
+    cause.energy = keep * cause.energy + state.residual[i] * state.residual[i] * weight[i];
+    if (cause.score > 0 && cause.energy > most) {
+      most = cause.energy;
       motor = i;
     }
   }
-  if (accounts(*most) > settings.named * state.energy) {
-    state.disturbance = motor < 0 ? Disturbance::payload : Disturbance::friction;
+  const Disturbance cause = motor < 0 ? Disturbance::payload : Disturbance::friction;
+  const bool same = cause == state.disturbance && motor == state.motor;
+  if (most > (same ? settings.kept : settings.named) * state.energy) {
+    const Cause& of = motor < 0 ? state.payload : state.friction[motor];
+    state.disturbance = cause;
     state.motor = motor;
-    state.size = most->score / most->information;
+    state.size = of.score / of.information;
     // Errors of torque, masses and friction are systematic: more samples do not reduce them.
-    state.sigma = std::sqrt(state.count / most->information);
-  } else {
+    state.sigma = std::sqrt(state.count / of.information);
+  } else if (state.since * settings.period > settings.over + kSettled / settings.bandwidth) {
     state.disturbance = Disturbance::contact;
     state.motor = -1;
-    Real square = 0;
-    for (int i = 0; i < n; ++i) square += state.force[i] * state.force[i];
-    state.size = std::sqrt(square);
+    state.size = state.largest;
     state.sigma = 0;
   }
   return {};

@@ -23,6 +23,9 @@ DisturbanceKind = Literal["payload", "friction", "contact"]
 KINDS = ("none", "payload", "friction", "contact")
 
 
+_BEFORE = 200  # cycles before a contact is named, in which its largest force is sought
+
+
 @dataclass(frozen=True)
 class Disturbance:
     """A disturbance of the true robot from a time on.
@@ -120,9 +123,9 @@ def named(run: Simulation) -> str:
             unit = "N·m" if reading_units(run.robot)[motor] == "rad" else "N"
             said.append(f"friction of {size:.2g} {unit} more at q{motor + 1} {begins}")
         else:
-            largest = np.abs(run.external_force[same]).max(axis=0)
-            axes = zip(run.robot.coordinates, largest, strict=True)
-            (name, unit), most = max(axes, key=lambda pair: pair[1])
+            force = run.external_force[max(0, k - _BEFORE) :]
+            row, axis = np.unravel_index(np.abs(force).argmax(), force.shape)
+            name, unit = run.robot.coordinates[axis]
             of = "N" if unit == "m" else "N·m"
-            said.append(f"contact of up to {most:.3g} {of} along {name} {begins}")
+            said.append(f"contact of {force[row, axis]:.3g} {of} along {name} {begins}")
     return "; ".join(said)
