@@ -150,8 +150,8 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
   const int most = stands ? settings.decide : settings.coast * every;
-  const bool noise =
-      reading.noise.noisy() && (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
+  const bool noise = reading.noise.may_be_noisy() &&
+                     (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
   if (!noise && (reading.bridged > most || (often && !stands))) reading.health = Health::failed;
 }
 }  // namespace fault_monitor_detail

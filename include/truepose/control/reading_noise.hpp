@@ -32,13 +32,16 @@ inline constexpr Real kLeastShare = 0.02, kMostShare = 0.7, kSampledShare = 0.3;
 struct ReadingNoise {
   std::array<Real, 3> past{};         ///< last samples, the newest first
   std::array<Real, kThirds> third{};  ///< magnitudes of the last third differences
-  int samples = 0;                    ///< read, saturated
-  Real sigma = 0;                     ///< beyond the expected noise; 0: not noisy
+  int large = 0;      ///< number of those beyond any healthy one: noise may be beginning
+  int samples = 0;    ///< read, saturated
+  Real sigma = 0;     ///< beyond the expected noise; 0: not noisy
   Real grain = 0;     ///< motion between two changes of a held or coarse reading; 0: neither
   Real interval = 0;  ///< cycles between two changes
   Tracker off;        ///< model minus reading, smoothed
 
   bool noisy() const { return sigma > 0 || grain > 0; }
+  /// Whether it is noisy or may become so. A jump leaves three large differences.
+  bool may_be_noisy() const { return noisy() || large > 3; }
   /// Variance beyond that of the expected noise.
   Real variance() const { return sigma * sigma + grain * grain / 12; }
 
@@ -54,6 +57,9 @@ struct ReadingNoise {
     constexpr Real kLowerMedian = 0.58 * 4.47;  // of |N(0, 20)|, the fourth of eight
     const Real level = sorted[kThirds / 2 - 1] / kLowerMedian;
     const Real usual = std::max(expected, kFinest);
+    large = static_cast<int>(std::count_if(third.begin(), third.end(), [&](Real size) {
+      return size > kNoisy * kLowerMedian * usual;
+    }));
     if (sigma == 0 && level > kNoisy * usual) {
       sigma = level;
       off.rate = 0;

@@ -50,7 +50,7 @@ inline constexpr std::array kFaultTable{
     FaultProperties{
         .kind = FaultKind::swap, .name = "swap", .size = "", .at_rest = true, .pair = true},
     FaultProperties{FaultKind::noise, "noise", "reading"},
-    FaultProperties{.kind = FaultKind::coarse, .name = "coarse", .size = "1", .at_rest = true},
+    FaultProperties{FaultKind::coarse, "coarse", "1"},
     FaultProperties{FaultKind::hold, "hold", "s"},
 };
 static_assert(in_order(kFaultTable, &FaultProperties::kind));
