@@ -337,7 +337,7 @@ class Cycle : MonitoredCycle<K> {
                           settings_.moved[c] > 0 && (c < n || motors);
       // Setpoints are known from the second cycle on.
       if (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2) {
-        if (reading.stands || reading.noise.grain > 0) sampled(c);
+        if (reading.stands || reading.noise.noisy()) sampled(c);
         reading.stands = false;
         if (c < n) reading.pushed = monitor_.pushed[c];
         reading.raw = raw(c);
