@@ -117,7 +117,7 @@ class Cycle : MonitoredCycle<K> {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) {
           const Real off = c < n ? smooth(c, desired_[c] - believed_[c]) : 0;
-          if (c < n && reading.noise.noisy()) believed_[c] = desired_[c] - off;
+          if (c < n && reading.noise.may_be_noisy()) believed_[c] = desired_[c] - off;
           continue;
         }
         if (symptom == Symptom::stuck) standing_ |= bit(c);
@@ -269,10 +269,10 @@ class Cycle : MonitoredCycle<K> {
     reading.strays += (off * off - reading.strays) / kSettling;
   }
 
-  /// Following error of an extrapolated motor: the loop reduces that of one that stands still.
+  /// Following error of an extrapolated motor; as smoothed, for one that stands still or is noisy.
   Real behind(int c) {
     MonitoredReading& reading = monitor_.reading[c];
-    if (!reading.stands) return reading.behind;
+    if (!reading.stands && !reading.noise.may_be_noisy()) return reading.behind;
     reading.noise.off.value =
         reading.noise.predict(settings_.period, settings_.kp[c], settings_.kd[c]);
     return reading.noise.off.value;

@@ -37,7 +37,8 @@ struct ReadingNoise {
   Real sigma = 0;     ///< beyond the expected noise; 0: not noisy
   Real grain = 0;     ///< motion between two changes of a held or coarse reading; 0: neither
   Real interval = 0;  ///< cycles between two changes
-  Tracker off;        ///< model minus reading, smoothed
+  Tracker off;        ///< model minus reading, smoothed,
+  Real gain = 1;      ///< by this gain on the noise's variance
 
   bool noisy() const { return sigma > 0 || grain > 0; }
   /// Whether it is noisy or may become so. A jump leaves three large differences.
@@ -95,10 +96,12 @@ struct ReadingNoise {
     if (grain > 0 && !fresh) innovation -= std::clamp(innovation, -grain, grain);
     const Real chance = std::sqrt(sigma * sigma + expected * expected);
     const Real since = period * std::max<Real>(1, interval);  // s, the last sample
-    const Real gain = chance > 0 ? since * std::sqrt(acceleration / chance) : 1;
-    const Real share = std::clamp<Real>(gain, kLeastShare, grain > 0 ? kSampledShare : kMostShare);
+    const Real fast = chance > 0 ? since * std::sqrt(acceleration / chance) : 1;
+    // Σh² of an α-β filter with both poles at 1 - share, for small shares: 5/4 share.
+    const Real share = std::clamp<Real>(fast, kLeastShare, grain > 0 ? kSampledShare : kMostShare);
     off.value += period * off.rate + share * (2 - share) * innovation;
     off.rate += share * share / since * innovation;
+    gain = std::min<Real>(1, 1.25 * share);
     return off.value;
   }
 };
