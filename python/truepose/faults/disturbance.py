@@ -70,7 +70,7 @@ class Disturbance:
         if not (math.isfinite(self.at) and self.at >= 0):
             raise InputError(f"{self.kind}: at = {self.at}: must be a finite number of at least 0")
         if contact != (self.size is None) or contact != (self.force is not None):
-            raise InputError(f"{self.kind}: a contact has a force, payload and friction have a size")
+            raise InputError(f"{self.kind}: a contact has a force, others a size")
         if self.size is not None and not (math.isfinite(self.size) and self.size > 0):
             raise InputError(f"{self.kind}: size = {self.size}: must be a number greater than 0")
         if (self.kind == "friction") != (self.motor is not None):

@@ -74,7 +74,7 @@ class Simulation(Shown):
     symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
     brakes: Array  #: (T,) int, motors whose brakes it requests, as bits
-    disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, as the fault monitor names it
+    disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by the monitor
     disturbed_motor: Array  #: (T,) int, the motor of friction, from 0; otherwise -1
     disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
     external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed
