@@ -1,4 +1,4 @@
-"""Tables of docs/fault-monitor.md: noisy readings, payloads, and healthy robots under disturbances.
+"""Tables of docs/fault-monitor.md: noisy readings, payloads, false alarms.
 
 disturbances.py noise [--robots 3]          # error beyond a healthy robot's, with and without monitor
 disturbances.py payload [--robots 30]       # error of the identified mass, calibrated robots

@@ -36,8 +36,8 @@ struct MomentumSettings {
   Real alarm = 25;      ///< χ² of the residual above which there is a disturbance
   Real share = 0.05;    ///< σ of masses and torques, as a share of the torque
   Real named = 0.85;    ///< share of the residual that a named cause accounts for
-  Real window = 0.3;    ///< time constant with which older samples are forgotten, s
   Real kept = 0.6;      ///< the same for a cause that is already named
+  Real window = 0.3;    ///< time constant with which older samples are forgotten, s
   Real over = 0.1;      ///< time below a quarter of `alarm` after which a disturbance is over, s
   Joint sigma{};        ///< σ of unknown friction and counts, N·m or N; 0: no observer
   Joint give{};         ///< error at which a motor's loop balances 1 N·m (N), rad or m
@@ -172,10 +172,8 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
   };
 
   // From the start of a disturbance until it is over.
-  if (state.chi2 < settings.alarm / 4)
-    ++state.quiet;
-  else
-    state.quiet = 0;
+  constexpr int kLong = 1 << 30;  // cycles: a payload may be carried for months
+  state.quiet = state.chi2 < settings.alarm / 4 ? std::min(state.quiet + 1, kLong) : 0;
   if (state.since == 0 ? state.chi2 < settings.alarm
                        : state.quiet * settings.period > settings.over) {
     if (state.since > 0) {
@@ -189,7 +187,7 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
     return {};
   }
   constexpr Real kSettled = 4;  // time constants of the filter
-  ++state.since;
+  state.since = std::min(state.since + 1, kLong);
   Real square = 0;
   for (int i = 0; i < n; ++i) square += state.force[i] * state.force[i];
   state.largest = std::max(state.largest, std::sqrt(square));
@@ -258,6 +256,8 @@ inline void carry(const Robot& robot, const MomentumSettings& settings, const Se
                                                  setpoint.acceleration);
   for (int i = 0; i < n; ++i) {
     const Real most = robot.chain[i].torque_limit;
+    if (!std::isfinite(state.size * (std::fabs(held[i]) + std::fabs(more[i]))))
+      state.refused = true;
     if (most > 0 && !(std::fabs(own[i] + state.size * held[i]) < most)) state.refused = true;
   }
   for (int i = 0; i < n && !state.refused; ++i)

@@ -161,9 +161,12 @@ struct MonitoredCycle {
     constexpr Real kAssumed = 1000;  // rad/s² or m/s², where a motor's limit is unknown
     const Real fastest = settings_.fastest[c] > 0 ? settings_.fastest[c] : kAssumed;
     const bool fresh = raw(c) != monitor_.reading[c].raw, motor = c < n;
-    return noise.smooth(settings_.period, deviation, fresh, weighing_.known->sigma[c],
-                        kUnmodelled * fastest, motor ? settings_.kp[c] : 0,
-                        motor ? settings_.kd[c] : 0);
+    const Real off = noise.smooth(settings_.period, deviation, fresh, weighing_.known->sigma[c],
+                                  kUnmodelled * fastest, motor ? settings_.kp[c] : 0,
+                                  motor ? settings_.kd[c] : 0);
+    if (number(off) && number(noise.off.rate)) return off;
+    noise.off = {deviation, 0};  // gains too high for the period
+    return deviation;
   }
 
   /// Model motion beyond noise since the reading changed last: the smaller of that and of its
