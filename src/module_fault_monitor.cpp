@@ -63,9 +63,13 @@ void bind_fault_monitor(nb::module_& m) {
   monitor.def(nb::init<>());
   TRUEPOSE_FIELDS(monitor, def_rw, period, false_alarm, refresh, coast, decide, replaceable, spikes,
                   within, correlation, fastest, moved, kp, kd, rests, shaken, low, high);
+  nb::class_<MomentumSettings> momentum(m, "MomentumSettings");
+  momentum.def(nb::init<>());
+  TRUEPOSE_FIELDS(momentum, def_rw, period, bandwidth, alarm, share, named, window, over, sigma,
+                  give, carry);
   nb::class_<FaultTolerantSettings> settings(m, "FaultTolerantSettings");
   settings.def(nb::init<>());
-  TRUEPOSE_FIELDS(settings, def_rw, monitor, stop, stop_lost, held);
+  TRUEPOSE_FIELDS(settings, def_rw, monitor, momentum, stop, stop_lost, held);
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultTolerantSettings&,
                     const std::optional<MultirateSettings>&>(),
@@ -73,6 +77,6 @@ void bind_fault_monitor(nb::module_& m) {
   m.def("review", &review, "fault_setup"_a, "desired"_a, "q_e"_a);
   m.def("fastest", &batch_fastest);
   m.attr("symptoms") =
-      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees");
+      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees", "noisy");
 }
 }  // namespace truepose::python

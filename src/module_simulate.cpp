@@ -43,20 +43,22 @@ struct Setup {
   std::vector<Fault> faults;
   const FaultTolerantSetup* fault_setup;
   Lateness late;
+  std::vector<Event> events;
 };
 
 /// Weights of a simulation's readings, from Python's knowledge or a calibrator, and its faults.
 class LoopExtras {
  public:
-  explicit LoopExtras(const Setup& of)
+  LoopExtras(const Setup& of, std::uint64_t seed)
       : weights_(of.nominal, of.known),
-        lying_(of.faults, of.settings.period),
+        lying_(of.faults, of.settings.period, seed),
         monitor_weights_(of.fault_setup ? of.fault_setup->robot : of.nominal,
                          of.fault_setup ? &of.fault_setup->known : nullptr) {
     extras.weighing = weights_.view();
     extras.effects = of.effects;
     if (!of.faults.empty()) extras.faults = &lying_;
     extras.monitor_weighing = monitor_weights_.view();
+    extras.events = of.events;
     if (of.late.first) extras.late = &*of.late.first;
     if (of.late.second) extras.bus = &*of.late.second;
     if (of.fault_setup) {
@@ -121,7 +123,7 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras with(of);
+    LoopExtras with(of, seed);
     with.extras.law = own_law(of.nominal, torque_of);
     log.reserve(periods + 1);
     outcome = with_mobility(of.nominal.mobility, [&](auto mobility) {
@@ -133,14 +135,16 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
     });
   }
   const std::size_t n = dof(of.nominal.mobility), e = n + of.nominal.r;
-  return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain,
-                        column<double>(log, &Sample::time), column<double>(log, &Sample::x_d, n),
-                        column<double>(log, &Sample::x, n), column<double>(log, &Sample::q_e, e),
-                        column<double>(log, &Sample::error, n),
-                        column<double>(log, &Sample::torque, n), column<int>(log, &Sample::status),
-                        column<bool>(log, &Sample::gave_up), column<int>(log, &Sample::health, e),
-                        column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
-                        column<int>(log, &Sample::brakes));
+  return nb::make_tuple(
+      static_cast<int>(outcome.status), outcome.chain, column<double>(log, &Sample::time),
+      column<double>(log, &Sample::x_d, n), column<double>(log, &Sample::x, n),
+      column<double>(log, &Sample::q_e, e), column<double>(log, &Sample::error, n),
+      column<double>(log, &Sample::torque, n), column<int>(log, &Sample::status),
+      column<bool>(log, &Sample::gave_up), column<int>(log, &Sample::health, e),
+      column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
+      column<int>(log, &Sample::brakes), column<int>(log, &Sample::disturbance),
+      column<int>(log, &Sample::disturbed), column<double>(log, &Sample::size),
+      column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused));
 }
 
 auto run_simulation(const Setup& of, const Coordinates& from, const Coordinates& to,
@@ -209,7 +213,7 @@ auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, i
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras with(of);
+    LoopExtras with(of, seed);
     with_mobility(of.nominal.mobility, [&]<Mobility K>(Fixed<K>) {
       Coordinates from = of.nominal.home, standing = start;
       std::optional<Loop<K>> loop;
@@ -283,7 +287,15 @@ void bind_faults(nb::module_& m) {
   m.attr("most_late") = kMostLate;
   nb::class_<Fault> fault(m, "Fault");
   fault.def(nb::init<>());
-  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end);
+  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end, count);
+  nb::enum_<Disturbance>(m, "DisturbanceKind")
+      .value("none", Disturbance::none)
+      .value("payload", Disturbance::payload)
+      .value("friction", Disturbance::friction)
+      .value("contact", Disturbance::contact);
+  nb::class_<Event> event(m, "Event");
+  event.def(nb::init<>());
+  TRUEPOSE_FIELDS(event, def_rw, kind, begin, end, motor, size, force);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
       .def("read", &faulty);
@@ -301,9 +313,9 @@ void bind_simulation(nb::module_& m) {
   nb::class_<Setup>(m, "Loop")
       .def(nb::init<const Robot&, const Robot&, const ControlSettings&, const Known*,
                     const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
-                    const Lateness&>(),
+                    const Lateness&, const std::vector<Event>&>(),
            "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a, "online"_a.none(),
-           "faults"_a, "fault_setup"_a.none(), "late"_a, nb::keep_alive<1, 5>(),
+           "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a, nb::keep_alive<1, 5>(),
            nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>())
       .def("simulate", &run_simulation, "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
            "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none())

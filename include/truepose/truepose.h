@@ -549,7 +549,8 @@ typedef enum truepose_symptom {
   TRUEPOSE_OUT_OF_RANGE = 2,
   TRUEPOSE_TOO_FAST = 3,
   TRUEPOSE_STUCK = 4,
-  TRUEPOSE_DISAGREES = 5
+  TRUEPOSE_DISAGREES = 5,
+  TRUEPOSE_NOISY = 6 /**< valid, but noisy, coarse or held: smoothed, with a larger sigma */
 } truepose_symptom;
 
 /** Report of a monitor. Sets of readings or motors are bits, the first one's 1. */

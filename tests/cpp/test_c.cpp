@@ -607,7 +607,7 @@ TEST("every status has the core's number and says what it is") {
   CHECK(TRUEPOSE_NOT_COMPILED == static_cast<int>(Status::not_compiled));
   CHECK(TRUEPOSE_LAW_ESTIMATED == static_cast<int>(Law::estimated));
   CHECK(TRUEPOSE_AXIS_ANGLE == static_cast<int>(SensorKind::axis_angle));
-  CHECK(TRUEPOSE_DISAGREES == static_cast<int>(Symptom::disagrees));
+  CHECK(TRUEPOSE_NOISY == static_cast<int>(Symptom::noisy));
   CHECK(truepose_abi() == TRUEPOSE_ABI);
 }
 

@@ -466,3 +466,49 @@ TEST("where a motor has failed as well, a sensor that has does not drift away") 
     CHECK(scene.seen.lost == bit(0));
   });
 }
+
+TEST("a noisy reading is smoothed with a larger sigma, and never excluded for its noise") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int c = 0; c < kDof<mobility()> + mechanism.robot.r; ++c) {
+      Scene<mobility()> scene(mechanism);
+      check::Random random(4);
+      CHECK(scene.healthy(200));
+      double raw = 0, smooth = 0;
+      for (int k = 200; k < 1000; ++k) {
+        Extended q_e = scene.read(k);
+        const double right = q_e[c], noise = 5e-4 * (random() + random() + random());
+        q_e[c] += noise;
+        static_cast<void>(scene.cycle(k, q_e));
+        CHECK(scene.seen.reading[c].health != Health::failed);
+        CHECK(!scene.seen.undecided);
+        if (k < 400) continue;
+        CHECK(scene.seen.reading[c].symptom == Symptom::noisy);
+        CHECK(scene.seen.reading[c].noise.sigma > 3e-4);
+        raw += noise * noise;
+        smooth += std::pow(scene.believed[c] - right, 2);
+      }
+      CHECK(smooth < 0.3 * raw);
+    }
+  });
+}
+
+TEST("a reading that is held for eight cycles is no frozen one, and one that freezes then fails") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int c = 0; c < kDof<mobility()>; ++c) {
+      Scene<mobility()> scene(mechanism);
+      scene.settings.moved.fill(2e-4);
+      const auto read = [&](int k, int every) {
+        Extended q_e = scene.read(k);
+        q_e[c] = scene.read(k / every * every)[c];
+        return q_e;
+      };
+      CHECK(scene.healthy(200));
+      for (int k = 200; k < 1000; ++k) {
+        static_cast<void>(scene.cycle(k, read(k, 8)));
+        CHECK(scene.seen.reading[c].health != Health::failed);
+      }
+      for (int k = 1000; k < 1400; ++k) static_cast<void>(scene.cycle(k, read(k, 1000)));
+      CHECK(scene.seen.reading[c].health == Health::failed);
+    }
+  });
+}

@@ -38,11 +38,15 @@ TEST(
       [](int k) { return 2 * k + 1.0; },                // gain
       [](int k) { return std::max(k - 20, 0) + 0.5; },  // delay, 2 s
       [](int k) { return -1.0 * k; },                   // swap
+      [](int k) { return k + 0.5; },                    // noise: random, tested below
+      [](int k) { return k % 2 ? k + 1.0 : k * 1.0; },  // coarse, counts of 2
+      [](int k) { return k < 24 ? 4.5 : 0; },           // hold, 2 s
   };
   for (const FaultProperties& row : kFaultTable) {
+    if (row.kind == FaultKind::noise) continue;
     check::state().scene = row.name;
     for (const double end : {0.7, kNever}) {
-      const std::vector<double> read = read_of({{row.kind, 2, 3, 2, 0.4, end}});
+      const std::vector<double> read = read_of({{row.kind, 2, 3, 2, 0.4, end, 1}});
       for (int k = 0; k < 12; ++k) {
         const bool faulty = k >= 4 && (k < 7 || end == kNever);
         const double expected = faulty ? lying[static_cast<std::size_t>(row.kind)](k) : k + 0.5;
@@ -61,6 +65,21 @@ TEST("a late reading is the newest that is old enough, and its memory has an end
   }
   const std::vector<double> read = read_of({{FaultKind::delay, 2, 0, 1e300}});
   for (const double value : read) CHECK_NEAR(value, 0.5, 0);
+}
+
+TEST("noise has its sigma, and each value of a held reading lasts as long as stated") {
+  FaultyReadings noisy({{FaultKind::noise, 2, 0, 3}}, 1e-3, 7);
+  double sum = 0, squares = 0;
+  constexpr int kCount = 20000;
+  for (int k = 0; k < kCount; ++k) {
+    Extended q_e{};
+    noisy.read(1e-3 * k, q_e);
+    sum += q_e[2], squares += q_e[2] * q_e[2];
+  }
+  CHECK(std::fabs(sum / kCount) < 0.1);
+  CHECK(std::fabs(squares / kCount / 9 - 1) < 0.05);
+  const std::vector<double> read = read_of({{FaultKind::hold, 2, 0, 0.3}});
+  for (int k = 0; k < 12; ++k) CHECK_NEAR(read[k], k / 3 * 3 + 0.5, 0);
 }
 
 TEST("faults act in their order") {

@@ -16,6 +16,7 @@ from truepose.simulation.plants.exact import ExactPlant
 
 AT, UNTIL = 0.1, 0.15  # s, within the usual move of 0.2 s
 SIZES = {"bias": 0.01, "jump": 0.01, "spike": 0.02, "drift": 0.1, "gain": 1.05, "delay": 0.0042}
+SIZES |= {"noise": 0.01, "coarse": 16.0, "hold": 0.005}
 AT_REST = ("bias", "jump", "sign", "gain", "swap")
 MOVE = np.array([[0.05, -0.05, -0.45, 0.1]])
 
@@ -41,6 +42,7 @@ def reads(kind: str, time: np.ndarray, healthy: np.ndarray, column: int) -> np.n
         "gain": 1.05 * s,
         "delay": s[late],
         "swap": healthy[:, 1],
+        "hold": s[np.maximum(first + (np.arange(len(s)) - first) // 5 * 5, 0)],
     }[kind]
     return np.where(np.arange(len(s)) < first, s, lying)
 
@@ -56,7 +58,7 @@ def whole(h4) -> tp.simulation.Simulation:
 
 
 @pytest.mark.parametrize("reading", ["theta", "q1"])
-@pytest.mark.parametrize("kind", FAULT_KINDS)
+@pytest.mark.parametrize("kind", [k for k in FAULT_KINDS if k not in ("noise", "coarse")])
 def test_a_faulty_reading_is_what_its_kind_makes_of_the_true_one(exact, kind, reading):
     column = exact.readings.index(reading)
     run = tp.simulate(exact, faults=[fault(kind, reading)], controller="estimated")
@@ -80,13 +82,16 @@ def test_before_its_fault_a_robot_is_the_same_to_the_last_bit(h4, kind, law):
     assert run.x[begins:].tobytes() != usual.x[begins : len(run.x)].tobytes()
 
 
-@pytest.mark.parametrize("kind", [k for k in FAULT_KINDS if k not in ("jump", "spike")])
+ENDS = [k for k in FAULT_KINDS if k not in ("jump", "spike", "coarse")]  # `exact` has no counts
+
+
+@pytest.mark.parametrize("kind", ENDS)
 def test_a_fault_that_ends_leaves_a_whole_reading(exact, kind):
     over = fault(kind, "theta", until=AT + 0.002)
     run = tp.simulate(exact, faults=[over])
     off = ~(np.abs(run.q_e[:, 4] - exact.extended_positions(run.x)[:, 4]) < 1e-12)
     assert set(np.flatnonzero(off)) <= {100, 101}
-    assert off.any() or kind == "stuck"  # what is stuck reads right where it stops
+    assert off.any() or kind in ("stuck", "hold")  # what is stuck reads right where it stops
     assert len(run.time) == 401
 
 
@@ -279,7 +284,8 @@ BAD = [
     (("theta", "stuck", 0, 0.1), "theta: stuck: size = 0.1: this kind has none"),
     (("theta", "stuck", -1.0), "at = -1.0: must be a finite number of at least 0"),
     (("theta", "stuck", np.nan), "at = nan: must be a finite number of at least 0"),
-    (("theta", "delay", 0, 0.0), "size = 0.0: must be greater than 0 s"),
+    (("theta", "delay", 0, 0.0), "size = 0.0: must be greater than 0, s"),
+    (("theta", "coarse", 0, -1.0), "size = -1.0: must be greater than 0, a factor"),
     (("theta", "stuck", 0.2, None, 0.1), "until = 0.1: must be a finite number greater than at"),
     (("theta", "jump", 0.2, 0.1, 0.3), "until = 0.3: has no end; a bias may have one"),
     (("theta", "swap"), "other = None: must name the reading that it is swapped with"),
@@ -374,3 +380,18 @@ def test_the_documentation_has_every_kind():
         expected = [words, "yes" if row.lasts else "", "yes" if row.at_rest else ""]
         assert cells == expected
         assert f"\n    {kind} " in tp.faults.Fault.__doc__
+
+
+def test_coarse_counts_are_multiples_of_the_readings_own(h4):
+    run = tp.simulate(h4, faults=[tp.faults.Fault("q1", "coarse", size=16)], controller="joint")
+    count = 16 * h4.resolution[0]
+    np.testing.assert_allclose(run.q_e[:, 0] / count, np.round(run.q_e[:, 0] / count), atol=1e-9)
+    unquantized = h4.without_quantization()
+    with pytest.raises(tp.InputError, match="has no counts; use noise"):
+        tp.simulate(unquantized, faults=[tp.faults.Fault("q1", "coarse", size=16)])
+
+
+def test_noise_differs_from_seed_to_seed_and_repeats_with_it(h4):
+    noisy = [tp.faults.Fault("theta", "noise", size=0.01)]
+    one, two, other = (tp.simulate(h4, faults=noisy, seed=seed) for seed in (1, 1, 2))
+    assert one.q_e.tobytes() == two.q_e.tobytes() != other.q_e.tobytes()

@@ -29,6 +29,7 @@ class Cycle : MonitoredCycle<K> {
   using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
   using Base::replaceable, Base::motors_valid;
+  using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance;
   using Base::symptomatic_, Base::without_, Base::held_, Base::kStill, Base::kStoodBy;
 
  public:
@@ -53,6 +54,11 @@ class Cycle : MonitoredCycle<K> {
       for (int c = 0; c < rows_; ++c)
         if (without_ & bit(c)) exclude(c);
       if (r_ > 0 && settled_) test_parity();
+      for (int c = n; c < rows_; ++c) {
+        if (late(c) || without_ & bit(c)) continue;
+        const Real off = smooth(c, -parity_.value[c - n]);
+        if (monitor_.reading[c].noise.noisy()) believed_[c] = model(c) - off;
+      }
       if (without_) substitute();
       monitor_.last = monitor_.motion;
       monitor_.motion =
@@ -102,9 +108,19 @@ class Cycle : MonitoredCycle<K> {
       innovation_[c] = within_turn(robot_, c, news);
       // Whole turns that an encoder has lost or passed since the start are no motion.
       believed_[c] = innovation_[c] == news ? q_e_[c] : predicted + innovation_[c];
+      if (!late(c) && number(believed_[c])) {
+        reading.noise.sample(believed_[c], weighing_.known->sigma[c], settings_.within);
+        noise_[c] = variance(c);
+        if (reading.noise.noisy()) reading.spikes = 0;  // they were noise
+      }
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
-        if (symptom == Symptom::none) continue;
+        if (symptom == Symptom::none) {
+          const Real off = c < n ? smooth(c, desired_[c] - believed_[c]) : 0;
+          if (c < n && reading.noise.may_be_noisy()) believed_[c] = desired_[c] - off;
+          continue;
+        }
+        if (symptom == Symptom::stuck) standing_ |= bit(c);
         bridge(settings_, monitor_.cycle, symptom, every(c), reading);
         if (!reading.begun) reading.health = Health::failed;  // nothing to extrapolate from
         symptomatic_ |= bit(c);
@@ -178,7 +194,10 @@ class Cycle : MonitoredCycle<K> {
     monitor_.disagreed = 0;
     for (int c = 0; c < rows_; ++c) {
       if (!(monitor_.doubted & bit(c))) continue;
-      bridge(settings_, monitor_.cycle, Symptom::disagrees, every(c), monitor_.reading[c]);
+      const bool stays = still_ & bit(c) && !late(c);
+      monitor_.reading[c].stands = stays;
+      bridge(settings_, monitor_.cycle, stays ? Symptom::stuck : Symptom::disagrees, every(c),
+             monitor_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
       exclude(c);
@@ -202,6 +221,7 @@ class Cycle : MonitoredCycle<K> {
     }
     if (alone(may & still)) {
       may &= still;
+      still_ = may;
     } else if (changed.alarm && alone(apart) && may & apart) {
       for (int c = 0; c < rows_; ++c)
         if (apart & bit(c) && !leaves_track(c, innovation_[c] - changed.by[c])) may = apart;
@@ -216,13 +236,26 @@ class Cycle : MonitoredCycle<K> {
   void drive(int c) {
     MonitoredReading& reading = monitor_.reading[c];
     const Real away = desired_[c] - reading.model;
-    const Real bears = settings_.rests[c];
+    const Real bears = settings_.rests[c] + 2 * reading.pushed;
     const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
-    reading.speed +=
-        settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems);
+    const Real most =
+        settings_.fastest[c] > 0 ? settings_.period * settings_.fastest[c] : kNoNumber;
+    reading.speed += std::clamp(
+        settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems),
+        -most, most);
     if (seems == 0) reading.speed = 0;
     reading.seems = seems;
     reading.way += settings_.period * reading.speed;
+  }
+
+  /// Updates grain and interval of a reading that changes after it stood still, if it has followed
+  /// its model.
+  void sampled(int c) {
+    MonitoredReading& reading = monitor_.reading[c];
+    const Real by = model(c) - reading.model + reading.way, jump = raw(c) - reading.raw;
+    const Real most = std::max(std::fabs(by), std::fabs(jump));
+    if (std::fabs(jump - by) < 0.5 * most + settings_.sigmas * std::sqrt(noise_[c]))
+      reading.noise.changed(reading.still + 1, most, 0.5 * settings_.moved[c]);
   }
 
   /// Updates a motor's following error and, while it moves, mean and variance of that.
@@ -234,6 +267,15 @@ class Cycle : MonitoredCycle<K> {
     reading.off = off;
     reading.usual += off / kSettling;
     reading.strays += (off * off - reading.strays) / kSettling;
+  }
+
+  /// Following error of an extrapolated motor; as smoothed, for one that stands still or is noisy.
+  Real behind(int c) {
+    MonitoredReading& reading = monitor_.reading[c];
+    if (!reading.stands && !reading.noise.may_be_noisy()) return reading.behind;
+    reading.noise.off.value =
+        reading.noise.predict(settings_.period, settings_.kp[c], settings_.kd[c]);
+    return reading.noise.off.value;
   }
 
   /// Substitutes the excluded readings; failed ones have unknown errors, b̂ = Σ_b GᵀV⁻¹ p.
@@ -249,8 +291,7 @@ class Cycle : MonitoredCycle<K> {
       if (monitor_.reading[c].health != Health::failed) {
         // Extrapolated: a sensor follows the motors, a motor its setpoint.
         believed_[c] = monitor_.reading[c].own.predicted(settings_.period);
-        if (c < n && std::isfinite(desired_[c]))
-          believed_[c] = desired_[c] - monitor_.reading[c].behind;
+        if (c < n && std::isfinite(desired_[c])) believed_[c] = desired_[c] - behind(c);
         if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
           believed_[c] = parity_.read[c] - parity_.value[c - n] +
                          monitor_.parity[c - n].predicted(settings_.period);
@@ -291,21 +332,28 @@ class Cycle : MonitoredCycle<K> {
       MonitoredReading& reading = monitor_.reading[c];
       // With a lost motor the robot does not follow its setpoint. While it stops on an undecided
       // fault it does: the faulty motor may still be isolated.
-      const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) && !symptomatic_ &&
-                          !monitor_.lost && settings_.moved[c] > 0 && (c < n || motors);
+      const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) &&
+                          !(symptomatic_ & ~standing_) && !monitor_.lost &&
+                          settings_.moved[c] > 0 && (c < n || motors);
       // Setpoints are known from the second cycle on.
       if (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2) {
+        if (reading.stands || reading.noise.noisy()) sampled(c);
+        reading.stands = false;
+        if (c < n) reading.pushed = monitor_.pushed[c];
         reading.raw = raw(c);
         if (c < n || monitor_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = 0;
         reading.still = 0;
       } else {
         if (reading.still < kStill) ++reading.still;  // a robot may stand still for months
-        if (c < n) drive(c);
-        if (judged && reading.health != Health::failed &&
-            stood(c) > much(c, monitor_.undecided ? 3 : 1)) {
-          reading.health = Health::failed;
-          reading.symptom = Symptom::stuck;
+        if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
+        if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
+          reading.stands = true;
+          reading.noise.off = {reading.usual + reading.off, 0};
+          if (late(c) || monitor_.undecided) {
+            reading.health = Health::failed;
+            reading.symptom = Symptom::stuck;
+          }
         }
       }
       const bool believed = !(without_ & bit(c));
@@ -313,6 +361,8 @@ class Cycle : MonitoredCycle<K> {
       if (!believed) news = believed_[c] - reading.own.predicted(settings_.period);
       if (believed) {
         if (reading.health == Health::suspect) reading.health = Health::valid;
+        if (reading.noise.noisy() != (reading.symptom == Symptom::noisy))
+          reading.symptom = reading.noise.noisy() ? Symptom::noisy : reading.symptom;
         reading.bridged = 0;
         if (c < n) trail(c);
         reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;
@@ -331,7 +381,11 @@ class Cycle : MonitoredCycle<K> {
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
+    std::uint32_t noisy = 0;
+    for (int c = 0; c < rows_; ++c) noisy |= monitor_.reading[c].noise.noisy() ? bit(c) : 0;
+    monitor_.changed =
+        monitor_.without != without || (monitor_.held & ~held_) != 0 || monitor_.noisy != noisy;
+    monitor_.noisy = noisy;
     monitor_.without = without;
     monitor_.held = held_;
     return first;

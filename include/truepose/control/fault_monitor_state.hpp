@@ -2,7 +2,7 @@
 #pragma once
 
 #include "truepose/control/law.hpp"
-#include "truepose/control/tracker.hpp"
+#include "truepose/control/reading_noise.hpp"
 #include "truepose/math/chi2.hpp"
 
 namespace truepose {
@@ -13,7 +13,7 @@ enum class Health : int {
   failed = 2,   ///< until it is repaired and acknowledge() is called
 };
 
-/// Reason why a reading is not valid.
+/// Reason why a reading is not valid, or has a larger σ.
 enum class Symptom : int {
   none = 0,
   missing = 1,       ///< no number, or larger than any sensor gives
@@ -21,6 +21,7 @@ enum class Symptom : int {
   too_fast = 3,      ///< farther from its prediction than any torque can take it
   stuck = 4,         ///< unchanged counts while the robot moves
   disagrees = 5,     ///< with the other readings
+  noisy = 6,         ///< valid, but noisy, coarse or held: smoothed, with a larger σ
 };
 
 /// Constant during a run. Fill it, then call prepare().
@@ -74,18 +75,21 @@ struct MonitoredReading {
   Symptom symptom = Symptom::none;  ///< the latest
   bool begun = false;               ///< a first number was read
   Tracker own;
-  Real spread = 0;  ///< mean square of its innovations
-  Real raw = 0;     ///< in the last cycle
-  Real model = 0;   ///< model value when the reading changed last
-  int still = 0;    ///< cycles since it changed, saturated
-  Real seems = 0;   ///< motors: phantom error since then, beyond `rests`,
-  Real speed = 0;   ///< the speed to which it drives the motor,
-  Real way = 0;     ///< and the distance
-  Real behind = 0;  ///< motors: following error, desired minus believed, when last believed
-  Real usual = 0;   ///< its mean while the motor moves,
-  Real off = 0;     ///< its deviation from the mean at the last motion,
-  Real strays = 0;  ///< and the mean square of that
-  int bridged = 0;  ///< consecutive extrapolated cycles
+  Real spread = 0;      ///< mean square of its innovations
+  Real raw = 0;         ///< in the last cycle
+  Real model = 0;       ///< model value when the reading changed last
+  int still = 0;        ///< cycles since it changed, saturated
+  Real seems = 0;       ///< motors: phantom error since then, beyond `rests`,
+  Real speed = 0;       ///< the speed to which it drives the motor,
+  Real way = 0;         ///< and the distance
+  Real behind = 0;      ///< motors: following error, desired minus believed, when last believed
+  Real usual = 0;       ///< its mean while the motor moves,
+  Real off = 0;         ///< its deviation from the mean at the last motion,
+  Real strays = 0;      ///< and the mean square of that
+  Real pushed = 0;      ///< motors: error that external forces caused when the reading changed last
+  int bridged = 0;      ///< consecutive extrapolated cycles
+  bool stands = false;  ///< unchanged while the model moves: extrapolated until it changes or fails
+  ReadingNoise noise;
   std::int64_t left = -kSettling;  ///< delayed sensors: last cycle in which a motor left its track
   std::int64_t spikes = 0;
   std::array<std::int64_t, kSpikesKept> spike{};  ///< cycles of the latest
@@ -100,13 +104,15 @@ struct FaultMonitor {
   std::uint32_t lost = 0;     ///< failed motors that once had no substitute
   std::uint32_t without = 0;  ///< failed readings substituted in this cycle
   std::uint32_t held = 0;     ///< candidate motors held at their setpoints
-  bool changed = false;       ///< one of the two has: the law's input may jump
+  std::uint32_t noisy = 0;    ///< readings that are smoothed
+  bool changed = false;       ///< one of the three has: the law's input may jump
   std::int64_t cycle = 0;     ///< since the first one with a pose,
   std::int64_t began = 0;     ///< and in which the parity's trackers began to settle
   bool placed = false;        ///< `pose` is known
   Pose pose;                  ///< of the believed motors
   Coordinates motion{}, last{};  ///< in this cycle, in the one before
   Real way = 0;                  ///< since the last update of the geometry's covariance
+  Joint pushed{};                ///< motor errors that external forces cause
   std::array<Tracker, kMaxSensors> parity;
   Real chi2 = 0;                                ///< level of the parity
   int freedom = 0;                              ///< its degrees of freedom
@@ -129,7 +135,8 @@ inline void acknowledge(FaultMonitor& monitor, int reading) {
 }
 
 namespace fault_monitor_detail {
-/// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed.
+/// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed: not
+/// by its noise. One that stands still may be held between slow samples: it gets `decide` cycles.
 /// @param every  cycles per sample
 inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
                    int every, MonitoredReading& reading) {
@@ -138,10 +145,14 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   };
   reading.symptom = symptom;
   reading.health = Health::suspect;
-  if (reading.bridged++ == 0) spike(reading.spikes++) = cycle;
+  const bool stands = symptom == Symptom::stuck;
+  if (reading.bridged++ == 0 && !stands) spike(reading.spikes++) = cycle;
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  if (reading.bridged > settings.coast * every || often) reading.health = Health::failed;
+  const int most = stands ? settings.decide : settings.coast * every;
+  const bool noise = reading.noise.may_be_noisy() &&
+                     (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
+  if (!noise && (reading.bridged > most || (often && !stands))) reading.health = Health::failed;
 }
 }  // namespace fault_monitor_detail
 }  // namespace truepose

@@ -6,6 +6,7 @@
 
 #include "truepose/control/control.hpp"
 #include "truepose/control/fault_monitor.hpp"
+#include "truepose/control/momentum_observer.hpp"
 
 namespace truepose {
 /// Time along a path: runs in real time until the robot must stop.
@@ -47,6 +48,7 @@ struct FaultTolerantSettings {
   /// brake stops that motor wherever the path is by then; the error is the others' way left.
   Real stop_lost = 0.04;
   Real held = 0.005;              ///< longest time for which the last valid torque is held, s
+  MomentumSettings momentum;      ///< of the observer of disturbances
   const Robot* finest = nullptr;  ///< model for the fault monitor; nullptr: the law's
 };
 
@@ -61,6 +63,7 @@ struct FaultTolerantState {
   Real unanswered = 0;  ///< time since the last valid torque, s
   Real stopping = 0;    ///< time since the fault is undecided, s
   Knowledge known{};    ///< with large σ for excluded readings
+  MomentumObserver observer;
 };
 
 /// Marks a repaired reading as valid and lets the robot move: a new PathClock leads it from where
@@ -95,6 +98,19 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   const Outcome monitored = monitor_faults<K>(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
       state.started ? state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
+  // Forces are observed while every motor is read and no brake acts.
+  bool observed = monitored && state.started && !fault_state.stops;
+  for (int i = 0; i < n; ++i)
+    observed =
+        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
+  if (!observed)
+    fault_state.observer = {};
+  else
+    static_cast<void>(observe_momentum<K>(robot, fault_settings.momentum, monitor.pose,
+                                          state.torque, fault_state.observer));
+  for (int i = 0; i < n; ++i)
+    monitor.pushed[i] =
+        std::fabs(fault_state.observer.residual[i]) * fault_settings.momentum.give[i];
   constexpr std::uint32_t all = bit(n) - 1;
   const bool held = fault_state.brakes == all;
   fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;
@@ -108,13 +124,18 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (monitored) {
     ControlSettings now = settings;
     fault_state.known = *weighing.known;
-    bool any = false, left = false, motor = false;
+    bool any = false, left = false, motor = false, noisy = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = monitor.reading[c].health == Health::failed;
       // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
       // from readings that hardly determine it, and drive it by that.
       if (failed && !(monitor.lost >> c & 1U)) fault_state.known.sigma[c] *= kDisbelieved;
+      const ReadingNoise& noise = monitor.reading[c].noise;
+      if (noise.noisy())
+        fault_state.known.sigma[c] =
+            std::hypot(fault_state.known.sigma[c], std::sqrt(noise.gain * noise.variance()));
       any = any || failed;
+      noisy = noisy || noise.noisy();
       motor = motor || (c < n && failed);
       left = left || (c >= n && !failed);
     }
@@ -125,8 +146,11 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || monitor.changed;
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
-    outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
+    outcome = control<K>(robot, now, setpoint, believed, state,
+                         any || noisy || late ? reweighed : weighing);
   }
+  if (outcome)
+    carry<K>(robot, fault_settings.momentum, setpoint, fault_state.observer, state.torque);
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
   if (fault_state.unanswered > fault_settings.held) {
     fault_state.stops = true;

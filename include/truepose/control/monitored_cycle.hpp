@@ -27,7 +27,9 @@ struct MonitoredCycle {
   Extended unknown_{};             ///< of unknown errors
   int left_out_ = 0;               ///< their number
   Extended innovation_{};          ///< of each reading's own tracker
-  std::uint32_t symptomatic_ = 0;  ///< extrapolated readings
+  std::uint32_t symptomatic_ = 0;  ///< extrapolated readings,
+  std::uint32_t standing_ = 0;     ///< those of them that stand still
+  std::uint32_t still_ = 0;        ///< isolated by standing still
   std::uint32_t without_ = 0;      ///< excluded readings
   std::uint32_t held_ = 0;         ///< candidate motors held at their setpoints
 
@@ -43,7 +45,13 @@ struct MonitoredCycle {
         monitor_(monitor),
         believed_(believed),
         late_(late) {
-    for (int c = 0; c < rows_; ++c) noise_[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
+    for (int c = 0; c < rows_; ++c) noise_[c] = variance(c);
+  }
+
+  /// Variance of a reading's own error.
+  Real variance(int c) const {
+    const Real sigma = weighing_.known->sigma[c];
+    return sigma * sigma + monitor_.reading[c].noise.variance();
   }
 
   /// False also where later numbers would overflow.
@@ -63,11 +71,13 @@ struct MonitoredCycle {
     const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
+    if (reading.stands && this->raw(c) == reading.raw) return Symptom::stuck;
     const bool followed = monitor_.cycle - monitor_.began > kFollowed;
     if (!followed || monitor_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
     // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
     // + m(m + 1)/2 of an acceleration. A reading that jumped must return to its prediction.
-    const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
+    const bool gap = reading.symptom == Symptom::missing || reading.symptom == Symptom::stuck;
+    const int m = gap ? reading.bridged : 0;
     const Real missed = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
     const Real way = settings_.period * settings_.period * settings_.fastest[c] *
                      (settings_.own.acceleration + missed);
@@ -103,6 +113,8 @@ struct MonitoredCycle {
   static constexpr Real kStoodBy = 0.4;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
+  /// Interval and grain of a held reading beyond which it stands still.
+  static constexpr Real kLonger = 1.5;
 
   bool leaves_track(int c, Real innovation) const {
     const Real spread = settings_.own.variance * noise_[c] + monitor_.reading[c].spread;
@@ -132,7 +144,29 @@ struct MonitoredCycle {
   /// moves on: its usual deviation counts.
   Real much(int c, Real share) const {
     const MonitoredReading& reading = monitor_.reading[c];
-    return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
+    return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays)) +
+           kLonger * reading.noise.grain + 2 * reading.pushed;
+  }
+
+  /// Whether a reading stands still for longer than between its samples.
+  bool stands(int c, Real share) const {
+    const MonitoredReading& reading = monitor_.reading[c];
+    return reading.still > kLonger * reading.noise.interval && stood(c) > much(c, share);
+  }
+
+  /// Model minus smoothed reading. @param deviation  model minus reading
+  Real smooth(int c, Real deviation) {
+    ReadingNoise& noise = monitor_.reading[c].noise;
+    if (!number(deviation)) return deviation;
+    constexpr Real kAssumed = 1000;  // rad/s² or m/s², where a motor's limit is unknown
+    const Real fastest = settings_.fastest[c] > 0 ? settings_.fastest[c] : kAssumed;
+    const bool fresh = raw(c) != monitor_.reading[c].raw, motor = c < n;
+    const Real off = noise.smooth(settings_.period, deviation, fresh, weighing_.known->sigma[c],
+                                  kUnmodelled * fastest, motor ? settings_.kp[c] : 0,
+                                  motor ? settings_.kd[c] : 0);
+    if (number(off) && number(noise.off.rate)) return off;
+    noise.off = {deviation, 0};  // gains too high for the period
+    return deviation;
   }
 
   /// Model motion beyond noise since the reading changed last: the smaller of that and of its

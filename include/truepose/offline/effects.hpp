@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "truepose/control/momentum_observer.hpp"
 #include "truepose/offline/plant.hpp"
 
 namespace truepose {
@@ -31,6 +32,16 @@ inline constexpr double kRipples = 6;             ///< periods per turn of a mot
 inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
+
+/// A disturbance of the plant.
+struct Event {
+  Disturbance kind = Disturbance::payload;
+  double begin = 0;                                      ///< s
+  double end = std::numeric_limits<double>::infinity();  ///< s; of a contact
+  int motor = 0;                                         ///< of friction
+  double size = 0;      ///< mass at D, kg; or additional Coulomb friction, N·m or N
+  Coordinates force{};  ///< of a contact, of the platform's coordinates, N and N·m
+};
 
 /// Dahl friction after a displacement: df/dq = (sgn dq - f)/presliding, exact solution. It depends
 /// on the path only, not on time: a motor at rest stays, one that reverses lags. (P. R. Dahl, A
@@ -87,22 +98,38 @@ class Plant {
     }
   }
 
+  /// Begins a disturbance. A contact lasts until its negative force is added.
+  void disturb(const Event& event, double sign = 1) {
+    if (event.kind == Disturbance::payload && driven_.bodies < kMaxBodies) {
+      driven_.body[driven_.bodies] = Body{};
+      driven_.body[driven_.bodies++].mass = event.size;
+    }
+    if (event.kind == Disturbance::friction) effects_.friction[event.motor] += event.size;
+    for (int j = 0; j < n && event.kind == Disturbance::contact; ++j)
+      force_[j] += sign * event.force[j];
+    pushed_ = std::any_of(force_.begin(), force_.end(), [](double f) { return f != 0; });
+  }
+
   /// Advances one period under constant torque commands.
   /// @return unreachable or singular where the robot leaves its workspace
   Outcome advance(const Joint& torque, double period, int steps) {
     const bool braked =
         std::any_of(brake_.begin(), brake_.end(), [](double torque) { return torque > 0; });
-    if (!effects_.change_torque() && !braked) {
+    if (!effects_.change_torque() && !braked && !pushed_) {
       transmitted_ = torque;
-      return truepose::advance<K>(truth_, torque, period, steps, state_);
+      return truepose::advance<K>(driven_, torque, period, steps, state_);
     }
     if (effects_.arm_stiffness > 0 || braked) steps = std::max(steps, kCompliantSteps);
     for (int s = 0; s < steps; ++s) {
       Rotors turned = rotors_;
-      const Outcome outcome = step<K, true>(
-          driven_, period / steps, state_, turned,
-          [&](const Closure<K>& closure, const DynamicModel<K>& model, const Rotors& y,
-              Rotors& dy) { return transmitted(closure.q(), model.rate, torque, y, dy); });
+      const Outcome outcome =
+          step<K, true>(driven_, period / steps, state_, turned,
+                        [&](const Closure<K>& closure, const DynamicModel<K>& model,
+                            const Rotors& y, Rotors& dy) {
+                          Joint all = transmitted(closure.q(), model.rate, torque, y, dy);
+                          if (pushed_) push(closure, model, all);
+                          return all;
+                        });
       if (!outcome) return outcome;
       for (int i = 0; i < n; ++i) {
         const double moved_by = turned[i] - rotors_[i];
@@ -137,6 +164,14 @@ class Plant {
   }
 
  private:
+  /// Adds the motor torques that equal the contacts' force, Jᵀ f.
+  void push(const Closure<K>& closure, const DynamicModel<K>& model, Joint& torque) const {
+    Jacobians<K> jacobians;
+    if (!jacobian<K>(closure, jacobians)) return;
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) torque[i] += model.slope[i] * jacobians.J[j][i] * force_[j];
+  }
+
   bool springy(int i) const {
     return effects_.arm_stiffness > 0 && truth_.chain[i].actuator == Actuator::revolute;
   }
@@ -204,6 +239,8 @@ class Plant {
   Joint rotor_{};   ///< rotor inertia
   Rotors rotors_{};
   Joint slip_{}, rubs_{};      ///< friction and brake, relative to their maxima, -1 to 1
+  Coordinates force_{};        ///< of contacts
+  bool pushed_ = false;        ///< it is not 0
   Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
   Joint transmitted_{};        ///< torque transmitted to the arms
   std::array<double, kMaxSensors> geared_{};  ///< far sides of geared sensors, as read

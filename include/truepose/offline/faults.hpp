@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <random>
 #include <vector>
 
 #include "truepose/model/robot.hpp"
@@ -20,6 +21,9 @@ enum class FaultKind : int {
   gain = 7,     ///< size · s
   delay = 8,    ///< s, delayed by size seconds
   swap = 9,     ///< the other reading's s, and vice versa: connectors exchanged
+  noise = 10,   ///< s + Gaussian noise of σ = size, new in every cycle
+  coarse = 11,  ///< s in counts that are coarser by the factor size
+  hold = 12,    ///< s, each value held for size seconds
 };
 
 /// Properties of a kind of fault.
@@ -45,6 +49,9 @@ inline constexpr std::array kFaultTable{
     FaultProperties{FaultKind::delay, "delay", "s"},
     FaultProperties{
         .kind = FaultKind::swap, .name = "swap", .size = "", .at_rest = true, .pair = true},
+    FaultProperties{FaultKind::noise, "noise", "reading"},
+    FaultProperties{FaultKind::coarse, "coarse", "1"},
+    FaultProperties{FaultKind::hold, "hold", "s"},
 };
 static_assert(in_order(kFaultTable, &FaultProperties::kind));
 
@@ -60,6 +67,7 @@ struct Fault {
   double size = 0;   ///< in the kind's unit
   double begin = 0;  ///< s; the first reading at this time or later is faulty
   double end = std::numeric_limits<double>::infinity();  ///< s; the first healthy one again
+  double count = 0;  ///< of coarse: the reading's healthy count, in its unit
 };
 
 inline constexpr int kMostLate = 10000;  ///< control periods of the maximum delay
@@ -69,7 +77,9 @@ class FaultyReadings {
  public:
   /// @param faults  each acts on the result of the preceding ones
   /// @param period  between readings, s: a delayed reading is the newest of sufficient age
-  FaultyReadings(const std::vector<Fault>& faults, double period) : period_(period) {
+  /// @param seed    of noise
+  FaultyReadings(const std::vector<Fault>& faults, double period, std::uint64_t seed = 0)
+      : period_(period), random_(seed) {
     for (const Fault& fault : faults) state_.push_back({fault, {}, 0, false});
   }
 
@@ -92,9 +102,10 @@ class FaultyReadings {
     std::vector<double> past;  ///< ring of the last healthy readings, or the stuck one
     std::size_t newest;
     bool began;
+    double since = 0;  ///< s, when the held value was read
   };
 
-  void lie(double time, State& state, Extended& q_e) const {
+  void lie(double time, State& state, Extended& q_e) {
     constexpr double kClock = 1e-9;  // s: k·period is not exactly a decimal time
     const Fault& fault = state.fault;
     const double healthy = q_e[fault.reading];
@@ -117,6 +128,17 @@ class FaultyReadings {
       case FaultKind::gain: read *= fault.size; break;
       case FaultKind::delay: read = state.past[(state.newest + 1) % state.past.size()]; break;
       case FaultKind::swap: std::swap(read, q_e[fault.other]); break;
+      case FaultKind::noise:
+        read += std::normal_distribution<double>(0, 1)(random_) * fault.size;
+        break;
+      case FaultKind::coarse: read = quantized(read, fault.size * fault.count); break;
+      case FaultKind::hold:
+        if (first || time >= state.since + fault.size - kClock) {
+          state.past.assign(1, healthy);
+          state.since = time;
+        }
+        read = state.past[0];
+        break;
     }
   }
 
@@ -132,6 +154,7 @@ class FaultyReadings {
   }
 
   double period_;
+  std::mt19937_64 random_;
   std::vector<State> state_;
 };
 }  // namespace truepose

@@ -32,6 +32,11 @@ struct Sample {
   std::array<Symptom, kMaxReadings> symptom{};  ///< latest reason why a reading is not valid
   bool stops = false;                           ///< controlled stop on the path
   std::uint32_t brakes = 0;                     ///< motors whose brakes are requested, as bits
+  Disturbance disturbance = Disturbance::none;  ///< as the momentum observer names it,
+  int disturbed = -1;                           ///< the motor of friction,
+  double size = 0;                              ///< mass, friction or force,
+  Coordinates force{};                          ///< and the external force
+  bool refused = false;                         ///< too heavy to be fed forward
 };
 
 /// A user-defined law: from setpoint and readings at a time to the torques. It may throw.
@@ -49,6 +54,7 @@ struct Extras {
   const MultirateSettings* bus = nullptr;                 ///< multirate sensors of the true robot,
   const MultirateSettings* late = nullptr;                ///< and as the controller models them
   OwnLaw law{};                                           ///< replaces `control`
+  std::vector<Event> events{};                            ///< disturbances of the true robot
 };
 
 /// A robot and its controller, with the state that persists between moves.
@@ -124,6 +130,7 @@ class Loop {
       if (clock_.rate == 1 && !fault_state_.stops) clock_.time = k * settings_.period;
       clock_.advance(settings_.period, fault_state_.stop);
       plant_.brake(fault_state_.brakes, settings_.period);
+      disturb(extras_.began + time);
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }
@@ -132,6 +139,16 @@ class Loop {
   }
 
  private:
+  /// Begins and ends disturbances in the period from `time` on.
+  void disturb(double time) {
+    const double from = time - settings_.period / 2, to = time + settings_.period / 2;
+    for (const Event& event : extras_.events) {
+      if (event.begin >= from && event.begin < to) plant_.disturb(event);
+      if (event.kind == Disturbance::contact && event.end >= from && event.end < to)
+        plant_.disturb(event, -1);
+    }
+  }
+
   Sample sampled(double time, const Setpoint& setpoint, const Extended& q_e, Status status,
                  bool gave_up) const {
     Sample sample{time,   setpoint.x,     to_coordinates<K>(plant_.pose()),
@@ -139,6 +156,12 @@ class Loop {
                   status, gave_up};
     sample.stops = fault_state_.stops;
     sample.brakes = fault_state_.brakes;
+    const MomentumObserver& observer = fault_state_.observer;
+    sample.disturbance = observer.disturbance;
+    sample.disturbed = observer.motor;
+    sample.size = observer.size;
+    sample.force = observer.force;
+    sample.refused = observer.refused;
     for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
       sample.health[c] = fault_state_.monitor.reading[c].health;
       sample.symptom[c] = fault_state_.monitor.reading[c].symptom;

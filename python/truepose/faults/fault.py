@@ -14,7 +14,19 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 
 FaultKind = Literal[
-    "bias", "jump", "spike", "stuck", "dropout", "drift", "sign", "gain", "delay", "swap"
+    "bias",
+    "jump",
+    "spike",
+    "stuck",
+    "dropout",
+    "drift",
+    "sign",
+    "gain",
+    "delay",
+    "swap",
+    "noise",
+    "coarse",
+    "hold",
 ]
 FAULT_KINDS: tuple[FaultKind, ...] = tuple(_core.fault_kinds)
 _UNITS = {"reading": "rad or m", "reading/s": "rad/s or m/s", "s": "s", "1": "a factor"}
@@ -37,6 +49,9 @@ class Fault:
     gain        size · s                                              1
     delay       s, `size` earlier                                     s
     swap        the other reading's s, and vice versa
+    noise       s + Gaussian noise of σ = size                        rad or m
+    coarse      s, in counts that are `size` times coarser            1
+    hold        s, each value held for `size`                         s
     ==========  ====================================================  ===================
 
     s includes noise and quantization. A delay is rounded up to whole control periods. Plants
@@ -83,8 +98,8 @@ class Fault:
         if row.size:
             said = f"must be a finite number, {_UNITS[row.size]}"
             self._require(_finite(self.size), "size", said)
-            late = self.kind == "delay" and self.size <= 0  # type: ignore[operator]
-            self._require(not late, "size", "must be greater than 0 s")
+            least = self.kind in ("delay", "noise", "coarse", "hold") and self.size <= 0  # type: ignore[operator]
+            self._require(not least, "size", f"must be greater than 0, {_UNITS[row.size]}")
         else:
             self._require(self.size is None, "size", "this kind has none")
         if self.until is not None:
@@ -141,6 +156,10 @@ def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None)
     core.begin = fault.at
     if fault.size is not None:
         core.size = fault.size
+    if fault.kind == "coarse":
+        core.count = float(robot.resolution[core.reading])
+        if not core.count > 0:
+            raise InputError(f"fault {fault}: this reading has no counts; use noise")
     if fault.until is not None:
         core.end = fault.until
     if fault.other is not None:

@@ -40,6 +40,8 @@ _BEAR = 2
 _SHAKES = 0.2
 #: Torque rms in motion over its limit (assumed), for the arms' deflection.
 _TORQUE = 0.25
+#: Bandwidth of the momentum observer, rad/s.
+_OBSERVED = 60.0
 #: Tolerance of a motor's reading beyond its stops, rad or m.
 _BEYOND = 0.05
 
@@ -76,6 +78,8 @@ class FaultMonitor:
         Effects of a healthy robot to be tolerated: backlash and eccentric encoders
         (:meth:`Effects.allowed_for`; a calibrated robot already allows for them), and the arms'
         deflection under the motor torques.
+    carry : bool
+        Whether an identified payload is fed forward.
 
     Examples
     --------
@@ -99,6 +103,7 @@ class FaultMonitor:
     stop_lost: float = 0.04
     replaceable: float = 3e-3
     effects: Effects | None = None
+    carry: bool = False
 
     def __post_init__(self) -> None:
         for name in ("false_alarms", "stop", "stop_lost", "replaceable"):
@@ -131,10 +136,23 @@ class FaultMonitor:
             for of in (_fastest(finest), moved, *_range(robot))
         )
         settings = _core.FaultTolerantSettings()
+        settings.momentum = self._momentum(robot, controller)
         settings.monitor, settings.stop, settings.stop_lost = monitor, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
         return _core.FaultTolerantSetup(finest.core, known, settings, slow)
+
+    def _momentum(self, robot: Robot, controller: Controller) -> _core.MomentumSettings:
+        """Return the settings of the momentum observer; it is off without torque limits."""
+        inertia = _inertia(robot, controller)
+        own = _STICKS * _limits(robot)
+        counts = inertia * _OBSERVED**2 * knowledge.reading_sigma(robot)[: robot.n]
+        momentum = _core.MomentumSettings()
+        momentum.period = controller.period if (own > 0).all() else 0.0
+        momentum.bandwidth, momentum.carry = _OBSERVED, self.carry
+        momentum.sigma = padded(np.hypot(own, counts))
+        momentum.give = padded(1 / (controller.frequency**2 * inertia))
+        return momentum
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3

@@ -24,6 +24,7 @@ from truepose.control.controller import (
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
 from truepose.exceptions import InputError
+from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import knowledge
@@ -53,6 +54,7 @@ class Settings:
     learn: OnlineCalibrator | None = None
     faults: Sequence[Fault] = ()
     monitor: FaultMonitor | None = None
+    disturbances: Sequence[Disturbance] = ()
 
     def check(self, controller: Controller) -> None:
         """Raise InputError for settings without a meaning."""
@@ -123,7 +125,9 @@ def begin(
     monitor = settings.monitor
     fault_setup = None if monitor is None else monitor.setup(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
-    first = (believed.core, truth.core, gains, known, plant, filtered, faults, fault_setup, slow)
+    events = events_of(truth, settings.disturbances)
+    belief = (believed.core, truth.core, gains, known)
+    first = (*belief, plant, filtered, faults, fault_setup, slow, events)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, origin, first, (steps, held, check_seed(seed)))
 

@@ -16,6 +16,7 @@ from truepose.control.controller import Controller, ControllerInput, OwnLaw, law
 from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
 from truepose.exceptions import InputError, PoseError
+from truepose.faults.disturbance import Disturbance, named
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
@@ -73,6 +74,11 @@ class Simulation(Shown):
     symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
     brakes: Array  #: (T,) int, motors whose brakes it requests, as bits
+    disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by the monitor
+    disturbed_motor: Array  #: (T,) int, the motor of friction, from 0; otherwise -1
+    disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
+    external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed
+    payload_refused: Array  #: (T,) bool: the payload is too heavy for the motors
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why it ended early, where faults took it out of its workspace
@@ -149,6 +155,8 @@ class Simulation(Shown):
             return self.ended
         if said := failures(self.robot, self.time, self.health, self.symptom, self.stops):
             return said
+        if said := named(self):
+            return said
         if not self.answered.all():
             reason = self.cycle_status[self.answered.argmin()]
             return unanswered(int((~self.answered).sum()), int(reason))
@@ -200,6 +208,7 @@ def simulate(
     learn: OnlineCalibrator | None = None,
     faults: Sequence[Fault] = (),
     monitor: FaultMonitor | None = None,
+    disturbances: Sequence[Disturbance] = (),
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
@@ -241,6 +250,8 @@ def simulate(
         current estimate. It keeps that for the next run.
     monitor : FaultMonitor, optional
         Fault monitor of the controller's readings; none by default.
+    disturbances : sequence of Disturbance
+        Payloads, friction and contacts of the true robot.
     faults : sequence of Fault
         Faulty readings. The robot is at rest before the first of them. Without a result from the
         controller the last torque is held, as on a machine (:attr:`Simulation.cycle_status`). The
@@ -307,7 +318,9 @@ def simulate(
         usual = default_move(robot)
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
-    settings = Settings(duration, hold, steps, seed, effects, time, learn, faults, monitor)
+    settings = Settings(
+        duration, hold, steps, seed, effects, time, learn, faults, monitor, disturbances
+    )
     drive = begin(robot, truth, controller, ("start", start), settings)
     if law is None and callable(controller.law):
         law = Torques(controller, robot, drive.origin[: robot.n])

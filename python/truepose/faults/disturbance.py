@@ -1,0 +1,131 @@
+"""Disturbances of a simulated robot: payloads, friction of a motor, contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from truepose import _core
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+from truepose.robotfile.to_core import padded
+
+if TYPE_CHECKING:
+    from truepose.simulation.simulate import Simulation
+
+DisturbanceKind = Literal["payload", "friction", "contact"]
+#: Kinds by the core's number: :attr:`Simulation.disturbance`.
+KINDS = ("none", "payload", "friction", "contact")
+
+
+_BEFORE = 200  # cycles before a contact is named, in which its largest force is sought
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A disturbance of the true robot from a time on.
+
+    Parameters
+    ----------
+    kind : str
+        "payload": a mass at the platform's point D; "friction": additional Coulomb friction of a
+        motor; "contact": a force on the platform.
+    at : float
+        Begin, s since the plant's start.
+    size : float, optional
+        Mass, kg, or friction, N·m or N; greater than 0.
+    motor : str, optional
+        Of friction: "q1" or another motor.
+    force : sequence of float, optional
+        Of a contact: one of every coordinate of the platform, N and N·m.
+    until : float, optional
+        End of a contact, s; by default none.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> picked = tp.faults.Disturbance("payload", at=0.05, size=2.0)
+    >>> run = tp.simulate(h4, disturbances=[picked], monitor=tp.FaultMonitor())
+    >>> run.status.split(" (")[0]
+    'payload of 2 kg from 0.0'
+    """
+
+    kind: DisturbanceKind
+    at: float = 0.0
+    size: float | None = None
+    motor: str | None = None
+    force: Sequence[float] | None = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS[1:]:
+            raise InputError(choose("kind of disturbance", self.kind, KINDS[1:]))
+        contact = self.kind == "contact"
+        if not (math.isfinite(self.at) and self.at >= 0):
+            raise InputError(f"{self.kind}: at = {self.at}: must be a finite number of at least 0")
+        if contact != (self.size is None) or contact != (self.force is not None):
+            raise InputError(f"{self.kind}: a contact has a force, others a size")
+        if self.size is not None and not (math.isfinite(self.size) and self.size > 0):
+            raise InputError(f"{self.kind}: size = {self.size}: must be a number greater than 0")
+        if (self.kind == "friction") != (self.motor is not None):
+            raise InputError(f"{self.kind}: motor = {self.motor!r}: of friction alone, e.g. 'q1'")
+        if self.until is not None and not (contact and self.until > self.at):
+            raise InputError(f"{self.kind}: until = {self.until}: of a contact, greater than at")
+
+
+def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.Event]:
+    """Check the disturbances against a robot and return the core's."""
+    events = []
+    for disturbance in disturbances:
+        event = _core.Event()
+        event.kind = getattr(_core.DisturbanceKind, disturbance.kind)
+        event.begin = disturbance.at
+        if disturbance.size is not None:
+            event.size = disturbance.size
+        if disturbance.until is not None:
+            event.end = disturbance.until
+        motors = robot.readings[: robot.n]
+        if disturbance.motor is not None:
+            if disturbance.motor not in motors:
+                raise InputError(f"friction: {choose('motor', disturbance.motor, motors)}")
+            event.motor = motors.index(disturbance.motor)
+        if disturbance.force is not None:
+            force = np.asarray(disturbance.force, dtype=float)
+            if force.shape != (robot.n,) or not np.isfinite(force).all():
+                said = f"must be {robot.n} finite numbers, one of every coordinate"
+                raise InputError(f"contact: force = {disturbance.force}: {said}")
+            event.force = padded(force)
+        events.append(event)
+    return events
+
+
+def named(run: Simulation) -> str:
+    """Return the disturbances that the fault monitor named, in their order; "" if none."""
+    said, last = [], (0, -1)
+    for k in np.flatnonzero(np.diff(run.disturbance, prepend=0)):
+        kind, motor = int(run.disturbance[k]), int(run.disturbed_motor[k])
+        if kind == 0 or (kind, motor) == last:
+            continue
+        last = kind, motor
+        same = (run.disturbance == kind) & (run.disturbed_motor == motor)
+        size = run.disturbance_size[np.flatnonzero(same)[-1]]
+        begins = f"from {run.time[k]:.3f} s on"
+        if KINDS[kind] == "payload":
+            heavy = ", too heavy to be fed forward" if run.payload_refused.any() else ""
+            said.append(f"payload of {size:.3g} kg {begins}{heavy}")
+        elif KINDS[kind] == "friction":
+            unit = "N·m" if reading_units(run.robot)[motor] == "rad" else "N"
+            said.append(f"friction of {size:.2g} {unit} more at q{motor + 1} {begins}")
+        else:
+            force = run.external_force[max(0, k - _BEFORE) :]
+            row, axis = np.unravel_index(np.abs(force).argmax(), force.shape)
+            name, unit = run.robot.coordinates[axis]
+            of = "N" if unit == "m" else "N·m"
+            said.append(f"contact of {force[row, axis]:.3g} {of} along {name} {begins}")
+    return "; ".join(said)

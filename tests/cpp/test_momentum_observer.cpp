@@ -1,0 +1,181 @@
+// External forces observed from torques and motor readings, and their causes.
+#include "controllers.hpp"
+#include "truepose/control/momentum_observer.hpp"
+#include "truepose/offline/effects.hpp"
+
+using namespace mechanisms;
+
+namespace {
+constexpr double kPeriod = 1e-3;
+
+/// A robot that moves about home under the joint law, and the observer of its momentum.
+template <Mobility K>
+class Scene {
+ public:
+  static constexpr int n = kDof<K>;
+  Scene(const Mechanism& mechanism, double count, std::uint64_t seed)
+      : robot(mechanism.robot),
+        truth(counted(mechanism.robot, count)),
+        box_(mechanism.box),
+        plant(truth, {}, to_pose<K>(robot.home), seed),
+        control_settings(settings_for(robot, Law::joint)) {
+    check::Random random(seed);
+    for (int i = 0; i < n; ++i) phase_[i] = 3 * random();
+    for (int i = 0; i < n; ++i) {
+      unit[i] = 5e-5 * control_settings.kp[i];
+      // Counts through the filter, of the motor's inertia: kp is placed for 100 rad/s.
+      const double inertia = control_settings.kp[i] / 1e4;
+      settings.sigma[i] = std::hypot(unit[i], inertia * 60 * 60 * count);
+    }
+    CHECK(plant.rest());
+  }
+  static Robot counted(Robot robot, double count) {
+    for (int i = 0; i < n; ++i) robot.chain[i].encoder_step = count;
+    return robot;
+  }
+  Setpoint at(double t) const {
+    Setpoint setpoint;
+    const double rise = t < 0.2 ? t / 0.2 : 1, s = rise * rise * (3 - 2 * rise);
+    setpoint.x = robot.home;
+    for (int i = 0; i < n; ++i)
+      setpoint.x[i] += 0.3 * s * box_[i] * std::sin((8 + 2 * i) * t + phase_[i] * s) * (t > 0);
+    return setpoint;
+  }
+  /// One period. @param seen  called after it
+  void cycle() {
+    const double h = 1e-4;
+    Setpoint setpoint = at(time);
+    const Coordinates before = at(time - h).x, after = at(time + h).x;
+    for (int i = 0; i < n; ++i) {
+      setpoint.rate[i] = (after[i] - before[i]) / (2 * h);
+      setpoint.acceleration[i] = (after[i] - 2 * setpoint.x[i] + before[i]) / (h * h);
+    }
+    Extended q_e{};
+    CHECK(plant.measure(q_e));
+    Pose pose = plant.pose();
+    CHECK(fkm<K>(robot, motors_of<K>(q_e), pose).status == Status::ok);
+    if (state.started) CHECK(observe_momentum<K>(robot, settings, pose, state.torque, observer));
+    CHECK(control<K>(robot, control_settings, setpoint, q_e, state));
+    carry<K>(robot, settings, setpoint, observer, state.torque);
+    CHECK(plant.advance(state.torque, kPeriod, 2));
+    time += kPeriod;
+  }
+  void run(double seconds) {
+    for (int k = 0; k < seconds / kPeriod; ++k) cycle();
+  }
+
+  Robot robot, truth;
+  Coordinates box_;
+  Plant<K> plant;
+  ControlSettings control_settings;
+  ControlState state;
+  MomentumSettings settings;
+  MomentumObserver observer;
+  double time = 0;
+  Joint unit{};  ///< a motor's assumed friction, N·m or N
+
+ private:
+  Joint phase_{};
+};
+}  // namespace
+
+TEST("without a disturbance an exact model leaves no residual, however the robot moves") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism, 0, 1);
+    double most = 0, torque = 0;
+    for (int k = 0; k < 1000; ++k) {
+      scene.cycle();
+      for (int i = 0; i < scene.n; ++i) {
+        most = std::max(most, std::fabs(scene.observer.residual[i]));
+        torque = std::max(torque, std::fabs(scene.state.torque[i]));
+      }
+    }
+    CHECK(most < 5e-3 * torque);  // torques are held for a period
+    CHECK(scene.observer.disturbance == Disturbance::none);
+  });
+}
+
+TEST("the residual is the external force, through the observer's filter") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism, 0, 2);
+    scene.run(0.3);
+    Event push{.kind = Disturbance::contact};
+    for (int i = 0; i < scene.n; ++i) push.force[i] = i < 2 ? 20 - 30.0 * i : 0;
+    scene.plant.disturb(push);
+    scene.run(0.3);
+    for (int i = 0; i < scene.n; ++i)
+      CHECK(std::fabs(scene.observer.force[i] - push.force[i]) < 1.5);
+    CHECK(scene.observer.disturbance == Disturbance::contact);
+    scene.plant.disturb(push, -1);
+    scene.run(0.4);
+    CHECK(scene.observer.disturbance == Disturbance::none);
+  });
+}
+
+TEST("a payload is identified to a tenth or 50 g within half a second of motion") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (std::uint64_t seed = 0; seed < 30; ++seed) {
+      Scene<mobility()> scene(mechanism, 1e-5, seed);
+      scene.run(0.3);
+      const double mass = 2 + 0.1 * seed;
+      scene.plant.disturb({.kind = Disturbance::payload, .size = mass});
+      scene.run(0.5);
+      CHECK(scene.observer.disturbance == Disturbance::payload);
+      CHECK(std::fabs(scene.observer.size - mass) < std::max(0.1 * mass, 0.05));
+      CHECK(std::fabs(scene.observer.size - mass) < 4 * scene.observer.sigma);
+    }
+  });
+}
+
+TEST("friction is attributed to its motor") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int motor = 0; motor < kDof<mobility()>; ++motor) {
+      Scene<mobility()> scene(mechanism, 1e-5, 5);
+      scene.run(0.3);
+      const double size = 40 * scene.unit[motor];
+      scene.plant.disturb({.kind = Disturbance::friction, .motor = motor, .size = size});
+      scene.run(0.5);
+      CHECK(scene.observer.disturbance == Disturbance::friction);
+      CHECK(scene.observer.motor == motor);
+      CHECK(std::fabs(scene.observer.size / size - 1) < 0.2);
+    }
+  });
+}
+
+TEST("a payload that is fed forward hardly moves the robot; one beyond the motors is refused") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    const auto sag = [&](bool fed, double spare, bool& refused) {
+      Scene<mobility()> scene(mechanism, 0, 3);
+      scene.settings.carry = fed;
+      scene.plant.disturb({.kind = Disturbance::payload, .size = 4});
+      scene.run(0.6);
+      // The motors now hold robot and payload.
+      for (int i = 0; i < scene.n && spare > 0; ++i)
+        scene.robot.chain[i].torque_limit = spare * std::fabs(scene.state.torque[i]);
+      scene.cycle();
+      refused = scene.observer.refused;
+      return distance<mobility()>(scene.plant.pose(), to_pose<mobility()>(scene.at(scene.time).x));
+    };
+    bool refused = false;
+    const double without = sag(false, 0, refused);
+    CHECK(!refused);
+    CHECK(sag(true, 0, refused) < 0.6 * without);
+    CHECK(!refused);
+    static_cast<void>(sag(true, 0.1, refused));
+    CHECK(refused);
+  });
+}
+
+TEST("the assumed friction of all motors and counts are no disturbance") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (std::uint64_t seed = 0; seed < 10; ++seed) {
+      Scene<mobility()> scene(mechanism, 1e-5, seed);
+      for (int i = 0; i < scene.n; ++i)
+        scene.plant.disturb({.kind = Disturbance::friction, .motor = i, .size = scene.unit[i]});
+      for (int k = 0; k < 1000; ++k) {
+        scene.cycle();
+        CHECK(scene.observer.disturbance == Disturbance::none);
+      }
+    }
+  });
+}

@@ -1,0 +1,140 @@
+"""The fault monitor tolerates noise, and names disturbances of the true robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.faults.disturbance import KINDS
+from truepose.faults.monitor import HEALTH, SYMPTOMS
+
+Fault, Disturbance = tp.faults.Fault, tp.faults.Disturbance
+
+
+def noise(robot: tp.Robot, kind: str, reading: str) -> list[tp.faults.Fault]:
+    """Return noise of a kind: counts 16 times coarser, bursts of 20 counts, samples of 5 ms."""
+    count = float(robot.resolution[robot.readings.index(reading)])
+    if kind == "burst":
+        return [Fault(reading, "noise", at, 20 * count, at + 0.03) for at in (0.05, 0.12, 0.19)]
+    return [Fault(reading, kind, 0.05, {"coarse": 16.0, "hold": 0.005}[kind])]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("sensors", [["theta"], ["theta", "z_telemeter"]], ids=len)
+@pytest.mark.parametrize("kind", ["coarse", "burst", "hold"])
+@pytest.mark.parametrize("law", ["joint", "tej", "estimated"])
+def test_a_noisy_reading_is_never_excluded(sensors: list[str], kind: str, law: str) -> None:
+    robot = tp.load("h4").with_sensors(*sensors)
+    healthy = tp.simulate(robot, controller=law)  # type: ignore[arg-type]
+    for reading in ("q1", *sensors):
+        faults = noise(robot, kind, reading)
+        run = tp.simulate(robot, controller=law, faults=faults, monitor=tp.FaultMonitor())  # type: ignore[arg-type]
+        assert not run.failed and not run.stops.any()
+        column = robot.readings.index(reading)
+        assert (run.symptom[:, column] == SYMPTOMS.index("noisy")).any()
+        off = np.linalg.norm((run.x - healthy.x)[:, :3], axis=1).max()
+        assert off < (4e-3 if reading == "q1" else 2.5e-3)  # a coarse count of q1: 2 mm
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_frozen_encoder_still_fails(seed: int) -> None:
+    robot = tp.load("h4").with_sensors("theta").expected()
+    run = tp.simulate(
+        robot, robot.sample(seed), faults=[Fault("q1", "stuck", 0.1)], monitor=tp.FaultMonitor()
+    )
+    assert run.failed == ["q1"]
+    assert run.time[run.health[:, 0] == HEALTH.index("failed")][0] < 0.14
+
+
+@pytest.mark.parametrize("mass", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_payload_is_identified_and_fed_forward(mass: float, seed: int) -> None:
+    robot = tp.load("h4").with_sensors("theta").expected()
+    truth = robot.sample(seed)
+    picked = [Disturbance("payload", 0.05, mass)]
+    healthy = tp.simulate(robot, truth, hold=0.4)
+    sag = []
+    for carry in (False, True):
+        monitor = tp.FaultMonitor(carry=carry)
+        run = tp.simulate(robot, truth, disturbances=picked, monitor=monitor, hold=0.4)
+        assert KINDS[run.disturbance[-1]] == "payload"
+        assert abs(run.disturbance_size[-1] - mass) < 0.1 * mass
+        assert not run.failed and not run.payload_refused.any()
+        sag.append(np.linalg.norm((run.x - healthy.x)[-1, :3]))
+    assert sag[1] < 0.2 * sag[0]
+
+
+@pytest.mark.parametrize("motor", ["q1", "q3"])
+@pytest.mark.parametrize("at", [0.0, 0.1])
+def test_ten_times_the_assumed_friction_is_no_failed_encoder(motor: str, at: float) -> None:
+    robot = tp.load("h4").with_sensors("theta")
+    limit = robot.spec.chain[0].torque_limit
+    assert limit is not None
+    rough = [Disturbance("friction", at, 0.1 * limit, motor)]
+    run = tp.simulate(robot, disturbances=rough, monitor=tp.FaultMonitor())
+    assert not run.failed
+    assert KINDS[run.disturbance[-1]] == "friction"
+    assert f"more at {motor}" in run.status
+
+
+@pytest.mark.parametrize("axis, force", [(0, 300.0), (1, -300.0), (2, -300.0)])
+def test_a_blow_is_a_contact_with_its_direction(axis: int, force: float) -> None:
+    blow = [0.0] * 4
+    blow[axis] = force
+    run = tp.simulate(
+        tp.load("h4"),
+        disturbances=[Disturbance("contact", 0.1, force=blow, until=0.12)],
+        monitor=tp.FaultMonitor(),
+        hold=0.4,
+    )
+    assert not run.failed
+    assert "contact of" in run.status
+    largest = np.unravel_index(np.abs(run.external_force).argmax(), run.external_force.shape)
+    assert largest[1] == axis
+    assert np.sign(run.external_force[largest]) == np.sign(force)
+
+
+def test_a_payload_beyond_the_motors_is_not_fed_forward() -> None:
+    heavy = [Disturbance("payload", 0.25, 60.0)]
+    run = tp.simulate(tp.load("h4"), disturbances=heavy, monitor=tp.FaultMonitor(carry=True))
+    assert run.payload_refused.any()
+    assert "too heavy to be fed forward" in run.status
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_healthy_robot_with_all_effects_has_no_disturbance_and_no_fault(seed: int) -> None:
+    effects = tp.Effects()
+    robot = tp.load("h4").with_sensors("theta").expected()
+    monitor = tp.FaultMonitor(effects=effects)
+    run = tp.simulate(robot, robot.sample(seed), effects=effects, monitor=monitor, seed=seed)
+    assert not run.failed and not run.stops.any()
+    assert (run.disturbance == 0).all()
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (("paylod", 0, 1.0), "unknown kind of disturbance 'paylod'"),
+        (("payload", 0, -1.0), "size = -1.0: must be a number greater than 0"),
+        (("payload", np.nan, 1.0), "at = nan: must be a finite number of at least 0"),
+        (("friction", 0, 1.0), "motor = None: of friction alone"),
+        (("contact", 0, 1.0), "a contact has a force"),
+        (("contact", 0.2, None, None, (1, 0, 0, 0), 0.1), "until = 0.1: of a contact"),
+    ],
+)
+def test_a_disturbance_without_a_meaning_is_refused(words: tuple, said: str) -> None:
+    with pytest.raises(tp.InputError) as error:
+        Disturbance(*words)
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "disturbance, said",
+    [
+        (Disturbance("friction", 0, 1.0, "q9"), "unknown motor 'q9'"),
+        (Disturbance("contact", 0, force=(1.0, 0.0)), "must be 4 finite numbers"),
+    ],
+)
+def test_a_disturbance_of_another_robot_is_refused(disturbance: Disturbance, said: str) -> None:
+    with pytest.raises(tp.InputError, match=said):
+        tp.simulate(tp.load("h4"), disturbances=[disturbance])
