@@ -43,6 +43,7 @@ struct Setup {
   std::vector<Fault> faults;
   const FaultTolerantSetup* fault_setup;
   Lateness late;
+  const Safety* safety;
 };
 
 /// Weights of a simulation's readings, from Python's knowledge or a calibrator, and its faults.
@@ -57,6 +58,7 @@ class LoopExtras {
     extras.effects = of.effects;
     if (!of.faults.empty()) extras.faults = &lying_;
     extras.monitor_weighing = monitor_weights_.view();
+    extras.safety = of.safety;
     if (of.late.first) extras.late = &*of.late.first;
     if (of.late.second) extras.bus = &*of.late.second;
     if (of.fault_setup) {
@@ -140,7 +142,8 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
                         column<double>(log, &Sample::torque, n), column<int>(log, &Sample::status),
                         column<bool>(log, &Sample::gave_up), column<int>(log, &Sample::health, e),
                         column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
-                        column<int>(log, &Sample::brakes));
+                        column<int>(log, &Sample::brakes), column<int>(log, &Sample::safety),
+                        column<int>(log, &Sample::cause), column<int>(log, &Sample::part));
 }
 
 auto run_simulation(const Setup& of, const Coordinates& from, const Coordinates& to,
@@ -283,10 +286,11 @@ void bind_faults(nb::module_& m) {
   m.attr("most_late") = kMostLate;
   nb::class_<Fault> fault(m, "Fault");
   fault.def(nb::init<>());
-  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end);
+  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end, frame);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
-      .def("read", &faulty);
+      .def("read", &faulty)
+      .def("frozen", &FaultyReadings::frozen);
 }
 }  // namespace
 
@@ -301,10 +305,11 @@ void bind_simulation(nb::module_& m) {
   nb::class_<Setup>(m, "Loop")
       .def(nb::init<const Robot&, const Robot&, const ControlSettings&, const Known*,
                     const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
-                    const Lateness&>(),
+                    const Lateness&, const Safety*>(),
            "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a, "online"_a.none(),
-           "faults"_a, "fault_setup"_a.none(), "late"_a, nb::keep_alive<1, 5>(),
-           nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>())
+           "faults"_a, "fault_setup"_a.none(), "late"_a,
+           "safety"_a.none() = nb::none(), nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(),
+           nb::keep_alive<1, 9>(), nb::keep_alive<1, 11>())
       .def("simulate", &run_simulation, "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
            "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none())
       .def("follow", &run_path, "x"_a, "rate"_a, "acceleration"_a, "steps"_a, "at_rest"_a, "seed"_a,

@@ -2,11 +2,13 @@
 
 from truepose.control.adaptive import AdaptiveCalibrator
 from truepose.control.controller import ControllerInput
+from truepose.control.safety import SafetyShell
 from truepose.control.margins import StabilityMargins, stability_margins
 
 __all__ = [
     "AdaptiveCalibrator",
     "ControllerInput",
+    "SafetyShell",
     "StabilityMargins",
     "stability_margins",
 ]

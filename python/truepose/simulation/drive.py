@@ -23,6 +23,7 @@ from truepose.control.controller import (
 )
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
+from truepose.control.safety import SafetyLimits, SafetyShell
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
@@ -53,6 +54,7 @@ class Settings:
     learn: OnlineCalibrator | None = None
     faults: Sequence[Fault] = ()
     monitor: FaultMonitor | None = None
+    safety: SafetyShell | None = None
 
     def check(self, controller: Controller) -> None:
         """Raise InputError for settings without a meaning."""
@@ -86,6 +88,7 @@ class Drive(NamedTuple):
     origin: list[float]  #: desired pose at the start
     first: tuple  #: arguments of the core's functions before the motion
     last: tuple  #: and after it: integration steps per period, true pose at the start, seed
+    limits: SafetyLimits | None = None  #: of the safety shell
 
 
 def begin(
@@ -123,9 +126,11 @@ def begin(
     monitor = settings.monitor
     fault_setup = None if monitor is None else monitor.setup(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
+    limits = None if settings.safety is None else settings.safety.limits(robot, controller)
+    shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     first = (believed.core, truth.core, gains, known, plant, filtered, faults, fault_setup, slow)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Drive(truth, origin, first, (steps, held, check_seed(seed)))
+    return Drive(truth, origin, (*first, shell), (steps, held, check_seed(seed)), limits)
 
 
 def controller_of(

@@ -15,6 +15,7 @@ from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name, pose_of
 from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
+from truepose.control.safety import CAUSES, STATES, SafetyShell, stop_text
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
@@ -72,7 +73,10 @@ class Simulation(Shown):
     health: Array  #: (T, n + r) int, index in `faults.monitor.HEALTH` of each reading
     symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
-    brakes: Array  #: (T,) int, motors whose brakes it requests, as bits
+    brakes: Array  #: (T,) int, motors whose brakes it or the safety shell requests, as bits
+    safety_state: Array  #: (T,) int, index in `control.safety.STATES`; -1 without a safety shell
+    stop_cause: Array  #: (T,) int, index in `control.safety.CAUSES`, of the first violation
+    stop_motor: Array  #: (T,) int, its motor from 0, or -1
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why it ended early, where faults took it out of its workspace
@@ -130,9 +134,9 @@ class Simulation(Shown):
     def status(self) -> str:
         """Status of the run: "ok", or the worst that went wrong.
 
-        With faults: the robot left its workspace ("stopped …"), the fault monitor reports a
-        reading, when and why ("theta failed at …"), or the controller had no result ("no answer
-        …"). "does not come to rest: …": a coordinate oscillates by more than `RESTLESS` in the last
+        With faults: the robot left its workspace ("stopped …"), the safety shell stopped it ("safety
+        shell: …"), the fault monitor reports a reading, when and why ("theta failed at …"), or the
+        controller had no result ("no answer …"). "does not come to rest: …": a coordinate oscillates by more than `RESTLESS` in the last
         50 ms of the hold (in all of a shorter one). "saturated: …": it rests, but a motor was at
         its torque limit on the way.
 
@@ -147,6 +151,8 @@ class Simulation(Shown):
         """
         if self.ended:
             return self.ended
+        if said := stop_text(self.time, self.brakes, self.stop_cause, self.stop_motor):
+            return said
         if said := failures(self.robot, self.time, self.health, self.symptom, self.stops):
             return said
         if not self.answered.all():
@@ -200,6 +206,7 @@ def simulate(
     learn: OnlineCalibrator | None = None,
     faults: Sequence[Fault] = (),
     monitor: FaultMonitor | None = None,
+    safety: SafetyShell | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
@@ -241,6 +248,9 @@ def simulate(
         current estimate. It keeps that for the next run.
     monitor : FaultMonitor, optional
         Fault monitor of the controller's readings; none by default.
+    safety : SafetyShell, optional
+        Safety shell around the law; none by default. The operator has acknowledged and started it:
+        the run begins when the law acts. Without an answer or after a violation the run goes on.
     faults : sequence of Fault
         Faulty readings. The robot is at rest before the first of them. Without a result from the
         controller the last torque is held, as on a machine (:attr:`Simulation.cycle_status`). The
@@ -248,11 +258,13 @@ def simulate(
 
     Raises
     ------
+    InputError
+        A limit of `safety` is below what the path needs.
     PoseError
         Beforehand: the path or move leaves the robot's reach, or needs more motor speed or torque
         than the file allows; names time and motor, for a move the shortest duration. Later, without
         faults: the true robot leaves its workspace, or the controller meets a singular pose or a
-        joint limit.
+        joint limit. The safety shell refuses to start.
     TrueposeError
         A package that the path needs is not installed.
 
@@ -288,10 +300,14 @@ def simulate(
     truth = robot if truth is None else truth
     for one, name in ((robot, "robot"), (truth, "truth")):
         require(one, Robot, name, "truepose.load(name)")
-    kinds = {"effects": Effects, "learn": OnlineCalibrator, "monitor": FaultMonitor}
-    for value, (name, kind) in zip((effects, learn, monitor), kinds.items(), strict=True):
+    for name, value, kind, prefix in (
+        ("effects", effects, Effects, ""),
+        ("learn", learn, OnlineCalibrator, ""),
+        ("monitor", monitor, FaultMonitor, ""),
+        ("safety", safety, SafetyShell, "control."),
+    ):
         if value is not None:
-            require(value, kind, name, f"truepose.{kind.__name__}(…), or None")
+            require(value, kind, name, f"truepose.{prefix}{kind.__name__}(…), or None")
     for one in {robot, truth}:
         warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)
@@ -307,7 +323,7 @@ def simulate(
         usual = default_move(robot)
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
-    settings = Settings(duration, hold, steps, seed, effects, time, learn, faults, monitor)
+    settings = Settings(duration, hold, steps, seed, effects, time, learn, faults, monitor, safety)
     drive = begin(robot, truth, controller, ("start", start), settings)
     if law is None and callable(controller.law):
         law = Torques(controller, robot, drive.origin[: robot.n])
@@ -317,9 +333,13 @@ def simulate(
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
         move = Line(start=origin, end=end, duration=duration)
         require_feasible_move(robot, move, controller.period)
+        if drive.limits is not None:
+            drive.limits.require_path(*move.setpoints(robot, controller.period))
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = loop.simulate(*asked, *drive.last, own)  # type: ignore[call-arg]
     else:
+        if drive.limits is not None:
+            drive.limits.require_path(*setpoints)
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
@@ -331,6 +351,10 @@ def simulate(
         ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
+    state, cause, motor = (values[:1] for values in log[-3:])
+    if safety is not None and STATES[state[0]] != "running" and len(log[0]) == 1:
+        part = f" of motor {motor[0] + 1}" if motor[0] >= 0 else ""
+        raise PoseError(f"{robot.name}: the safety shell does not start: {CAUSES[cause[0]]}{part}")
     name = law_name(controller.law if law is None or isinstance(law, Torques) else law)
     return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
