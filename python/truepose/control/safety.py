@@ -26,17 +26,17 @@ _REACTION = 0.010  # s, the core's kReaction
 _SPEEDS = (0.02, 0.1, 0.3, 0.6, 1.0)  # of printed stopping distances, m/s or rad/s
 #: Limit: unit, where q is the reading's unit and t the torque's, and the default's derivation.
 _ROWS = {
-    "tracking": ("q", "largest error of the law ê_q", "torque limit τ over kp"),
-    "deviation": ("q", "largest q_d - q", "tracking; of laws that use sensors: and 10 mm"),
-    "speed": ("q/s", "largest speed", "from rest over half the travel at τ"),
-    "slew": ("t/s", "largest change of the torque", "2 τ in 10 ms"),
-    "saturation": ("s", "longest time at τ", "5 over the loop's natural frequency"),
-    "window": ("cycles", "over which a speed is measured", "counts are 1/10 of the speed limit"),
-    "age": ("cycles", "by which a frame may be late", "2, at most 10 ms"),
-    "missing": ("s", "longest time without a motor's reading", "5 ms"),
-    "held": ("s", "longest time without an answer", "5 ms"),
-    "stop": ("s", "duration of a stop along the path", "0.15 s"),
-    "brake": ("s", "closing time of the brakes", "20 ms, assumed"),
+    "tracking": ("q", "τ, the torque limit, over kp"),
+    "deviation": ("q", "tracking; with sensors: and 10 mm"),
+    "speed": ("q/s", "from rest over half the travel at τ"),
+    "slew": ("t/s", "2 τ in 10 ms, 3 counts' answers"),
+    "saturation": ("s", "5 / natural frequency"),
+    "window": ("cycles", "count at most 1/10 of speed"),
+    "age": ("cycles", "2, at most 10 ms"),
+    "missing": ("s", ""),
+    "held": ("s", ""),
+    "stop": ("s", ""),
+    "brake": ("s", "assumed"),
 }
 
 
@@ -169,24 +169,22 @@ class SafetyLimits(Shown):
         return np.array(getattr(self.core, name)[: self.robot.n])
 
     def table(self) -> Table:
-        """Return one row per limit: value, meaning, derivation."""
+        """Return one row per limit: its value, of each motor where they differ, and derivation."""
         units = reading_units(self.robot)[: self.robot.n]
         rows = []
-        for name, (unit, what, derived) in _ROWS.items():
+        for name, (unit, derived) in _ROWS.items():
             value = getattr(self.core, name)
+            if isinstance(value, Sequence):
+                motors, unit = self.motors(name), _unit(unit, units[0])
+                alike = np.ptp(motors) <= 1e-6 * motors[0]
+                text = ", ".join(number(v) for v in (motors[:1] if alike else motors))
+                cell = Cell(text, {f"motor {k}": float(v) for k, v in enumerate(motors, 1)})
+            else:
+                cell = Cell(f"{value:g}", {"value": value})
             source = "given" if name in self.given else derived
-            if not isinstance(value, Sequence):
-                rows.append([name, number(value), unit, what, source])
-                continue
-            every = [
-                unit.replace("q", of).replace("t/", "N·m/" if of == "rad" else "N/") for of in units
-            ]
-            alike = np.ptp(self.motors(name)) <= 1e-6 * value[0]
-            texts = [number(v) for v in (value[:1] if alike else value[: self.robot.n])]
-            data = {f"motor {k} ({u})": float(v) for k, (v, u) in enumerate(zip(value, every), 1)}  # noqa: B905
-            rows.append([name, Cell(", ".join(texts), data), every[0], what, source])
+            rows.append([Cell(f"{name} ({unit})", {"limit": name, "unit": unit}), cell, source])
         title = f"{self.robot.name}: limits of the safety shell"
-        return Table("safety", title, ["limit", "value", "unit", "meaning", "default"], rows)
+        return Table("safety", title, ["limit", "value", "default"], rows)
 
     def stopping_distance(self, speed: float, counter: bool | None = None) -> float:
         """Return the platform's way from the last fresh frame to standstill, at home.
@@ -231,16 +229,16 @@ class SafetyLimits(Shown):
         """Raise InputError if a limit is below what a path's setpoints (T, n) need of it."""
         rows = (np.ascontiguousarray(values, dtype=float) for values in (x, rate, acceleration))
         *needs, low, high, status, _ = _core.path_needs(self.robot.core, self.core, *rows)
-        n, units = self.robot.n, reading_units(self.robot)
-        for name, need in zip(("speed", "torque", "slew"), needs, strict=True):
+        units = reading_units(self.robot)
+        kinds = ("speed", "q/s"), ("torque", "t"), ("slew", "t/s")
+        for (name, kind), need in zip(kinds, needs, strict=True):
             most = self.motors(name)
-            if (over := np.array(need[:n]) > most).any():
+            if (over := np.array(need[: self.robot.n]) > most).any():
                 k = int(over.argmax())
-                unit = {"speed": units[k], "slew": "N·m" if units[k] == "rad" else "N"}
-                per = "/s" if name in unit else ""
                 raise InputError(
-                    f"safety: motor {k + 1} needs {name} {need[k]:.4g} {unit.get(name, '')}{per} "
-                    f"on this path; the limit is {most[k]:.4g}: slow the path down, or raise {name}"
+                    f"safety: {name} of motor {k + 1}: the path needs {need[k]:.4g} "
+                    f"{_unit(kind, units[k])}, the limit is {most[k]:.4g}: slow the path down, or "
+                    "raise the limit"
                 )
         if status > 0:
             outside = [
@@ -267,6 +265,11 @@ class SafetyLimits(Shown):
             f"({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
             f"{at['slew']:.4g} at least {2 * core.torque[motor] / _REACTION:.4g}"
         )
+
+
+def _unit(kind: str, reading: str) -> str:
+    torque = "N·m" if reading == "rad" else "N"
+    return kind.replace("q", reading).replace("t", torque)
 
 
 def stop_text(time: Array, brakes: Array, cause: Array, motor: Array) -> str:
