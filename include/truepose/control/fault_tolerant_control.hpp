@@ -60,6 +60,8 @@ struct FaultTolerantState {
   Joint weight{};       ///< torques that hold the robot there once all brakes are requested, N·m
   Real unanswered = 0;  ///< time since the last valid torque, s
   Real stopping = 0;    ///< time since the fault is undecided, s
+  bool asked = false;   ///< whether there was a setpoint,
+  Joint q_d{};          ///< and the last one, also of a law that starts anew
   Knowledge known{};    ///< with large σ for excluded readings
 };
 
@@ -94,7 +96,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   FaultMonitor& monitor = fault_state.monitor;
   const Outcome monitored = monitor_faults<K>(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
-      state.started ? state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
+      fault_state.asked ? fault_state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
   constexpr std::uint32_t all = bit(n) - 1;
   const bool held = fault_state.brakes == all;
   fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;
@@ -127,6 +129,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
     outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
   }
+  if (outcome) fault_state.q_d = state.q_d;
+  fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
   if (fault_state.unanswered > fault_settings.held) {
     fault_state.stops = true;

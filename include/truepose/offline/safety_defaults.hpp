@@ -50,7 +50,8 @@ inline Real travel(const Chain& chain) {
 ///
 ///     torque      the motor's limit τ_i
 ///     slew        2 τ_i in 10 ms: the torque of a stop is reached from any other in that time; at
-///                 least three times the loop's answer to a count in one period
+///                 least twice the loop's answer to a count in one period, kp and kd times the
+///                 velocity filter's bandwidth; at most 2 τ_i in one period
 ///     tracking    τ_i / kp_i: the error by which kp_i alone asks for the whole torque
 ///     deviation   tracking; laws that correct the geometry: and 10 mm at the platform
 ///     speed       √(a_i s_i): from rest over half the travel s_i at a_i, the largest acceleration
@@ -99,10 +100,9 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       limits.still[i] = 2 * limits.count[i];
       limits.kp[i] = kp / inertia;
       limits.kd[i] = std::fabs(settings.kd[i]) / (settings.gains == Gains::inertia ? 1 : inertia);
-      const Real g = std::exp(-settings.velocity_bandwidth * settings.period);  // see track()
       const Real answer = inertia * limits.count[i] *
-                          (limits.kp[i] + limits.kd[i] * (1 - g) * (1 - g) / settings.period);
-      limits.slew[i] = std::max(limits.slew[i], std::min(3 * answer, 2 * torque) / settings.period);
+                          (limits.kp[i] + limits.kd[i] * settings.velocity_bandwidth);
+      limits.slew[i] = std::max(limits.slew[i], 2 * std::min(answer, torque) / settings.period);
       const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
       limits.rests[i] = limits.count[i] + friction / kp;
       if (std::isfinite(chain.low) && std::isfinite(chain.high)) {

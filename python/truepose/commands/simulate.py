@@ -149,9 +149,7 @@ def command(
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, dict):
-            ran = move = simulate(
-                believed, truth, controller, **motion, **settings, safety=shell
-            )
+            ran = move = simulate(believed, truth, controller, **motion, **settings, safety=shell)
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
             if shell is not None:

@@ -29,7 +29,7 @@ _ROWS = {
     "tracking": ("q", "τ, the torque limit, over kp"),
     "deviation": ("q", "tracking; with sensors: and 10 mm"),
     "speed": ("q/s", "from rest over half the travel at τ"),
-    "slew": ("t/s", "2 τ in 10 ms, 3 counts' answers"),
+    "slew": ("t/s", "2 τ in 10 ms; 2 counts' answers"),
     "saturation": ("s", "5 / natural frequency"),
     "window": ("cycles", "count at most 1/10 of speed"),
     "age": ("cycles", "2, at most 10 ms"),
@@ -55,7 +55,8 @@ class SafetyShell:
     speed : float or array_like, shape (n,)
         Largest speed of motors and setpoints.
     slew : float or array_like, shape (n,)
-        Largest change of the torque, N·m/s or N/s, at least twice the torque limit in 10 ms.
+        Largest change of the torque, N·m/s or N/s, at least twice the torque limit in 10 ms. The
+        default also passes what two counts make the loop answer in one period.
     box : array_like, shape (2, n)
         Lowest and highest coordinates of the setpoint x; by default none.
     saturation : float
