@@ -11,8 +11,8 @@ move. With --calibrated the controller's model is calibrated at Table 2's poses.
 
 Campaign: robots, paths and sizes of faults as of `fault_monitor.py faults`, in the safety shell
 alone and with the fault monitor. A fault's delay counts from the first cycle in which its reading
-is off by the limit of `tp.faults.detectability` (median over the path). Results are added to FILE, a
-row of JSON for each robot; rows that it has are not computed again.
+is off by the limit of `tp.faults.detectability` (median over the path). Results are added to FILE,
+a row of JSON for each robot; rows that it has are not computed again.
 """
 
 import argparse
@@ -30,7 +30,6 @@ import numpy as np
 import truepose as tp
 from truepose.control.safety import CAUSES
 from truepose.paper import article, faulty, tables
-from truepose.robot.units import reading_units
 from truepose.show.table import markdown
 
 SETS = fm.SETS | fm.MORE
@@ -213,8 +212,9 @@ def _job(key: tuple) -> list[dict] | None:
 
 def print_campaign(cases: list[dict]) -> None:
     """Print one row per mode and kind of fault."""
+    error = "error median, 99 %, largest (mm)"
     fm.row(
-        "kind", "cases", "detected", "median, 99 % (ms)", "wrong", "error median, 99 %, largest (mm)",
+        "kind", "cases", "detected", "median, 99 % (ms)", "wrong", error,
         "beyond max(1 mm, 1.2 × stated)", "stop, over the printed one",
     )  # fmt: skip
     fm.row("---", *["---:"] * 7)

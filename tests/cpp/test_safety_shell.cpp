@@ -114,6 +114,32 @@ TEST("a frozen frame of all readings is named within 3 cycles; the robot stops a
   });
 }
 
+TEST("one motor whose encoder freezes in motion is named before its loop has driven it far") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    for (int motor = 0; motor < kDof<K>; ++motor) {
+      Bench<K> bench(mechanism);
+      bench.begin();
+      Coordinates target = mechanism.robot.home;
+      target[0] += 0.04;
+      bench.move(target, 0.3);
+      bench.run_for(150);
+      Real frozen = NAN;
+      const auto freeze = [&](Extended& q_e, SafetyCycle&, Setpoint&) {
+        if (std::isnan(frozen)) frozen = q_e[motor];
+        q_e[motor] = frozen;
+      };
+      const Real wanted = bench.shell.wanted[motor];
+      const int named = bench.cycles(300, [&] { return bench.shell.causes != 0; }, freeze);
+      const double asked = std::fabs(bench.shell.wanted[motor] - wanted);
+      std::printf("%d/%d named %d cause %s part %d asked/tracking %.3g off %.2f mm\n", int(K), motor, named,
+                  properties(bench.shell.cause).name, bench.shell.part,
+                  asked / bench.limits.tracking[motor],
+                  1e3 * std::fabs(bench.travelled(to_pose<K>(quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time).x))));
+    }
+  });
+}
+
 TEST("a requested stop follows the path without a corner, then the brakes hold the robot") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

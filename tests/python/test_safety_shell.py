@@ -179,6 +179,6 @@ def test_the_command_prints_limits_and_names_the_cause(run: Any) -> None:
     status, said, err = run(*words)
     assert status == 0 and "safety shell: stale frame at 0.102 s, stopped by brake" in err
     data = json.loads(said)
-    assert [row["limit"] for row in data["safety"]][0] == "tracking"
+    assert next(row["limit"] for row in data["safety"]) == "tracking"
     assert len(data["stops"]) == 5
     assert CAUSES[5] == "stale frame"

@@ -50,8 +50,8 @@ inline Real travel(const Chain& chain) {
 ///
 ///     torque      the motor's limit τ_i
 ///     slew        2 τ_i in 10 ms: the torque of a stop is reached from any other in that time; at
-///                 least twice the loop's answer to a count in one period, kp and kd times the
-///                 velocity filter's bandwidth; at most 2 τ_i in one period
+///                 least 2.5 times the loop's answer to a count of all motors, by kp and kd times
+///                 the velocity filter's bandwidth (measured: up to 2.3); at most 2 τ_i in a period
 ///     tracking    τ_i / kp_i: the error by which kp_i alone asks for the whole torque
 ///     deviation   tracking; laws that correct the geometry: and 10 mm at the platform
 ///     speed       √(a_i s_i): from rest over half the travel s_i at a_i, the largest acceleration
@@ -100,9 +100,6 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       limits.still[i] = 2 * limits.count[i];
       limits.kp[i] = kp / inertia;
       limits.kd[i] = std::fabs(settings.kd[i]) / (settings.gains == Gains::inertia ? 1 : inertia);
-      const Real answer = inertia * limits.count[i] *
-                          (limits.kp[i] + limits.kd[i] * settings.velocity_bandwidth);
-      limits.slew[i] = std::max(limits.slew[i], 2 * std::min(answer, torque) / settings.period);
       const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
       limits.rests[i] = limits.count[i] + friction / kp;
       if (std::isfinite(chain.low) && std::isfinite(chain.high)) {
@@ -112,6 +109,15 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       }
       slowest = std::min(slowest, std::sqrt(kp / inertia));
       rest = std::max(rest, limits.speed[i] * inertia / torque);
+    }
+    for (int i = 0; i < n; ++i) {
+      const Real answer = sum_of(n, [&](int j) {
+        if (j != i && settings.gains != Gains::inertia) return Real{0};
+        return std::fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
+               (limits.kp[j] + limits.kd[j] * settings.velocity_bandwidth);
+      });
+      const Real step = std::min(2.5 * answer, 2 * limits.torque[i]);
+      limits.slew[i] = std::max(limits.slew[i], step / settings.period);
     }
     const int longest = static_cast<int>(0.008 / settings.period + 1e-6);
     limits.window = std::clamp(window, 1, std::max(1, std::min(longest, kMostWindow)));

@@ -2,8 +2,8 @@
 
 from truepose.control.adaptive import AdaptiveCalibrator
 from truepose.control.controller import ControllerInput
-from truepose.control.safety import SafetyShell
 from truepose.control.margins import StabilityMargins, stability_margins
+from truepose.control.safety import SafetyShell
 
 __all__ = [
     "AdaptiveCalibrator",

@@ -29,7 +29,7 @@ _ROWS = {
     "tracking": ("q", "τ, the torque limit, over kp"),
     "deviation": ("q", "tracking; with sensors: and 10 mm"),
     "speed": ("q/s", "from rest over half the travel at τ"),
-    "slew": ("t/s", "2 τ in 10 ms; 2 counts' answers"),
+    "slew": ("t/s", "2 τ in 10 ms; answers to counts"),
     "saturation": ("s", "5 / natural frequency"),
     "window": ("cycles", "count at most 1/10 of speed"),
     "age": ("cycles", "2, at most 10 ms"),
@@ -56,7 +56,7 @@ class SafetyShell:
         Largest speed of motors and setpoints.
     slew : float or array_like, shape (n,)
         Largest change of the torque, N·m/s or N/s, at least twice the torque limit in 10 ms. The
-        default also passes what two counts make the loop answer in one period.
+        default also passes the loop's answer to counts of all motors.
     box : array_like, shape (2, n)
         Lowest and highest coordinates of the setpoint x; by default none.
     saturation : float
@@ -173,15 +173,16 @@ class SafetyLimits(Shown):
         """Return one row per limit: its value, of each motor where they differ, and derivation."""
         units = reading_units(self.robot)[: self.robot.n]
         rows = []
-        for name, (unit, derived) in _ROWS.items():
+        for name, (kind, derived) in _ROWS.items():
             value = getattr(self.core, name)
             if isinstance(value, Sequence):
-                motors, unit = self.motors(name), _unit(unit, units[0])
+                motors = self.motors(name)
                 alike = np.ptp(motors) <= 1e-6 * motors[0]
                 text = ", ".join(number(v) for v in (motors[:1] if alike else motors))
                 cell = Cell(text, {f"motor {k}": float(v) for k, v in enumerate(motors, 1)})
             else:
                 cell = Cell(f"{value:g}", {"value": value})
+            unit = _unit(kind, units[0]) if isinstance(value, Sequence) else kind
             source = "given" if name in self.given else derived
             rows.append([Cell(f"{name} ({unit})", {"limit": name, "unit": unit}), cell, source])
         title = f"{self.robot.name}: limits of the safety shell"
@@ -255,15 +256,16 @@ class SafetyLimits(Shown):
         core = self.core
         if motor < 0:
             raise InputError(
-                f"safety: period {core.period:g} s and age {core.age} periods must be at most 10 ms "
-                f"together, missing and held too; saturation {core.saturation:g} s at least a period"
+                f"safety: period {core.period:g} s and age {core.age} periods must be at most 10 "
+                f"ms together, missing and held too; saturation {core.saturation:g} s at least a "
+                "period"
             )
         at = {
             name: getattr(core, name)[motor] for name in ("tracking", "count", "deviation", "slew")
         }
         raise InputError(
-            f"safety: motor {motor + 1}: tracking {at['tracking']:.4g} must be greater than a count "
-            f"({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
+            f"safety: motor {motor + 1}: tracking {at['tracking']:.4g} must be greater than a "
+            f"count ({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
             f"{at['slew']:.4g} at least {2 * core.torque[motor] / _REACTION:.4g}"
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import check_seed, finite, positive, whole
+from truepose.arguments import Array, check_seed, finite, positive, whole
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control import delays
 from truepose.control.controller import (
@@ -23,8 +23,8 @@ from truepose.control.controller import (
 )
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
-from truepose.control.safety import SafetyLimits, SafetyShell
-from truepose.exceptions import InputError
+from truepose.control.safety import CAUSES, STATES, SafetyLimits, SafetyShell
+from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import knowledge
@@ -89,6 +89,16 @@ class Drive(NamedTuple):
     first: tuple  #: arguments of the core's functions before the motion
     last: tuple  #: and after it: integration steps per period, true pose at the start, seed
     limits: SafetyLimits | None = None  #: of the safety shell
+
+    def require_path(self, *setpoints: Array) -> None:
+        """Raise InputError if a limit of the safety shell is below what the path needs."""
+        if self.limits is not None:
+            self.limits.require_path(*setpoints)
+
+    def require_started(self, robot: Robot, state: Array, cause: Array) -> None:
+        """Raise PoseError if the safety shell refused to start."""
+        if self.limits is not None and len(state) == 1 and STATES[state[0]] != "running":
+            raise PoseError(f"{robot.name}: the safety shell does not start: {CAUSES[cause[0]]}")
 
 
 def begin(

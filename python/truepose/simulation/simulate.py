@@ -15,7 +15,7 @@ from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name, pose_of
 from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
-from truepose.control.safety import CAUSES, STATES, SafetyShell, stop_text
+from truepose.control.safety import SafetyShell, stop_text
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
@@ -134,11 +134,11 @@ class Simulation(Shown):
     def status(self) -> str:
         """Status of the run: "ok", or the worst that went wrong.
 
-        With faults: the robot left its workspace ("stopped …"), the safety shell stopped it ("safety
-        shell: …"), the fault monitor reports a reading, when and why ("theta failed at …"), or the
-        controller had no result ("no answer …"). "does not come to rest: …": a coordinate oscillates by more than `RESTLESS` in the last
-        50 ms of the hold (in all of a shorter one). "saturated: …": it rests, but a motor was at
-        its torque limit on the way.
+        With faults: the robot left its workspace ("stopped …"), the safety shell stopped it
+        ("safety shell: …"), the fault monitor reports a reading, when and why ("theta failed at
+        …"), or the controller had no result ("no answer …"). "does not come to rest: …": a
+        coordinate oscillates by more than `RESTLESS` in the last 50 ms of the hold (in all of a
+        shorter one). "saturated: …": it rests, but a motor was at its torque limit on the way.
 
         Examples
         --------
@@ -333,13 +333,11 @@ def simulate(
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
         move = Line(start=origin, end=end, duration=duration)
         require_feasible_move(robot, move, controller.period)
-        if drive.limits is not None:
-            drive.limits.require_path(*move.setpoints(robot, controller.period))
+        drive.require_path(*move.setpoints(robot, controller.period))
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = loop.simulate(*asked, *drive.last, own)  # type: ignore[call-arg]
     else:
-        if drive.limits is not None:
-            drive.limits.require_path(*setpoints)
+        drive.require_path(*setpoints)
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
@@ -351,10 +349,7 @@ def simulate(
         ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
-    state, cause, motor = (values[:1] for values in log[-3:])
-    if safety is not None and STATES[state[0]] != "running" and len(log[0]) == 1:
-        part = f" of motor {motor[0] + 1}" if motor[0] >= 0 else ""
-        raise PoseError(f"{robot.name}: the safety shell does not start: {CAUSES[cause[0]]}{part}")
+    drive.require_started(robot, *log[-3:-1])
     name = law_name(controller.law if law is None or isinstance(law, Torques) else law)
     return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
