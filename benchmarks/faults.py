@@ -1,7 +1,7 @@
 """Simulated sensor faults: docs/fault-consequences.md and the campaign of docs/safety-shell.md.
 
 faults.py consequences [--moves 30] [--seed 0] [--calibrated]   # the paper's H4, minutes
-faults.py campaign [--robots 8] [--jobs 2] [--out FILE]         # every kind, in the safety shell
+faults.py campaign [--plant own] [--robots 8] [--jobs 2] [--out FILE]  # every kind, in the shell
 faults.py frozen [--robots 8]                                   # all readings at once
 faults.py healthy [--robots 30] [--seconds 7]                   # false alarms, all effects
 
@@ -17,9 +17,10 @@ a row of JSON for each robot; rows that it has are not computed again.
 
 import argparse
 import json
-from collections import defaultdict
-from collections.abc import Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -28,63 +29,129 @@ import fault_monitor as fm
 import numpy as np
 
 import truepose as tp
-from truepose.control.safety import CAUSES
+from truepose import _core
+from truepose.control.safety import CAUSES, SafetyLimits
+from truepose.faults.fault import in_core
 from truepose.paper import article, faulty, tables
 from truepose.show.table import markdown
 
 SETS = fm.SETS | fm.MORE
 LAWS = ("joint", "estimated")
 MODES = {"shell": None, "monitor and shell": tp.FaultMonitor()}
-ABRUPT = 0.02  #: s, and the share of delays that must be shorter is printed
 AFTER = 0.3  #: s of a path after the fault
 
 
-def case(run: tp.simulation.Simulation, healthy: tp.simulation.Simulation, limits) -> dict:
+@dataclass
+class Trail:
+    """What a plant recorded, a row per control period."""
+
+    time: np.ndarray
+    x: np.ndarray
+    q_e: np.ndarray
+    torque: np.ndarray
+    cause: np.ndarray
+    brakes: np.ndarray
+    health: np.ndarray
+    ended: str = ""  #: why before its time
+
+    @property
+    def stop(self) -> int | None:
+        """The row of the first cause of a stop."""
+        return int((self.cause > 0).argmax()) if self.cause.any() else None
+
+
+Plant = Callable[..., Trail]  #: of faults and a monitor
+
+
+def own_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: int) -> Plant:
+    """Return the package's own simulation along a path of two moves."""
+    path = fm.way(robot, fm.AT + AFTER, seed, 0.3)
+
+    def run(faults: tuple = (), monitor: tp.FaultMonitor | None = None) -> Trail:
+        ran = tp.simulate(
+            robot, truth, control, path=path, seed=seed, faults=faults, monitor=monitor,
+            safety=tp.control.SafetyShell(),
+        )  # fmt: skip
+        columns = ran.q_e, ran.torque, ran.stop_cause, ran.brakes, ran.health
+        return Trail(ran.time, ran.x, *columns, ran.ended)
+
+    return run
+
+
+def mujoco_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: int) -> Plant:
+    """Return rigid bodies in MuJoCo, in a move of half a second."""
+    from truepose.integrations.mujoco.plant import MujocoPlant, _Drive
+
+    class Recorded(_Drive):
+        def _trace(self) -> np.ndarray:
+            state, n, e = self.state, robot.n, robot.n + robot.r
+            row = self.body.coordinates(), self.read, np.array(state.torque)[:n], state.cause
+            rows.append((*row, state.brakes, np.array(state.health)[:e]))
+            return super()._trace()
+
+        def _faulty(self, time: float) -> np.ndarray:
+            self.read = super()._faulty(time)
+            return self.read
+
+    rows: list[tuple] = []
+
+    def run(faults: tuple = (), monitor: tp.FaultMonitor | None = None) -> Trail:
+        rows.clear()
+        plant = MujocoPlant(
+            truth, seed=seed, duration=0.5, hold=0.2, longest=0.2, faults=faults, monitor=monitor,
+            safety=tp.control.SafetyShell(),
+        )  # fmt: skip
+        said = Recorded(plant, robot, control, seed, 0.0).go(fm.poses(robot, 1, seed)[0], 0.0)[-1]
+        columns = [np.array(column) for column in zip(*rows, strict=True)]
+        lost = said if said.startswith("lost") else ""
+        return Trail(np.arange(len(rows)) * control.period, *columns, lost)
+
+    return run
+
+
+PLANTS = {"own": own_plant, "mujoco": mujoco_plant}
+
+
+def case(run: Trail, healthy: Trail, robot: tp.Robot, limits: SafetyLimits) -> dict:
     """Return how a run in the shell ended, against the same run without a fault."""
-    period = run.controller.period
+    period, stop = limits.core.period, run.stop
     rows = min(len(run.x), len(healthy.x))
-    begin = round(fm.AT / period)
-    moving = np.array([unit == "m" for _, unit in run.robot.coordinates])
-    stop = int((run.stop_cause > 0).argmax()) if run.stop_cause.any() else None
+    moving = np.array([unit == "m" for _, unit in robot.coordinates])
     alarm = fm.first(run.health)
     seen = [at for at in (stop, alarm) if at is not None]
-    until = rows if stop is None else min(stop + 1, rows)
-    off = np.abs(run.x[:until] - healthy.x[:until])
+    off = np.abs(run.x[:rows] - healthy.x[:rows])[: None if stop is None else stop + 1]
     steps = np.abs(np.diff(run.torque, axis=0)) / (limits.motors("slew") * period)
     found = {
         "detected": min(seen) if seen else None,
-        "named": run.failed,
-        "cause": CAUSES[run.stop_cause[-1]],
+        "named": tp.faults.monitor.failed(robot, run.health),
+        "cause": CAUSES[run.cause[-1]],
         "ended": run.ended,
         "off": float(1e3 * np.linalg.norm(off[:, moving], axis=1).max()),
         "turned": float(np.degrees(off[:, ~moving].max())) if (~moving).any() else 0.0,
         "step": float(steps.max()),
-        "begin": begin,
     }
-    if stop is not None:
-        speed = np.linalg.norm(np.diff(run.x[stop - 1 : stop + 1, moving], axis=0)) / period
+    if stop:
+        speed = np.linalg.norm(run.x[stop, moving] - run.x[stop - 1, moving]) / period
         way = np.linalg.norm(run.x[stop:, moving] - run.x[stop, moving], axis=1).max()
-        found |= {"speed": float(speed), "way": float(1e3 * way)}
+        found |= {"speed": float(speed), "way": float(1e3 * way), "brake": bool(run.brakes[stop])}
         found["printed"] = 1e3 * limits.stopping_distance(max(float(speed), 1e-6))
-        found["brake"] = bool(run.brakes[stop])
     return found
 
 
-def job(which: str, law: str, seed: int) -> list[dict] | None:
+def job(plant: str, which: str, law: str, seed: int) -> list[dict] | None:
     """Return the results of every fault of one calibrated robot; None: it cannot make the path."""
     robot, truth = fm.drawn(which, seed, True, None)
-    path = fm.way(robot, fm.AT + AFTER, seed, 0.3)
-    setpoints = path.setpoints(robot, 1e-3)
-    shell = tp.control.SafetyShell()
     controller = tp.Controller(law=law)
-    fixed = {"path": path, "seed": seed, "hold": 0.2}
+    run = PLANTS[plant](robot, truth, controller, seed)
     try:
-        healthy = tp.simulate(robot, truth, controller, safety=shell, **fixed)
+        healthy = run()
     except (tp.PoseError, tp.InputError):
         return None
-    detectable = tp.faults.detectability(robot, setpoints.x[::20], fm.poses(robot, fm.POSES, seed))
+    if healthy.cause.any():
+        return [{"kind": "none", "mode": "shell", "cause": CAUSES[healthy.cause[-1]]}]
+    detectable = tp.faults.detectability(robot, healthy.x[::20], fm.poses(robot, fm.POSES, seed))
     stated = detectable.pose_error(law)[..., 0].reshape(-1, len(robot.readings))
-    limits, results = shell.limits(robot, controller), []
+    limits, results = tp.control.SafetyShell().limits(robot, controller), []
     for c, reading in enumerate(robot.readings):
         limit = float(np.median(detectable.detected[:, c]))
         if not limit < fm.MOST:
@@ -92,37 +159,21 @@ def job(which: str, law: str, seed: int) -> list[dict] | None:
         for (kind, fault), (mode, monitor) in product(
             fm.faults_of(robot, reading, limit).items(), MODES.items()
         ):
-            run = tp.simulate(
-                robot, truth, controller, faults=fault, monitor=monitor, safety=shell, **fixed
-            )
-            found = case(run, healthy, limits)
-            rows = min(len(run.q_e), len(healthy.q_e))
-            # The fault alone, on the healthy robot's readings.
-            read = fault_alone(robot, fault, healthy)
-            beyond = ~(np.abs(read - healthy.q_e)[:rows, c] < limit)
-            beyond[: found["begin"]] = False
-            guilty = {reading, fault[0].other}
+            found = case(run(fault, monitor), healthy, robot, limits)
+            core = in_core(robot, fault, controller.period)
+            alone = _core.FaultyReadings(core, controller.period)
+            read = np.asarray(alone.read(healthy.time.tolist(), healthy.q_e))
+            beyond = ~(np.abs(read - healthy.q_e)[:, c] < limit)
             found |= {
                 "reading": reading,
                 "kind": kind,
                 "mode": mode,
                 "crossed": int(beyond.argmax()) if beyond.any() else None,
-                "wrong": bool(set(found["named"]) - guilty),
+                "wrong": bool(set(found["named"]) - {reading, fault[0].other}),
                 "stated": float(1e3 * stated[:, c].max()),
             }
             results.append(found)
     return results
-
-
-def fault_alone(robot: tp.Robot, faults: list, healthy: tp.simulation.Simulation) -> np.ndarray:
-    """Return the healthy run's readings with the faults."""
-    from truepose import _core
-    from truepose.faults.fault import in_core
-
-    faulty_readings = _core.FaultyReadings(
-        in_core(robot, faults, healthy.controller.period), healthy.controller.period
-    )
-    return np.asarray(faulty_readings.read(healthy.time.tolist(), healthy.q_e))
 
 
 def frozen(which: str, law: str, counter: bool, seed: int) -> list[dict]:
@@ -187,23 +238,18 @@ def healthy(which: str, law: str, monitored: bool, seconds: float, seed: int) ->
     return {"cycles": len(run.x), "status": run.status if stopped else ""}
 
 
-def jobs(robots: int) -> Iterator[tuple]:
-    for seed, which, law in product(range(robots), SETS, LAWS):
-        yield which, law, seed
-
-
-def run_campaign(pool: ProcessPoolExecutor, robots: int, out: Path) -> list[dict]:
+def run_campaign(pool: ProcessPoolExecutor, plant: str, robots: int, out: Path) -> list[dict]:
     """Compute the jobs that `out` does not have, add them to it, and return all cases."""
     text = out.read_text() if out.exists() else ""
     have = {tuple(row["job"]): row["cases"] for row in map(json.loads, text.splitlines())}
-    missing = [key for key in jobs(robots) if key not in have]
+    keys = [(plant, *key) for key in product(SETS, LAWS, range(robots))]
+    missing = [key for key in keys if key not in have]
     with out.open("a") as file:
         for key, cases in zip(missing, pool.map(_job, missing), strict=True):
             have[key] = cases
             print(json.dumps({"job": key, "cases": cases}), file=file, flush=True)
-    return [
-        {"which": key[0], "law": key[1], **one} for key in jobs(robots) for one in have[key] or ()
-    ]
+    names = "plant", "which", "law", "seed"
+    return [dict(zip(names, key, strict=True)) | one for key in keys for one in have[key] or ()]
 
 
 def _job(key: tuple) -> list[dict] | None:
@@ -211,7 +257,9 @@ def _job(key: tuple) -> list[dict] | None:
 
 
 def print_campaign(cases: list[dict]) -> None:
-    """Print one row per mode and kind of fault."""
+    """Print one row per mode and kind of fault, and what both together do not detect."""
+    print("stops of healthy robots:", [one for one in cases if one["kind"] == "none"])
+    cases = [one for one in cases if one["kind"] != "none"]
     error = "error median, 99 %, largest (mm)"
     fm.row(
         "kind", "cases", "detected", "median, 99 % (ms)", "wrong", error,
@@ -242,6 +290,12 @@ def print_campaign(cases: list[dict]) -> None:
                 f"{max(ways):.2f}" if ways else "",
             )
     print(f"largest torque step over the slew limit: {max(one['step'] for one in cases):.9f}")
+    undetected = Counter(
+        (one["mode"], one["which"], one["reading"], one["kind"])
+        for one in cases
+        if one["crossed"] is not None and one["detected"] is None and one["mode"] != "shell"
+    )
+    print("undetected by both:", dict(undetected))
 
 
 def print_frozen(pool: ProcessPoolExecutor, robots: int) -> None:
@@ -302,13 +356,14 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=7.0)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--plant", choices=PLANTS, default="own")
     parser.add_argument("--out", type=Path, default=Path("campaign.jsonl"))
     args = parser.parse_args()
     if args.what == "consequences":
         return consequences(args.moves, args.seed, args.calibrated)
     with ProcessPoolExecutor(args.jobs) as pool:
         if args.what == "campaign":
-            print_campaign(run_campaign(pool, args.robots, args.out))
+            print_campaign(run_campaign(pool, args.plant, args.robots, args.out))
         elif args.what == "frozen":
             print_frozen(pool, args.robots)
         else:

@@ -122,6 +122,13 @@ void bind_safety(nb::module_& m) {
       .def_prop_ro("torque", [](const SafeControl& own) { return own.shell.torque; })
       .def_prop_ro("brakes", [](const SafeControl& own) { return own.shell.brakes; })
       .def_prop_ro("follows", [](const SafeControl& own) { return own.shell.follows; })
+      .def_prop_ro("health",
+                   [](const SafeControl& own) {
+                     std::array<int, kMaxReadings> health{};
+                     for (std::size_t c = 0; c < health.size(); ++c)
+                       health[c] = static_cast<int>(own.fault_state.monitor.reading[c].health);
+                     return health;
+                   })
       .def_prop_ro("state", [](const SafeControl& own) {
         return static_cast<int>(own.shell.machine.state);
       })
