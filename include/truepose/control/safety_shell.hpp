@@ -102,7 +102,7 @@ inline constexpr int kLongest = 1000;     ///< cycles without a change that are 
 inline constexpr int kFrozen = 3;         ///< identical frames that are one too many
 /// One motor stands still while its loop drives it: error at which it may rest, over `rests`, and
 /// ways over `still` and over `tracking`, the larger of which is too far.
-inline constexpr Real kStuckRests = 3, kStuckStill = 10, kStuckTracking = 0.1;
+inline constexpr Real kStuckRests = 3, kStuckStill = 7, kStuckTracking = 0.1;
 
 /// Violations of one cycle, as bits, each with the motor that was first.
 struct Found {
@@ -164,7 +164,8 @@ struct Step {
       }
       shell.same = 0;
     }
-    if (!shell.follows || !same || !cycle.answer) return;
+    // Marked frames need no such test.
+    if (!shell.follows || !same || !cycle.answer || cycle.counter.given || cycle.time.given) return;
     shell.same = std::min(shell.same + 1, kLongest);
     bool moved = false;
     for (int i = 0; i < n; ++i) {

@@ -57,7 +57,7 @@ inline Real travel(const Chain& chain) {
 ///     speed       √(a_i s_i): from rest over half the travel s_i at a_i, the largest acceleration
 /// count       one count, and 8 σ of the noise of a difference
 ///     window      count is at most a tenth of the speed limit over it; 8 ms at most
-/// still       twice that: a reading and the measured pace err by one each
+/// still       three times that: a reading, the measured pace, and the motor's dither by a count
 /// rests       count, and friction over kp_i: 0.5 % of τ_i where the robot has none
 ///     low, high   the stops, as read
 ///     saturation  5/ω, of the slowest motor: a loop leaves saturation in that time
@@ -97,7 +97,7 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       window = std::max(
           window,
           static_cast<int>(std::ceil(std::min<Real>(limits.count[i] / per_cycle, kMostWindow))));
-      limits.still[i] = 2 * limits.count[i];
+      limits.still[i] = 3 * limits.count[i];
       limits.kp[i] = kp / inertia;
       limits.kd[i] = std::fabs(settings.kd[i]) / (settings.gains == Gains::inertia ? 1 : inertia);
       const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
