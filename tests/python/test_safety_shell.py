@@ -78,7 +78,7 @@ def test_a_frozen_bus_is_stopped_within_the_printed_distance(
     k = round(at / 1e-3)
     stop = int((run.stop_cause > 0).argmax())
     assert run.status == f"safety shell: stale frame at {run.time[stop]:.3f} s, stopped by brake"
-    assert k < stop <= k + 3
+    assert k < stop <= k + (3 if counter or speed > 0.2 else 6)
     way = np.linalg.norm(run.x[k:, :3] - run.x[k, :3], axis=1)
     assert way.max() <= 1.2 * shell.limits(robot).stopping_distance(speed)
     assert run.safety_state[-1] == BRAKED and slewed(run, shell)
@@ -91,7 +91,8 @@ def test_a_frozen_bus_is_stopped_within_the_printed_distance(
         ([Fault("q2", "sign", at=0.1)], "motor range of motor 2", 1),
         ([Fault("q1", "jump", at=0.1, size=0.2)], "overspeed of motor 1", 1),
         ([Fault("q1", "bias", at=0.1, size=0.02)], "tracking error of motor 1", 1),
-        ([Fault("q3", "stuck", at=0.1)], "stale frame of motor 3", 6),
+        ([Fault("q3", "stuck", at=0.1)], "tracking error of motor 3", 6),
+        ([Fault("q1", "stuck", at=0.19)], "stale frame of motor 1", 6),
         ([Fault(FRAME, "dropout", at=0.1)], "stale frame", 1),
         ([Fault(f"q{k}", "dropout", at=0.1) for k in (1, 2, 3, 4)], "missing reading", 1),
     ],

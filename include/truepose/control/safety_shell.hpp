@@ -43,14 +43,17 @@ struct SafetyCycle {
   SafetyRequests request;
 };
 
+inline constexpr int kMostDriven = 1000;  ///< cycles that are counted
 /// Ways by which the loops have driven motors since their readings are identical.
 struct DrivenWays {
-  Joint from{};                      ///< the setpoint then
-  Joint error{}, pushed{}, way{};    ///< since: error that the readings leave; speed and way by it
+  Joint from{};                          ///< the setpoint then
+  Joint error{}, pushed{}, way{};        ///< error that the readings leave; speed and way by it
+  std::array<int, kMaxMotors> cycles{};  ///< with such an error
 
   void begin(int i, Real q_d) {
     from[i] = q_d;
     error[i] = pushed[i] = way[i] = 0;
+    cycles[i] = 0;
   }
 
   /// One cycle of motor i. An error at which it may rest drives nothing. @return its way
@@ -59,6 +62,7 @@ struct DrivenWays {
     error[i] = away - std::clamp(away, -rests, rests);
     pushed[i] += limits.period * limits.kp[i] * error[i] + limits.kd[i] * (error[i] - last);
     if (error[i] == 0) pushed[i] = 0;
+    cycles[i] = error[i] == 0 ? 0 : std::min(cycles[i] + 1, kMostDriven);
     return way[i] += limits.period * pushed[i];
   }
 };
@@ -164,8 +168,7 @@ struct Step {
       }
       shell.same = 0;
     }
-    // Marked frames need no such test.
-    if (!shell.follows || !same || !cycle.answer || cycle.counter.given || cycle.time.given) return;
+    if (!shell.follows || !same || !cycle.answer) return;
     shell.same = std::min(shell.same + 1, kLongest);
     bool moved = false;
     for (int i = 0; i < n; ++i) {
@@ -191,7 +194,8 @@ struct Step {
       }
       if (!cycle.answer) return false;
       const Real way = shell.alone.drive(limits, i, cycle.q_d[i], kStuckRests * limits.rests[i]);
-      return !(std::fabs(way) <=
+      return shell.alone.cycles[i] >= kFrozen &&
+             !(std::fabs(way) <=
                std::max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
     });
   }
