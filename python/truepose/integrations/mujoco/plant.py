@@ -148,6 +148,7 @@ class _Drive:
             limits = plant.safety.limits(robot, controller)
             self.shell = _core.Safety(limits.core, limits.counter)
         setup = plant.monitor and plant.monitor.setup(robot, controller)
+        self.state: Any = None
         self.monitored: dict = {} if setup is None else {"fault_setup": setup}
         self.restart()
 
@@ -163,24 +164,22 @@ class _Drive:
         for cycle in range(_START if self.shell else 0):  # the brakes hold the robot
             if self.state.follows:
                 break
-            x, rate, acceleration = self._setpoint(self.at, self.at, 0.0)
             began = cycle >= _WAITS, cycle > _WAITS
-            self._step(x, rate, acceleration, self._read()[0], {"begins": began})
+            self._step(self._setpoint(self.at, self.at, 0.0), self._read()[0], {"begins": began})
 
     def _setpoint(self, start: Array, end: Array, now: float) -> tuple:
         ends = padded(start), padded(end)
-        return _core.setpoint(self.believed.core, *ends, self.plant.duration, now)  # type: ignore[no-any-return]
+        return _core.setpoint(self.believed.core, *ends, self.plant.duration, now)
 
-    def _step(self, x: Any, rate: Any, acceleration: Any, sensed: Array, more: dict) -> int:
+    def _step(self, setpoint: tuple, sensed: Array, more: dict) -> int:
         """Run the controller for one cycle and return its status."""
         q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.n, q_e)
         if self.shell is not None:
             more = more | self.monitored
-        setpoint = self.settings, x, rate, acceleration
         status, _ = self.state.step(
-            self.believed.core, *setpoint, q_e, self.known, self.bus, **more
+            self.believed.core, self.settings, *setpoint, q_e, self.known, self.bus, **more
         )
         return int(status)
 
@@ -245,7 +244,7 @@ class _Drive:
         setpoint = self._setpoint(start, end, now if self.shell is None else self.state.time)
         sensed = self._faulty(began + now)
         more = {} if self.shell is None else {"frozen": self.faults.frozen(began + now)}
-        status = self._step(*setpoint, sensed, more)
+        status = self._step(setpoint, sensed, more)
         if status > 0:
             if not (plant.faults or self.shell):
                 return _core.describe(status)
