@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 import truepose as tp
+from truepose import _core
 from truepose.faults.monitor import first
 from truepose.robot.units import reading_units
 
@@ -118,29 +119,18 @@ def normal(robot: tp.Robot) -> tp.Robot:
 
 def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.faults.Fault]]:
     """Return faults of every kind, just above their detectability where there is one."""
-    c = robot.readings.index(reading)
-    units = reading_units(robot)
-    alike = [name for name, unit in zip(robot.readings, units, strict=True) if unit == units[c]]
-    other = next((name for name in alike if name != reading), None)
+    units = dict(zip(robot.readings, reading_units(robot), strict=True))
+    alike = [name for name, unit in units.items() if unit == units[reading] and name != reading]
     size = TIMES * limit
-    sizes = {
-        "bias": size,
-        "jump": size,
-        "spike": max(size, 0.02),
-        "drift": size / 0.1,
-        "gain": 1.1,
-        "delay": 0.02,
-    }
-    kinds = ("bias", "jump", "spike", "stuck", "dropout", "drift", "sign", "gain", "delay", "swap")
-    return {
-        kind: [
-            tp.faults.Fault(
-                reading, kind, AT, sizes.get(kind), other=other if kind == "swap" else None
-            )
-        ]
-        for kind in kinds
-        if other or kind != "swap"
-    }
+    sizes = {"reading": size, "reading/s": size / 0.1, "1": 1.1, "s": 0.02}
+    found = {}
+    for kind, row in _core.fault_kinds.items():
+        if row.pair and not alike:
+            continue
+        of = max(size, 0.02) if kind == "spike" else sizes.get(row.size)
+        other = alike[0] if row.pair else None
+        found[kind] = [tp.faults.Fault(reading, kind, AT, of, other=other)]
+    return found
 
 
 def faults(which: str, rest: bool, seed: int) -> list[tuple]:

@@ -44,6 +44,7 @@ struct Setup {
   const FaultTolerantSetup* fault_setup;
   Lateness late;
   std::vector<Event> events;
+  const Safety* safety;
 };
 
 /// Weights of a simulation's readings, from Python's knowledge or a calibrator, and its faults.
@@ -59,6 +60,7 @@ class LoopExtras {
     if (!of.faults.empty()) extras.faults = &lying_;
     extras.monitor_weighing = monitor_weights_.view();
     extras.events = of.events;
+    extras.safety = of.safety;
     if (of.late.first) extras.late = &*of.late.first;
     if (of.late.second) extras.bus = &*of.late.second;
     if (of.fault_setup) {
@@ -144,7 +146,9 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
       column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
       column<int>(log, &Sample::brakes), column<int>(log, &Sample::disturbance),
       column<int>(log, &Sample::disturbed), column<double>(log, &Sample::size),
-      column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused));
+      column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused),
+      column<int>(log, &Sample::safety), column<int>(log, &Sample::cause),
+      column<int>(log, &Sample::part));
 }
 
 auto run_simulation(const Setup& of, const Coordinates& from, const Coordinates& to,
@@ -287,7 +291,7 @@ void bind_faults(nb::module_& m) {
   m.attr("most_late") = kMostLate;
   nb::class_<Fault> fault(m, "Fault");
   fault.def(nb::init<>());
-  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end, count);
+  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end, count, frame);
   nb::enum_<Disturbance>(m, "DisturbanceKind")
       .value("none", Disturbance::none)
       .value("payload", Disturbance::payload)
@@ -298,7 +302,8 @@ void bind_faults(nb::module_& m) {
   TRUEPOSE_FIELDS(event, def_rw, kind, begin, end, motor, size, force);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
-      .def("read", &faulty);
+      .def("read", &faulty)
+      .def("frozen", &FaultyReadings::frozen);
 }
 }  // namespace
 
@@ -313,10 +318,11 @@ void bind_simulation(nb::module_& m) {
   nb::class_<Setup>(m, "Loop")
       .def(nb::init<const Robot&, const Robot&, const ControlSettings&, const Known*,
                     const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
-                    const Lateness&, const std::vector<Event>&>(),
+                    const Lateness&, const std::vector<Event>&, const Safety*>(),
            "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a, "online"_a.none(),
-           "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a, nb::keep_alive<1, 5>(),
-           nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>())
+           "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a,
+           "safety"_a.none() = nb::none(), nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(),
+           nb::keep_alive<1, 9>(), nb::keep_alive<1, 12>())
       .def("simulate", &run_simulation, "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
            "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none())
       .def("follow", &run_path, "x"_a, "rate"_a, "acceleration"_a, "steps"_a, "at_rest"_a, "seed"_a,

@@ -112,6 +112,8 @@ TEST("limits of every robot are consistent, and derived as documented") {
       CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
       const double cycles = std::ceil(step / (0.1 * joint.speed[0] * 1e-3));
       CHECK(limits.window >= std::clamp(cycles, 1.0, 8.0) && limits.window <= cycles + 1);
+      // The law's answer to a count passes the slew limit: it is no fault.
+      CHECK_NEAR(limits.slew[0], std::max(8000.0, 1e3 * std::min(80.0, 2.5 * 40 * share * 31)), 10);
     }
   });
 }

@@ -1,7 +1,7 @@
 // The simulated loop of an ideal robot: at rest, along a move, on a circle.
 #include <numbers>
 
-#include "controllers.hpp"
+#include "safety_bench.hpp"
 #include "truepose/offline/simulate.hpp"
 
 using namespace mechanisms;
@@ -46,6 +46,40 @@ TEST("an ideal robot follows a move with full feed-forward, and ends on the spot
       CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
       CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
     }
+  });
+}
+
+TEST("in the safety shell a healthy run is the same, and after a frozen frame the path stands still") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot robot = limited_robot<K>(mechanism);
+    const ControlSettings settings = settings_for(robot, Law::joint);
+    Safety safety;
+    CHECK(default_limits(robot, settings, safety.limits));
+    Coordinates to = robot.home;
+    to[0] += 0.03;
+    const Run run{robot.home, to, 0.2, 0.1, 2};
+    std::vector<Fault> frame(static_cast<std::size_t>(kDof<K> + robot.r));
+    for (std::size_t c = 0; c < frame.size(); ++c) {
+      frame[c] = {FaultKind::stuck, static_cast<int>(c)};
+      frame[c].begin = 0.1;
+      frame[c].frame = true;
+    }
+    FaultyReadings freezes(frame, settings.period);
+    std::array<std::vector<Sample>, 3> logs;  // without a shell, in it, and with a frozen frame
+    for (const std::size_t k : {0, 1, 2}) {
+      Extras extras;
+      if (k > 0) extras.safety = &safety;
+      if (k > 1) extras.faults = &freezes;
+      CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, extras)
+                .move(run, [&](const Sample& sample) { logs[k].push_back(sample); }));
+      CHECK(logs[k].size() == logs[0].size());
+    }
+    for (std::size_t i = 0; i < logs[0].size(); ++i)
+      CHECK(logs[0][i].x == logs[1][i].x && logs[0][i].torque == logs[1][i].torque);
+    const Sample &before = logs[2][104], &last = logs[2].back();
+    CHECK(last.cause == StopCause::stale_frame && last.x_d == before.x_d);
+    CHECK(last.safety == static_cast<int>(SafetyState::fault) && last.brakes == bit(kDof<K>) - 1);
   });
 }
 

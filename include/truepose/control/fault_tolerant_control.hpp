@@ -62,6 +62,8 @@ struct FaultTolerantState {
   Joint weight{};       ///< torques that hold the robot there once all brakes are requested, N·m
   Real unanswered = 0;  ///< time since the last valid torque, s
   Real stopping = 0;    ///< time since the fault is undecided, s
+  bool asked = false;   ///< whether there was a setpoint,
+  Joint q_d{};          ///< and the last one, also of a law that starts anew
   Knowledge known{};    ///< with large σ for excluded readings
   MomentumObserver observer;
 };
@@ -97,7 +99,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   FaultMonitor& monitor = fault_state.monitor;
   const Outcome monitored = monitor_faults<K>(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
-      state.started ? state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
+      fault_state.asked ? fault_state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
   // Forces are observed while every motor is read and no brake acts.
   bool observed = monitored && state.started && !fault_state.stops;
   for (int i = 0; i < n; ++i)
@@ -151,6 +153,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   }
   if (outcome)
     carry<K>(robot, fault_settings.momentum, setpoint, fault_state.observer, state.torque);
+  if (outcome) fault_state.q_d = state.q_d;
+  fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
   if (fault_state.unanswered > fault_settings.held) {
     fault_state.stops = true;

@@ -43,6 +43,30 @@ struct SafetyCycle {
   SafetyRequests request;
 };
 
+inline constexpr int kMostDriven = 1000;  ///< cycles that are counted
+/// Ways by which the loops have driven motors since their readings are identical.
+struct DrivenWays {
+  Joint from{};                          ///< the setpoint then
+  Joint error{}, pushed{}, way{};        ///< error that the readings leave; speed and way by it
+  std::array<int, kMaxMotors> cycles{};  ///< with such an error
+
+  void begin(int i, Real q_d) {
+    from[i] = q_d;
+    error[i] = pushed[i] = way[i] = 0;
+    cycles[i] = 0;
+  }
+
+  /// One cycle of motor i. An error at which it may rest drives nothing. @return its way
+  Real drive(const SafetyLimits& limits, int i, Real q_d, Real rests) {
+    const Real away = q_d - from[i], last = error[i];
+    error[i] = away - std::clamp(away, -rests, rests);
+    pushed[i] += limits.period * limits.kp[i] * error[i] + limits.kd[i] * (error[i] - last);
+    if (error[i] == 0) pushed[i] = 0;
+    cycles[i] = error[i] == 0 ? 0 : std::min(cycles[i] + 1, kMostDriven);
+    return way[i] += limits.period * pushed[i];
+  }
+};
+
 /// State and report, the caller's; a new one is switched on: stopped, with closed brakes.
 struct SafetyShell {
   SafetyMachine machine;
@@ -68,8 +92,8 @@ struct SafetyShell {
   int uneven = 0;                            ///< cycles for which a repeated frame is among them
   int same = 0;                              ///< cycles with identical readings of all motors
   std::array<Tracker, kMaxMotors> moving{};  ///< motor readings, per cycle
-  Joint from{}, pace{};                      ///< setpoint and motion per cycle before these
-  Joint error{}, pushed{}, way{};            ///< that these errors would cause: error, speed, way
+  Joint pace{};                              ///< their motion per cycle before these
+  DrivenWays frame, alone;                   ///< of all motors together, and of each
   Joint wanted{};                            ///< setpoint of the last cycle
   std::uint32_t unread = 0;                  ///< motors whose reading is missing, as bits
   Joint missing{}, saturated{}, clipped{};   ///< time, s
@@ -80,6 +104,9 @@ inline constexpr Real kPacePole = 0.85;   ///< of the trackers of the motors' mo
 inline constexpr Real kLeastPace = 0.02;  ///< smallest motion per cycle that counts, over `still`
 inline constexpr int kLongest = 1000;     ///< cycles without a change that are counted
 inline constexpr int kFrozen = 3;         ///< identical frames that are one too many
+/// One motor stands still while its loop drives it: error at which it may rest, over `rests`, and
+/// ways over `still` and over `tracking`, the larger of which is too far.
+inline constexpr Real kStuckRests = 3, kStuckStill = 7, kStuckTracking = 0.1;
 
 /// Violations of one cycle, as bits, each with the motor that was first.
 struct Found {
@@ -137,38 +164,40 @@ struct Step {
     if (!shell.follows || !same) {
       for (int i = 0; i < n; ++i) {
         shell.pace[i] = std::fabs(shell.moving[i].rate);
-        shell.from[i] = cycle.answer ? cycle.q_d[i] : shell.wanted[i];
+        shell.frame.begin(i, cycle.answer ? cycle.q_d[i] : shell.wanted[i]);
       }
-      if (shell.same > 0) shell.error = shell.pushed = shell.way = {};
       shell.same = 0;
     }
     if (!shell.follows || !same || !cycle.answer) return;
     shell.same = std::min(shell.same + 1, kLongest);
     bool moved = false;
     for (int i = 0; i < n; ++i) {
-      const Real asked = std::fabs(cycle.q_d[i] - shell.from[i]);
+      const Real asked = std::fabs(cycle.q_d[i] - shell.frame.from[i]);
       const Real still = limits.still[i], expected = shell.pace[i] * shell.same;
       // A robot at rest may start late, but not one that just moved, faster than by its noise.
       const bool just =
           shell.pace[i] > kLeastPace * still && (shell.same <= kMostWindow || expected < 3 * still);
-      moved =
-          moved || (just && std::min(asked, expected) > still) || !(std::fabs(driven(i)) <= still);
+      const Real way = shell.frame.drive(limits, i, cycle.q_d[i], limits.rests[i]);
+      moved = moved || (just && std::min(asked, expected) > still) || !(std::fabs(way) <= still);
     }
     fresh = fresh && !moved;
     found.add(moved && shell.same >= kFrozen, StopCause::stale_frame);
   }
 
-  /// Way of a motor since its readings are identical, by the loop on the error that they leave. An
-  /// error at which a motor may rest drives nothing.
-  Real driven(int i) {
-    const Real away = cycle.q_d[i] - shell.from[i];
-    const Real error = away - std::clamp(away, -limits.rests[i], limits.rests[i]);
-    shell.pushed[i] +=
-        limits.period * limits.kp[i] * error + limits.kd[i] * (error - shell.error[i]);
-    if (error == 0) shell.pushed[i] = 0;
-    shell.error[i] = error;
-    shell.way[i] += limits.period * shell.pushed[i];
-    return shell.way[i];
+  /// One motor whose reading stands still although its loop drives it.
+  void check_stuck() {
+    const Joint& last = past(1);
+    flag(StopCause::stale_frame, [&](int i) {
+      if (!shell.follows || cycle.q[i] != last[i] || cycle.unused & bit(i)) {
+        shell.alone.begin(i, cycle.answer ? cycle.q_d[i] : shell.wanted[i]);
+        return false;
+      }
+      if (!cycle.answer) return false;
+      const Real way = shell.alone.drive(limits, i, cycle.q_d[i], kStuckRests * limits.rests[i]);
+      return shell.alone.cycles[i] >= kFrozen &&
+             !(std::fabs(way) <=
+               std::max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
+    });
   }
 
   void judge(FrameAge age) {
@@ -351,6 +380,7 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
   safety_detail::Step<n> step{limits, cycle, shell};
   ++shell.cycle;
   step.check_frame();
+  step.check_stuck();
   step.check_readings();
   step.check_law();
   const bool began = step.transit();

@@ -31,6 +31,7 @@ struct Effects {
 inline constexpr double kRipples = 6;             ///< periods per turn of a motor
 inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
+inline constexpr double kBrakeDamping = 1e-3;     ///< s, by which it comes to rest; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
 /// A disturbance of the plant.
@@ -185,7 +186,10 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       const double arm = shaft(i, q[i]);
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
-      const double rubs = effects_.friction[i] * slip_[i] + brake_[i] * rubs_[i];
+      const double turns = springy(i) ? y[n + i] : rate[i];
+      const double holds = rubs_[i] + kBrakeDamping * turns / kBrakePresliding;
+      const double rubs =
+          effects_.friction[i] * slip_[i] + brake_[i] * std::clamp(holds, -1.0, 1.0);
       const double net = torque[i] * (1 + ripple) - rubs;
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];

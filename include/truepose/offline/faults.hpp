@@ -68,6 +68,7 @@ struct Fault {
   double begin = 0;  ///< s; the first reading at this time or later is faulty
   double end = std::numeric_limits<double>::infinity();  ///< s; the first healthy one again
   double count = 0;  ///< of coarse: the reading's healthy count, in its unit
+  bool frame = false;  ///< one of those of a whole frame: its counter stands still as well
 };
 
 inline constexpr int kMostLate = 10000;  ///< control periods of the maximum delay
@@ -88,6 +89,13 @@ class FaultyReadings {
     for (State& state : state_) lie(time, state, q_e);
   }
 
+  /// Whether the frame's counter stands still.
+  bool frozen(double time) const {
+    return std::any_of(state_.begin(), state_.end(), [time](const State& state) {
+      return state.fault.frame && acts(time, state.fault);
+    });
+  }
+
   /// Factor by which readings may overstate the robot's motion, at least 1.
   double amplification() const {
     double most = 1;
@@ -105,13 +113,17 @@ class FaultyReadings {
     double since = 0;  ///< s, when the held value was read
   };
 
-  void lie(double time, State& state, Extended& q_e) {
+  static bool acts(double time, const Fault& fault) {
     constexpr double kClock = 1e-9;  // s: k·period is not exactly a decimal time
+    return time >= fault.begin - kClock && time < fault.end - kClock;
+  }
+
+  void lie(double time, State& state, Extended& q_e) {
     const Fault& fault = state.fault;
     const double healthy = q_e[fault.reading];
     double& read = q_e[fault.reading];
     if (fault.kind == FaultKind::delay) remember(healthy, state);
-    if (time < fault.begin - kClock || time >= fault.end - kClock) return;
+    if (!acts(time, fault)) return;
     const bool first = !state.began;
     state.began = true;
     switch (fault.kind) {

@@ -49,13 +49,15 @@ inline Real travel(const Chain& chain) {
 /// all at home; I_i is motor i's own inertia, ω_i = √(kp_i/I_i) its loop's natural frequency.
 ///
 ///     torque      the motor's limit τ_i
-///     slew        2 τ_i in 10 ms: the torque of a stop is reached from any other in that time
+///     slew        2 τ_i in 10 ms: the torque of a stop is reached from any other in that time; at
+///                 least 2.5 times the loop's answer to a count of all motors, by kp and kd times
+///                 the velocity filter's bandwidth (measured: up to 2.3); at most 2 τ_i in a period
 ///     tracking    τ_i / kp_i: the error by which kp_i alone asks for the whole torque
 ///     deviation   tracking; laws that correct the geometry: and 10 mm at the platform
 ///     speed       √(a_i s_i): from rest over half the travel s_i at a_i, the largest acceleration
 /// count       one count, and 8 σ of the noise of a difference
 ///     window      count is at most a tenth of the speed limit over it; 8 ms at most
-/// still       twice that: a reading and the measured pace err by one each
+/// still       three times that: a reading, the measured pace, and the motor's dither by a count
 /// rests       count, and friction over kp_i: 0.5 % of τ_i where the robot has none
 ///     low, high   the stops, as read
 ///     saturation  5/ω, of the slowest motor: a loop leaves saturation in that time
@@ -95,7 +97,7 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       window = std::max(
           window,
           static_cast<int>(std::ceil(std::min<Real>(limits.count[i] / per_cycle, kMostWindow))));
-      limits.still[i] = 2 * limits.count[i];
+      limits.still[i] = 3 * limits.count[i];
       limits.kp[i] = kp / inertia;
       limits.kd[i] = std::fabs(settings.kd[i]) / (settings.gains == Gains::inertia ? 1 : inertia);
       const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
@@ -107,6 +109,15 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       }
       slowest = std::min(slowest, std::sqrt(kp / inertia));
       rest = std::max(rest, limits.speed[i] * inertia / torque);
+    }
+    for (int i = 0; i < n; ++i) {
+      const Real answer = sum_of(n, [&](int j) {
+        if (j != i && settings.gains != Gains::inertia) return Real{0};
+        return std::fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
+               (limits.kp[j] + limits.kd[j] * settings.velocity_bandwidth);
+      });
+      const Real step = std::min(2.5 * answer, 2 * limits.torque[i]);
+      limits.slew[i] = std::max(limits.slew[i], step / settings.period);
     }
     const int longest = static_cast<int>(0.008 / settings.period + 1e-6);
     limits.window = std::clamp(window, 1, std::max(1, std::min(longest, kMostWindow)));

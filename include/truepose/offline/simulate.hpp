@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/offline/bus.hpp"
 #include "truepose/offline/effects.hpp"
@@ -37,6 +37,15 @@ struct Sample {
   double size = 0;                              ///< mass, friction or force,
   Coordinates force{};                          ///< and the external force
   bool refused = false;                         ///< too heavy to be fed forward
+  int safety = -1;                              ///< SafetyState; -1: without a safety shell
+  StopCause cause = StopCause::none;            ///< the safety shell's,
+  int part = -1;                                ///< and its motor or -1
+};
+
+/// Settings of a safety shell around the loop.
+struct Safety {
+  SafetyLimits limits;
+  bool counted = true;  ///< frames carry a counter
 };
 
 /// A user-defined law: from setpoint and readings at a time to the torques. It may throw.
@@ -55,6 +64,7 @@ struct Extras {
   const MultirateSettings* late = nullptr;                ///< and as the controller models them
   OwnLaw law{};                                           ///< replaces `control`
   std::vector<Event> events{};                            ///< disturbances of the true robot
+  const Safety* safety = nullptr;                         ///< enables the safety shell
 };
 
 /// A robot and its controller, with the state that persists between moves.
@@ -89,49 +99,31 @@ class Loop {
   template <class Path, class Write>
   Outcome follow(int periods, int steps, Path&& path, Write&& write) {
     if (!resting_) return resting_;
+    const Safety* const safety = extras_.safety;
+    Cycle cycle;
+    if (safety && !shell_.follows) {
+      const Outcome outcome = switch_on(path(0.0), cycle);
+      if (!outcome || !shell_.follows) {
+        write(sampled(0, path(0.0), cycle));
+        return outcome;
+      }
+    }
     for (int k = 0; k <= periods; ++k) {
       const double time = k * settings_.period;
       const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
                                                 : path(static_cast<double>(k));
-      Extended q_e{};
-      Outcome outcome = plant_.measure(q_e);
+      const bool late = extras_.effects.delayed && control_.started;  // torques
+      const Joint before = torque();
+      Outcome outcome = run_cycle(plant_, time, setpoint, cycle);
       if (!outcome) return outcome;
-      if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
-      const bool slow = extras_.late;  // readings; torques may be delayed as well
-      const bool late = extras_.effects.delayed && control_.started;
-      const Joint before = control_.torque;
-      OnlineCalibrator* const learner = extras_.learner;
-      const bool monitored = extras_.fault_settings && !extras_.law;
-      if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
-      Extended present = q_e;
-      const Weighing weighing =
-          slow && !monitored ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
-                             : extras_.weighing;
-      bool gave_up =  // a row that fits no pose is skipped
-          learner && !monitored && calibrate_online<K>(*learner, present).status == Status::stopped;
-      const Robot& believed = learner ? learner->robot : nominal_;
-      if (extras_.law)
-        outcome = extras_.law(time, setpoint, present, control_.torque);
-      else if (extras_.fault_settings)
-        outcome = control_fault_tolerant<K>(believed, settings_, *extras_.fault_settings, setpoint,
-                                            q_e, control_, extras_.monitor_weighing, fault_state_,
-                                            slow ? &late_ : nullptr);
-      else
-        outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
-      if (learner && monitored) {
-        for (int k = 0; k < nominal_.r; ++k)
-          if (late_.is(k)) present[kDof<K> + k] = late_.present[k];
-        gave_up = learn_monitored(*learner, present);
-      }
-      control_.started = control_.started || outcome;
-      if (!outcome && !extras_.faults) return outcome;
-      write(sampled(time, setpoint, q_e, outcome.status, gave_up));
+      write(sampled(time, setpoint, cycle));
       if (k == periods) break;
       if (clock_.rate == 1 && !fault_state_.stops) clock_.time = k * settings_.period;
-      clock_.advance(settings_.period, fault_state_.stop);
-      plant_.brake(fault_state_.brakes, settings_.period);
+      if (safety && !shell_.follows) clock_.rate = 0;
+      clock_.advance(settings_.period, safety ? shell_.path_stop : fault_state_.stop);
+      plant_.brake(brakes(), settings_.period);
       disturb(extras_.began + time);
-      outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
+      outcome = plant_.advance(late ? before : torque(), settings_.period, steps);
       if (!outcome) return outcome;
     }
     extras_.began += periods * settings_.period;
@@ -149,13 +141,115 @@ class Loop {
     }
   }
 
-  Sample sampled(double time, const Setpoint& setpoint, const Extended& q_e, Status status,
-                 bool gave_up) const {
-    Sample sample{time,   setpoint.x,     to_coordinates<K>(plant_.pose()),
-                  q_e,    control_.error, control_.torque,
-                  status, gave_up};
+  /// Readings and results of one cycle of the controller.
+  struct Cycle {
+    Extended q_e{};
+    Status status{};
+    bool gave_up = false;
+    SafetyRequests request;
+  };
+
+  const Joint& torque() const { return extras_.safety ? shell_.torque : control_.torque; }
+  std::uint32_t brakes() const { return extras_.safety ? shell_.brakes : fault_state_.brakes; }
+
+  /// Reads the sensors and runs the controller.
+  /// @return the plant's failure, or, without faults and shell, the controller's
+  Outcome run_cycle(Plant<K>& plant, double time, const Setpoint& setpoint, Cycle& cycle) {
+    Extended& q_e = cycle.q_e;
+    Outcome outcome = plant.measure(q_e);
+    if (!outcome) return outcome;
+    if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
+    const bool slow = extras_.late;
+    OnlineCalibrator* const learner = extras_.learner;
+    const bool monitored = extras_.fault_settings && !extras_.law;
+    if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
+    Extended present = q_e;
+    const Weighing weighing = slow && !monitored
+                                  ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
+                                  : extras_.weighing;
+    const bool learns = learner && time >= 0;
+    cycle.gave_up =  // a row that fits no pose is skipped
+        learns && !monitored && calibrate_online<K>(*learner, present).status == Status::stopped;
+    const Robot& believed = learner ? learner->robot : nominal_;
+    Multirate* const late = slow ? &late_ : nullptr;
+    if (extras_.safety)
+      outcome = run_safely(believed, time, setpoint, monitored ? q_e : present,
+                           monitored ? extras_.monitor_weighing : weighing, cycle.request);
+    else if (extras_.law)
+      outcome = extras_.law(time, setpoint, present, control_.torque);
+    else if (monitored)
+      outcome = control_fault_tolerant<K>(believed, settings_, *extras_.fault_settings, setpoint,
+                                          q_e, control_, extras_.monitor_weighing, fault_state_,
+                                          late);
+    else
+      outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
+    if (learns && monitored) {
+      for (int k = 0; k < nominal_.r; ++k)
+        if (late_.is(k)) present[kDof<K> + k] = late_.present[k];
+      cycle.gave_up = learn_monitored(*learner, present);
+    }
+    control_.started = control_.started || outcome;
+    cycle.status = outcome.status;
+    return outcome || extras_.faults || extras_.safety ? Outcome{} : outcome;
+  }
+
+  /// The law inside the safety shell. An own law is not called before it acts.
+  Outcome run_safely(const Robot& believed, double time, const Setpoint& setpoint,
+                     const Extended& q_e, const Weighing& weighing,
+                     const SafetyRequests& request) {
+    const Safety& safety = *extras_.safety;
+    SafetyCycle cycle;
+    cycle.request = request;
+    if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++frame_;
+    cycle.counter = {safety.counted, frame_};
+    if (!extras_.law)
+      return control_safely<K>(believed, settings_, safety.limits, setpoint, q_e, control_, shell_,
+                               cycle, weighing,
+                               {extras_.fault_settings,
+                                extras_.fault_settings ? &fault_state_ : nullptr,
+                                extras_.late ? &late_ : nullptr});
+    cycle.x = setpoint.x;
+    std::copy_n(q_e.begin(), kDof<K>, cycle.q.begin());
+    const Pose pose = to_pose<K>(setpoint.x);
+    cycle.answer = command<K>(believed, pose, cycle.q_d);
+    if (cycle.answer)
+      cycle.answer = inverse_dynamics<K>(believed, pose, setpoint.rate, setpoint.acceleration,
+                                         cycle.load);
+    if (cycle.answer && shell_.follows)
+      cycle.answer = extras_.law(time, setpoint, q_e, control_.torque);
+    cycle.torque = control_.torque;
+    guard<K>(believed, safety.limits, cycle, shell_);
+    return cycle.answer;
+  }
+
+  /// Acknowledges and starts the safety shell of the robot at rest, until the law acts. The brakes
+  /// hold the robot, so the plant's state, that of its noise included, is the same afterwards.
+  Outcome switch_on(const Setpoint& setpoint, Cycle& cycle) {
+    constexpr int kWaits = 48, kLongestStart = 1000;  // cycles
+    Plant<K> waits(plant_);
+    StopCause refused = StopCause::none;
+    for (int k = 0; k < kLongestStart && !shell_.follows; ++k) {
+      cycle.request = {k > kWaits, false, k >= kWaits};
+      const Outcome outcome = run_cycle(waits, -settings_.period, setpoint, cycle);
+      if (!outcome) return outcome;
+      if (refused == StopCause::none) refused = shell_.refused;
+    }
+    cycle.request = {};
+    if (shell_.cause == StopCause::none) shell_.cause = refused;
+    return {};
+  }
+
+  Sample sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const {
+    Sample sample{time,         setpoint.x,     to_coordinates<K>(plant_.pose()),
+                  cycle.q_e,    control_.error, torque(),
+                  cycle.status, cycle.gave_up};
     sample.stops = fault_state_.stops;
-    sample.brakes = fault_state_.brakes;
+    sample.brakes = brakes();
+    if (extras_.safety) {
+      sample.safety = static_cast<int>(shell_.machine.state);
+      sample.cause = shell_.cause;
+      sample.part = shell_.part;
+    }
     const MomentumObserver& observer = fault_state_.observer;
     sample.disturbance = observer.disturbance;
     sample.disturbed = observer.motor;
@@ -188,6 +282,8 @@ class Loop {
   Outcome resting_;
   ControlState control_;
   FaultTolerantState fault_state_;
+  SafetyShell shell_;
+  std::uint64_t frame_ = 0;  ///< counter of the readings' frames
   PathClock clock_;
   Multirate late_;
   Bus bus_;

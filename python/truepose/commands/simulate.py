@@ -13,6 +13,7 @@ from truepose.arguments import Array
 from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
+from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.monitor import FaultMonitor
 from truepose.logs.reading import read_poses, read_samples
@@ -79,6 +80,12 @@ def command(
     monitor: bool = Option(
         False, "--monitor", help="Fault monitor: continue or stop when a reading is faulty."
     ),
+    safety: bool = Option(
+        False,
+        "--safety",
+        help="Safety shell: stop after a violation of its limits, which are printed. Moves and "
+        "paths only.",
+    ),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
     duration: float | None = Option(
@@ -106,7 +113,8 @@ def command(
     cannot follow is refused before the start.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
-    then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**
+    then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**, or with the limits of the
+    safety shell **truepose simulate h4 --safety --all --fault frame:stuck@0.1**
     """
     read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
     write = options.writer(read, force, plot=plot)
@@ -116,6 +124,9 @@ def command(
     forgotten = None if effects == "none" else options.effects_of(effects)
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, dict)
+    if safety and visiting:
+        raise InputError("--safety: only for moves and paths in time, not for --path with poses")
+    shell = SafetyShell() if safety else None
     law = laws.usual(believed) if law is None else law
     exact = forgotten in (None, Effects.none())
     if frequency is None and not (visiting and exact):
@@ -138,9 +149,12 @@ def command(
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, dict):
-            ran = move = simulate(believed, truth, controller, **motion, **settings)
+            ran = move = simulate(believed, truth, controller, **motion, **settings, safety=shell)
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
+            if shell is not None:
+                limits = shell.limits(believed, controller)
+                tables += [limits.table(), limits.stops()]
         else:
             x, q_e, reasons = visit(believed, truth, motion, controller, **settings)
             ran, status = Visit(q_e, frames(truth, x), x, reasons), _reached(x, reasons)

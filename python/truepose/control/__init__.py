@@ -3,10 +3,12 @@
 from truepose.control.adaptive import AdaptiveCalibrator
 from truepose.control.controller import ControllerInput
 from truepose.control.margins import StabilityMargins, stability_margins
+from truepose.control.safety import SafetyShell
 
 __all__ = [
     "AdaptiveCalibrator",
     "ControllerInput",
+    "SafetyShell",
     "StabilityMargins",
     "stability_margins",
 ]

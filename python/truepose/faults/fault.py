@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from truepose import _core
@@ -29,6 +29,7 @@ FaultKind = Literal[
     "hold",
 ]
 FAULT_KINDS: tuple[FaultKind, ...] = tuple(_core.fault_kinds)
+FRAME = "frame"  #: instead of a reading's name: all readings
 _UNITS = {"reading": "rad or m", "reading/s": "rad/s or m/s", "s": "s", "1": "a factor"}
 
 
@@ -60,7 +61,8 @@ class Fault:
     Parameters
     ----------
     reading : str
-        Name in logs: "q1", or a sensor's.
+        Name in logs: "q1", or a sensor's. "frame": all of them, and the frame's counter stands
+        still; for kinds whose size depends on no reading.
     kind : str
         One of the above.
     at : float
@@ -131,12 +133,32 @@ def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list
     if isinstance(faults, str) or not isinstance(faults, Sequence):
         raise InputError("faults: must be a list of Fault: [fault]")
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
-    return [_of(robot, fault, units, period) for fault in faults]
+    return [core for fault in faults for core in _each(robot, fault, units, period)]
+
+
+def _each(
+    robot: Robot, fault: Fault, units: dict[str, str], period: float | None
+) -> list[_core.Fault]:
+    """Return the core's fault, or one for each reading of a frame."""
+    if not isinstance(fault, Fault):
+        raise InputError(f"faults: {fault!r}: must be a Fault")
+    if fault.reading != FRAME or FRAME in units:
+        return [_of(robot, fault, units, period)]
+    row = _core.fault_kinds[fault.kind]
+    if row.pair or row.size.startswith("reading"):
+        fitting = [
+            kind
+            for kind, row in _core.fault_kinds.items()
+            if not (row.pair or row.size.startswith("reading"))
+        ]
+        raise InputError(f"fault {fault}: {choose('kind of a frame', fault.kind, fitting)}")
+    cores = [_of(robot, replace(fault, reading=name), units, period) for name in units]
+    for core in cores:
+        core.frame = True
+    return cores
 
 
 def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None) -> _core.Fault:
-    if not isinstance(fault, Fault):
-        raise InputError(f"faults: {fault!r}: must be a Fault")
     row = _core.fault_kinds[fault.kind]
     for name in (fault.reading, fault.other):
         if name is not None and name not in units:

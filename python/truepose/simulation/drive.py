@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import check_seed, finite, positive, whole
+from truepose.arguments import Array, check_seed, finite, positive, whole
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control import delays
 from truepose.control.controller import (
@@ -23,7 +23,8 @@ from truepose.control.controller import (
 )
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
-from truepose.exceptions import InputError
+from truepose.control.safety import CAUSES, STATES, SafetyLimits, SafetyShell
+from truepose.exceptions import InputError, PoseError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
@@ -55,6 +56,7 @@ class Settings:
     faults: Sequence[Fault] = ()
     monitor: FaultMonitor | None = None
     disturbances: Sequence[Disturbance] = ()
+    safety: SafetyShell | None = None
 
     def check(self, controller: Controller) -> None:
         """Raise InputError for settings without a meaning."""
@@ -88,6 +90,17 @@ class Drive(NamedTuple):
     origin: list[float]  #: desired pose at the start
     first: tuple  #: arguments of the core's functions before the motion
     last: tuple  #: and after it: integration steps per period, true pose at the start, seed
+    limits: SafetyLimits | None = None  #: of the safety shell
+
+    def require_path(self, *setpoints: Array) -> None:
+        """Raise InputError if a limit of the safety shell is below what the path needs."""
+        if self.limits is not None:
+            self.limits.require_path(*setpoints)
+
+    def require_started(self, robot: Robot, state: Array, cause: Array) -> None:
+        """Raise PoseError if the safety shell refused to start."""
+        if self.limits is not None and len(state) == 1 and STATES[state[0]] != "running":
+            raise PoseError(f"{robot.name}: the safety shell does not start: {CAUSES[cause[0]]}")
 
 
 def begin(
@@ -126,10 +139,12 @@ def begin(
     fault_setup = None if monitor is None else monitor.setup(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
     events = events_of(truth, settings.disturbances)
+    limits = None if settings.safety is None else settings.safety.limits(robot, controller)
+    shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     belief = (believed.core, truth.core, gains, known)
     first = (*belief, plant, filtered, faults, fault_setup, slow, events)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Drive(truth, origin, first, (steps, held, check_seed(seed)))
+    return Drive(truth, origin, (*first, shell), (steps, held, check_seed(seed)), limits)
 
 
 def controller_of(

@@ -15,6 +15,7 @@ from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name, pose_of
 from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
+from truepose.control.safety import SafetyShell, stop_text
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.disturbance import Disturbance, named
 from truepose.faults.fault import Fault
@@ -73,12 +74,15 @@ class Simulation(Shown):
     health: Array  #: (T, n + r) int, index in `faults.monitor.HEALTH` of each reading
     symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
-    brakes: Array  #: (T,) int, motors whose brakes it requests, as bits
+    brakes: Array  #: (T,) int, motors whose brakes it or the safety shell requests, as bits
     disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by the monitor
     disturbed_motor: Array  #: (T,) int, the motor of friction, from 0; otherwise -1
     disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
     external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed
     payload_refused: Array  #: (T,) bool: the payload is too heavy for the motors
+    safety_state: Array  #: (T,) int, index in `control.safety.STATES`; -1 without a safety shell
+    stop_cause: Array  #: (T,) int, index in `control.safety.CAUSES`, of the first violation
+    stop_motor: Array  #: (T,) int, its motor from 0, or -1
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why it ended early, where faults took it out of its workspace
@@ -136,11 +140,11 @@ class Simulation(Shown):
     def status(self) -> str:
         """Status of the run: "ok", or the worst that went wrong.
 
-        With faults: the robot left its workspace ("stopped …"), the fault monitor reports a
-        reading, when and why ("theta failed at …"), or the controller had no result ("no answer
-        …"). "does not come to rest: …": a coordinate oscillates by more than `RESTLESS` in the last
-        50 ms of the hold (in all of a shorter one). "saturated: …": it rests, but a motor was at
-        its torque limit on the way.
+        With faults: the robot left its workspace ("stopped …"), the safety shell stopped it
+        ("safety shell: …"), the fault monitor reports a reading, when and why ("theta failed at
+        …"), or the controller had no result ("no answer …"). "does not come to rest: …": a
+        coordinate oscillates by more than `RESTLESS` in the last 50 ms of the hold (in all of a
+        shorter one). "saturated: …": it rests, but a motor was at its torque limit on the way.
 
         Examples
         --------
@@ -153,6 +157,8 @@ class Simulation(Shown):
         """
         if self.ended:
             return self.ended
+        if said := stop_text(self.time, self.brakes, self.stop_cause, self.stop_motor):
+            return said
         if said := failures(self.robot, self.time, self.health, self.symptom, self.stops):
             return said
         if said := named(self):
@@ -209,6 +215,7 @@ def simulate(
     faults: Sequence[Fault] = (),
     monitor: FaultMonitor | None = None,
     disturbances: Sequence[Disturbance] = (),
+    safety: SafetyShell | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
@@ -252,6 +259,9 @@ def simulate(
         Fault monitor of the controller's readings; none by default.
     disturbances : sequence of Disturbance
         Payloads, friction and contacts of the true robot.
+    safety : SafetyShell, optional
+        Safety shell around the law; none by default. The operator has acknowledged and started it:
+        the run begins when the law acts. Without an answer or after a violation the run goes on.
     faults : sequence of Fault
         Faulty readings. The robot is at rest before the first of them. Without a result from the
         controller the last torque is held, as on a machine (:attr:`Simulation.cycle_status`). The
@@ -259,11 +269,13 @@ def simulate(
 
     Raises
     ------
+    InputError
+        A limit of `safety` is below what the path needs.
     PoseError
         Beforehand: the path or move leaves the robot's reach, or needs more motor speed or torque
         than the file allows; names time and motor, for a move the shortest duration. Later, without
         faults: the true robot leaves its workspace, or the controller meets a singular pose or a
-        joint limit.
+        joint limit. The safety shell refuses to start.
     TrueposeError
         A package that the path needs is not installed.
 
@@ -299,10 +311,14 @@ def simulate(
     truth = robot if truth is None else truth
     for one, name in ((robot, "robot"), (truth, "truth")):
         require(one, Robot, name, "truepose.load(name)")
-    kinds = {"effects": Effects, "learn": OnlineCalibrator, "monitor": FaultMonitor}
-    for value, (name, kind) in zip((effects, learn, monitor), kinds.items(), strict=True):
+    for name, value, kind, prefix in (
+        ("effects", effects, Effects, ""),
+        ("learn", learn, OnlineCalibrator, ""),
+        ("monitor", monitor, FaultMonitor, ""),
+        ("safety", safety, SafetyShell, "control."),
+    ):
         if value is not None:
-            require(value, kind, name, f"truepose.{kind.__name__}(…), or None")
+            require(value, kind, name, f"truepose.{prefix}{kind.__name__}(…), or None")
     for one in {robot, truth}:
         warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)
@@ -319,7 +335,7 @@ def simulate(
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
     settings = Settings(
-        duration, hold, steps, seed, effects, time, learn, faults, monitor, disturbances
+        duration, hold, steps, seed, effects, time, learn, faults, monitor, disturbances, safety
     )
     drive = begin(robot, truth, controller, ("start", start), settings)
     if law is None and callable(controller.law):
@@ -330,9 +346,11 @@ def simulate(
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
         move = Line(start=origin, end=end, duration=duration)
         require_feasible_move(robot, move, controller.period)
+        drive.require_path(*move.setpoints(robot, controller.period))
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = loop.simulate(*asked, *drive.last, own)  # type: ignore[call-arg]
     else:
+        drive.require_path(*setpoints)
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
@@ -344,6 +362,7 @@ def simulate(
         ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
+    drive.require_started(robot, *log[-3:-1])
     name = law_name(controller.law if law is None or isinstance(law, Torques) else law)
     return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 

@@ -55,6 +55,9 @@ class Body:
         self.roots = [at[name] for name in at if name.startswith("root")]
         self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
         self._own = [at[name] for name in self.mechanism.own_joints]
+        dofs = dict(zip(joints, self.model.jnt_dofadr, strict=True))
+        self._dofs = [dofs[f"motor{i + 1}"] for i in range(robot.n)]
+        self._rubs = self.model.dof_frictionloss[self._dofs].copy()
         self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
 
     def stand(self, posture: Posture) -> None:
@@ -105,6 +108,11 @@ class Body:
         home = self.mechanism.home.position
         self.model.eq_data[self._holds, 0] = self.data.qpos[self.motors] - home
         self.data.eq_active[self._holds] = 1
+
+    def brake(self, closed: Array) -> None:
+        """Close the brakes of motors (n,) bool: each rubs with its torque limit (assumed)."""
+        most = [chain.torque_limit or 0.0 for chain in self.robot.spec.chain]
+        self.model.dof_frictionloss[self._dofs] = self._rubs + np.where(closed, most, 0.0)
 
     def gap(self) -> float:
         """Return the largest gap of a loop, m."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,8 +15,10 @@ from truepose.arguments import Array, check_seed, finite, positive
 from truepose.control import delays
 from truepose.control.controller import Controller, require_same_readings
 from truepose.control.effects import Effects
+from truepose.control.safety import SafetyShell, stop_text
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
+from truepose.faults.monitor import FaultMonitor
 from truepose.integrations.mujoco.body import Body, Settled, require
 from truepose.integrations.mujoco.mjcf import TIMESTEP
 from truepose.robot import knowledge
@@ -30,6 +33,8 @@ _RIPPLES = 6  # periods of the torque ripple per turn of the motor
 _RANGE = 40  # poses per thread: fixed, so results do not depend on the number of cores
 _WINDOW = 0.05  # s, time in which a robot at rest moves by less than _STILL
 _STILL = 2e-5  # m, and ten times that in rad
+_WAITS, _START = 48, 1000  # cycles until the safety shell is acknowledged, and has started
+_CLOSES = 0.02  # s, closing time of a brake
 _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 
@@ -46,6 +51,8 @@ class MujocoPlant:
     longest: float = 0.3  #: time after a move at which even a moving robot is measured, s
     pose_time: float = 10.0  #: from pose to pose in the warm-up: moving, resting, measuring, s
     timestep: float = TIMESTEP  #: MuJoCo's, s; the control period must be a multiple
+    safety: SafetyShell | None = None  #: around the law; a robot that it stops stays stopped
+    monitor: FaultMonitor | None = None  #: of the readings, inside the safety shell
     faults: Sequence[Fault] = ()  #: in the warm-up's time: the k-th move begins at k · `pose_time`
 
     def __post_init__(self) -> None:
@@ -56,6 +63,8 @@ class MujocoPlant:
         for name in ("hold", "pose_time"):
             finite(name, getattr(self, name), 0)
         in_core(self.truth, self.faults, math.inf)  # for any control period
+        if self.monitor is not None and self.safety is None:
+            raise InputError("monitor: needs a safety shell here: safety=control.SafetyShell()")
         self.longest = max(self.hold, self.longest)
         phases = self.effects.plant(self.truth, check_seed(self.seed)).phase
         self.ripple_phase = np.array(phases)[: self.truth.n]
@@ -134,16 +143,45 @@ class _Drive:
         self.geared = np.array(geared)
         self.time = time
         self.body = plant.body(time)
+        self.shell: _core.Safety | None = None
+        if plant.safety is not None:
+            limits = plant.safety.limits(robot, controller)
+            self.shell = _core.Safety(limits.core, limits.counter)
+        setup = plant.monitor and plant.monitor.setup(robot, controller)
+        self.state: Any = None
+        self.monitored: dict = {} if setup is None else {"fault_setup": setup}
         self.restart()
 
     def restart(self) -> None:
         """Restart at home."""
         self.body.stand(self.body.mechanism.home)
-        self.state = _core.ControlState()
         self.bus = _core.Slow(self.slow) if any(self.slow) else None
         self.pending = np.zeros(self.robot.n)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
+        self.stopped, self.closing = "", np.zeros(self.robot.n)
+        self.state = _core.ControlState() if self.shell is None else _core.SafeControl(self.shell)
+        for cycle in range(_START if self.shell else 0):  # the brakes hold the robot
+            if self.state.follows:
+                break
+            began = cycle >= _WAITS, cycle > _WAITS
+            self._step(self._setpoint(self.at, self.at, 0.0), self._read()[0], {"begins": began})
+
+    def _setpoint(self, start: Array, end: Array, now: float) -> tuple:
+        ends = padded(start), padded(end)
+        return _core.setpoint(self.believed.core, *ends, self.plant.duration, now)
+
+    def _step(self, setpoint: tuple, sensed: Array, more: dict) -> int:
+        """Run the controller for one cycle and return its status."""
+        q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
+        if self.bus is not None:
+            q_e = self.bus.deliver(self.robot.n, q_e)
+        if self.shell is not None:
+            more = more | self.monitored
+        status, _ = self.state.step(
+            self.believed.core, self.settings, *setpoint, q_e, self.known, self.bus, **more
+        )
+        return int(status)
 
     def _theta(self) -> float:
         R = self.body.nacelle()[1]
@@ -163,6 +201,8 @@ class _Drive:
         self.silent: list[int] = []  # status of each cycle without a control output
         trail: list[Array] = []
         start, moved = self.at, np.inf
+        if self.shell is not None:
+            self.state.begin()
         for cycle in range(round(ends / period) + 1):
             now = cycle * period
             if said := self._cycle(start, x_d, now, time):
@@ -174,6 +214,8 @@ class _Drive:
                 if moved < _STILL:
                     break
         self.at = x_d
+        if self.stopped:
+            return (*nothing, self.stopped)
         said = unanswered(len(self.silent), self.silent[0]) if self.silent else "ok"
         if moved > _SWINGS:
             restless = f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm"
@@ -198,20 +240,17 @@ class _Drive:
 
     def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
         """Run one control period of a move that began at `began`; return an error or ""."""
-        body, plant, core = self.body, self.plant, self.believed.core
-        ends = padded(start), padded(end)
-        x, rate, acceleration = _core.setpoint(core, *ends, plant.duration, now)
+        body, plant = self.body, self.plant
+        setpoint = self._setpoint(start, end, now if self.shell is None else self.state.time)
         sensed = self._faulty(began + now)
-        q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
-        if self.bus is not None:
-            q_e = self.bus.deliver(self.robot.n, q_e)
-        status, _ = self.state.step(
-            core, self.settings, x, rate, acceleration, q_e, self.known, self.bus
-        )
+        more = {} if self.shell is None else {"frozen": self.faults.frozen(began + now)}
+        status = self._step(setpoint, sensed, more)
         if status > 0:
-            if not plant.faults:
+            if not (plant.faults or self.shell):
                 return _core.describe(status)
             self.silent.append(status)  # hold the last torque, like a machine
+        if self.shell is not None:
+            self._brake(began + now)
         torque = np.array(self.state.torque)[: self.robot.n]
         applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
         if plant.effects.torque_ripple:
@@ -222,6 +261,15 @@ class _Drive:
         if not np.isfinite(body.data.qpos).all():
             return "lost: the motion is no longer finite"
         return ""
+
+    def _brake(self, time: float) -> None:
+        """Close the brakes that the safety shell requests, and note why it has stopped."""
+        closing = (self.state.brakes >> np.arange(self.robot.n) & 1) > 0
+        self.closing[closing] += self.controller.period
+        self.body.brake(self.closing > _CLOSES)
+        if not self.stopped:
+            report = time, self.state.brakes, self.state.cause, self.state.part
+            self.stopped = stop_text(*map(np.atleast_1d, report))
 
     def _faulty(self, time: float) -> Array:
         return np.asarray(self.faults.read([time], self._read()))[0]

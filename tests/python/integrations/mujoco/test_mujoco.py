@@ -447,3 +447,20 @@ def test_a_real_robot_on_its_own_calibration_rests_where_the_exact_statics_say(h
     usual = tp.steady_state(robot, true, poses, "joint")
     off = [np.linalg.norm((x - poses)[:, :3], axis=1) for x in (visit.x, usual)]
     assert off[0].max() < 0.2 * off[1].max()
+
+
+@pytest.mark.parametrize("monitored", [False, True])
+def test_a_frozen_bus_in_mujoco_is_stopped_by_the_brakes(h4, monitored):
+    from truepose.faults.fault import Fault
+
+    monitor = tp.FaultMonitor() if monitored else None
+    shell = {"safety": tp.control.SafetyShell(), "monitor": monitor, "duration": 0.3}
+    poses = [[0.03, 0, -0.45, 0.1], h4.home]
+    healthy = MujocoPlant(h4, **shell).visit(h4, poses, tp.Controller())
+    assert healthy.status.tolist() == ["ok", "ok"]
+    frozen = [Fault("frame", "stuck", at=0.15)]
+    stopped = MujocoPlant(h4, faults=frozen, **shell).visit(h4, poses, tp.Controller())
+    said = "safety shell: stale frame at 0.152 s, stopped by brake"
+    assert stopped.status.tolist() == [said, said]
+    with pytest.raises(tp.InputError, match="needs a safety shell"):
+        MujocoPlant(h4, monitor=tp.FaultMonitor())

@@ -1,0 +1,286 @@
+"""The safety shell of simulated runs: its limits, derived from a robot and its controller."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, numbers_of, positive, whole
+from truepose.control.controller import Controller
+from truepose.exceptions import InputError, PoseError
+from truepose.robot.laws import usual
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+from truepose.robotfile.to_core import padded
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+
+#: States and causes of a stop, by the core's number.
+STATES: tuple[str, ...] = _core.safety_states
+CAUSES: tuple[str, ...] = _core.stop_causes
+_REACTION = 0.010  # s, the core's kReaction
+_SPEEDS = (0.02, 0.1, 0.3, 0.6, 1.0)  # of printed stopping distances, m/s or rad/s
+#: Limit: unit, where q is the reading's unit and t the torque's, and the default's derivation.
+_ROWS = {
+    "tracking": ("q", "τ, the torque limit, over kp"),
+    "deviation": ("q", "tracking; with sensors: and 10 mm"),
+    "speed": ("q/s", "from rest over half the travel at τ"),
+    "slew": ("t/s", "2 τ in 10 ms; answers to counts"),
+    "saturation": ("s", "5 / natural frequency"),
+    "window": ("cycles", "count at most 1/10 of speed"),
+    "age": ("cycles", "2, at most 10 ms"),
+    "missing": ("s", ""),
+    "held": ("s", ""),
+    "stop": ("s", ""),
+    "brake": ("s", "assumed"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyShell:
+    """A safety shell around the law of a simulated run: limits of every cycle, and stops.
+
+    It opens the loop after a violation and stops the robot, with or without a fault monitor
+    (docs/safety-shell.md). None: derived from the robot and its controller. Limits of motors are
+    one number for all, or one for each, in the units of their readings.
+
+    Parameters
+    ----------
+    tracking, deviation : float or array_like, shape (n,)
+        Largest error of the law ê_q, and largest distance of a reading from its setpoint.
+    speed : float or array_like, shape (n,)
+        Largest speed of motors and setpoints.
+    slew : float or array_like, shape (n,)
+        Largest change of the torque, N·m/s or N/s, at least twice the torque limit in 10 ms. The
+        default also passes the loop's answer to counts of all motors.
+    box : array_like, shape (2, n)
+        Lowest and highest coordinates of the setpoint x; by default none.
+    saturation : float
+        Longest time at the torque limit, s.
+    window : int
+        Cycles over which a motor's speed is measured, 1 to 8.
+    age : int
+        Control periods by which a frame of readings may be late, at least 1.
+    missing, held : float
+        Longest time without a motor's reading, and without an answer of the law, s, at most 10 ms.
+    stop, brake : float
+        Duration of a stop along the path, and closing time of a brake, s.
+    counter : bool
+        Whether frames of readings carry a counter.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4, shell = tp.load("h4"), tp.control.SafetyShell()
+    >>> frozen = tp.faults.Fault("frame", "stuck", at=0.1)
+    >>> run = tp.simulate(h4, faults=[frozen], safety=shell)
+    >>> run.status
+    'safety shell: stale frame at 0.103 s, stopped by brake'
+    """
+
+    tracking: ArrayLike | None = None
+    deviation: ArrayLike | None = None
+    speed: ArrayLike | None = None
+    slew: ArrayLike | None = None
+    box: ArrayLike | None = None
+    saturation: float | None = None
+    window: int | None = None
+    age: int | None = None
+    missing: float | None = None
+    held: float | None = None
+    stop: float | None = None
+    brake: float | None = None
+    counter: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("saturation", "stop", "brake", "missing", "held"):
+            if (value := getattr(self, name)) is not None:
+                positive(name, value, " (s)")
+        for name, most in (("window", 8), ("age", 1000)):
+            if (value := getattr(self, name)) is not None:
+                whole(name, value, 1, most)
+
+    def limits(self, robot: Robot, controller: Controller | None = None) -> SafetyLimits:
+        """Return the limits for a robot and its controller, by default the usual law's.
+
+        InputError: a motor has no torque limit, or limits contradict each other.
+        """
+        controller = Controller(law=usual(robot)) if controller is None else controller
+        settings = controller.settings(robot, robot.home)
+        if callable(controller.law):  # may correct the geometry
+            settings.law = _core.laws["cartesian"].law
+        core, status, motor = _core.default_limits(robot.core, settings)
+        if status > 0 and motor >= 0 and not robot.spec.chain[motor].torque_limit:
+            raise InputError(
+                f"{robot.name}: motor {motor + 1} has no torque_limit, from which the safety "
+                "shell's limits follow: add it to the robot file"
+            )
+        if status > 0 and motor < 0 and controller.period <= _REACTION:
+            raise PoseError(f"{robot.name}: safety shell, at home: {_core.describe(status)}")
+        given = [field.name for field in fields(self) if getattr(self, field.name) is not None]
+        for name in given:
+            if name not in ("box", "counter"):
+                setattr(core, name, self._value(name, robot, getattr(core, name)))
+        if self.box is not None:
+            box = numbers_of(self.box, "box")
+            if box.shape != (2, robot.n) or not (box[0] < box[1]).all():
+                raise InputError(
+                    f"box: must be lowest and highest coordinates, shape (2, {robot.n})"
+                )
+            core.box_low, core.box_high = padded(box[0]), padded(box[1])
+        result = SafetyLimits(robot, core, self.counter, frozenset(given))
+        result._require_consistent()
+        return result
+
+    def _value(self, name: str, robot: Robot, default: object) -> object:
+        value = getattr(self, name)
+        if not isinstance(default, Sequence):
+            return value
+        motors = numbers_of(value, name)
+        if motors.shape not in ((), (robot.n,)) or not (motors > 0).all():
+            raise InputError(
+                f"{name} = {value}: must be a number greater than 0, or {robot.n} of them"
+            )
+        return padded(np.broadcast_to(motors, robot.n))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SafetyLimits(Shown):
+    """Limits of a safety shell for one robot and controller; printed with their derivation.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> limits = tp.control.SafetyShell().limits(tp.load("h4"))
+    >>> bool(0.002 < limits.stopping_distance(0.3) < 0.01)
+    True
+    """
+
+    robot: Robot
+    core: _core.SafetyLimits
+    counter: bool
+    given: frozenset[str] = frozenset()  #: names of the limits that are not derived
+
+    def motors(self, name: str) -> Array:
+        """Return a limit of every motor, (n,), for instance of "speed"."""
+        return np.array(getattr(self.core, name)[: self.robot.n])
+
+    def table(self) -> Table:
+        """Return one row per limit: its value, of each motor where they differ, and derivation."""
+        units = reading_units(self.robot)[: self.robot.n]
+        rows = []
+        for name, (kind, derived) in _ROWS.items():
+            value = getattr(self.core, name)
+            if isinstance(value, Sequence):
+                motors = self.motors(name)
+                alike = np.ptp(motors) <= 1e-6 * motors[0]
+                text = ", ".join(number(v) for v in (motors[:1] if alike else motors))
+                cell = Cell(text, {f"motor {k}": float(v) for k, v in enumerate(motors, 1)})
+            else:
+                cell = Cell(f"{value:g}", {"value": value})
+            unit = _unit(kind, units[0]) if isinstance(value, Sequence) else kind
+            source = "given" if name in self.given else derived
+            rows.append([Cell(f"{name} ({unit})", {"limit": name, "unit": unit}), cell, source])
+        title = f"{self.robot.name}: limits of the safety shell"
+        return Table("safety", title, ["limit", "value", "default"], rows)
+
+    def stopping_distance(self, speed: float, counter: bool | None = None) -> float:
+        """Return the platform's way from the last fresh frame to standstill, at home.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of the platform, m/s; on passive axes rad/s.
+        counter : bool, optional
+            Whether frames carry a counter, by default as the shell's.
+
+        Returns
+        -------
+        float
+            m or rad. A larger distance is possible below the speeds at which frozen frames without
+            a counter are recognized in three cycles.
+        """
+        positive("speed", speed)
+        counted = self.counter if counter is None else counter
+        distance, status, _ = _core.stopping_distance(self.robot.core, self.core, counted, speed)
+        if status > 0:
+            raise PoseError(f"{self.robot.name}: stopping distance: {_core.describe(status)}")
+        return float(distance)
+
+    def stops(self) -> Table:
+        """Return the stopping distance at some speeds, with and without a counter of frames."""
+        moves = any(unit == "m" for _, unit in self.robot.coordinates)
+        speed, way, factor = ("m/s", "mm", 1e3) if moves else ("rad/s", "°", 180 / np.pi)
+        rows = [
+            [number(v), *(number(factor * self.stopping_distance(v, c)) for c in (True, False))]
+            for v in _SPEEDS
+        ]
+        head = [f"speed ({speed})", f"with a counter ({way})", f"without ({way})"]
+        return Table("stops", "Stopping distance after frozen readings", head, rows)
+
+    def __repr__(self) -> str:
+        from truepose.show.terminal import laid_out
+
+        return "\n".join([super().__repr__(), "", *laid_out(self.stops(), 100)])
+
+    def require_path(self, x: Array, rate: Array, acceleration: Array) -> None:
+        """Raise InputError if a limit is below what a path's setpoints (T, n) need of it."""
+        rows = (np.ascontiguousarray(values, dtype=float) for values in (x, rate, acceleration))
+        *needs, low, high, status, _ = _core.path_needs(self.robot.core, self.core, *rows)
+        units = reading_units(self.robot)
+        kinds = ("speed", "q/s"), ("torque", "t"), ("slew", "t/s")
+        for (name, kind), need in zip(kinds, needs, strict=True):
+            most = self.motors(name)
+            if (over := np.array(need[: self.robot.n]) > most).any():
+                k = int(over.argmax())
+                raise InputError(
+                    f"safety: {name} of motor {k + 1}: the path needs {need[k]:.4g} "
+                    f"{_unit(kind, units[k])}, the limit is {most[k]:.4g}: slow the path down, or "
+                    "raise the limit"
+                )
+        if status > 0:
+            outside = [
+                f"{name} {a:.4g} to {b:.4g}"
+                for (name, _), a, b in zip(self.robot.coordinates, low, high, strict=False)
+            ]
+            raise InputError(f"safety: the path leaves box: it spans {', '.join(outside)}")
+
+    def _require_consistent(self) -> None:
+        status, motor = _core.consistent(self.core, self.robot.n)
+        if status <= 0:
+            return
+        core = self.core
+        if motor < 0:
+            raise InputError(
+                f"safety: period {core.period:g} s and age {core.age} periods must be at most 10 "
+                f"ms together, missing and held too; saturation {core.saturation:g} s at least a "
+                "period"
+            )
+        at = {
+            name: getattr(core, name)[motor] for name in ("tracking", "count", "deviation", "slew")
+        }
+        raise InputError(
+            f"safety: motor {motor + 1}: tracking {at['tracking']:.4g} must be greater than a "
+            f"count ({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
+            f"{at['slew']:.4g} at least {2 * core.torque[motor] / _REACTION:.4g}"
+        )
+
+
+def _unit(kind: str, reading: str) -> str:
+    torque = "N·m" if reading == "rad" else "N"
+    return kind.replace("q", reading).replace("t", torque)
+
+
+def stop_text(time: Array, brakes: Array, cause: Array, motor: Array) -> str:
+    """Return when, why and how a safety shell stopped a run; "" if it did not."""
+    rows = np.flatnonzero(cause > 0)
+    if not rows.size:
+        return ""
+    k = rows[0]
+    part = f" of motor {motor[k] + 1}" if motor[k] >= 0 else ""
+    how = "by brake" if brakes[k] else "along its path"
+    return f"safety shell: {CAUSES[cause[k]]}{part} at {time[k]:.3f} s, stopped {how}"

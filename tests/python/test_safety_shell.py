@@ -1,0 +1,197 @@
+"""Simulated robots in the safety shell: healthy runs are unchanged, faults end in defined stops."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.control.safety import CAUSES, STATES
+from truepose.faults.fault import FRAME
+
+Fault, Shell = tp.faults.Fault, tp.control.SafetyShell
+RUNNING, BRAKED = STATES.index("running"), STATES.index("fault")
+
+
+def slewed(run: tp.simulation.Simulation, shell: tp.control.SafetyShell) -> bool:
+    most = shell.limits(run.robot, run.controller).motors("slew") * run.controller.period
+    return bool((np.abs(np.diff(run.torque, axis=0)) <= most * (1 + 1e-9)).all())
+
+
+@pytest.mark.parametrize("counter", [True, False])
+@pytest.mark.parametrize("law", ["joint", None])
+@pytest.mark.parametrize("name", tp.list_robots())
+def test_a_healthy_robot_moves_as_without_the_shell_bit_for_bit(
+    name: str, law: Any, counter: bool
+) -> None:
+    robot = tp.load(name)
+    usual = tp.simulate(robot, controller=law, hold=0.1)
+    run = tp.simulate(robot, controller=law, hold=0.1, safety=Shell(counter=counter))
+    for column in ("x", "q_e", "torque"):
+        assert np.array_equal(getattr(run, column), getattr(usual, column))
+    assert (run.safety_state == RUNNING).all() and run.status == usual.status
+    assert (usual.safety_state == -1).all() and not usual.stop_cause.any()
+
+
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart"])
+@pytest.mark.parametrize("law", ["joint", "estimated"])
+def test_a_monitored_robot_with_geometry_errors_starts_without_an_alarm(
+    name: str, law: Any
+) -> None:
+    robot = tp.load(name).with_sensors(*[sensor.name for sensor in tp.load(name).spec.sensor][:2])
+    truth = robot.sample(2)
+    run = tp.simulate(robot, truth, law, safety=Shell(), monitor=tp.FaultMonitor())
+    assert not run.stop_cause.any() and not run.health.any()
+
+
+@pytest.mark.parametrize("counter", [True, False])
+def test_slow_motors_that_dither_by_counts_are_no_frozen_frame(counter: bool) -> None:
+    h4 = tp.load("h4").with_sensors("theta", "elbow1", "elbow2", "elbow3", "elbow4")
+    for seed in range(8):
+        ways = np.random.default_rng(seed).normal(size=(2, h4.n)) * [1, 1, 1, 0]
+        ends = h4.home + 0.04 * ways / np.linalg.norm(ways, axis=1)[:, None]
+        run = tp.simulate(
+            h4, None, "estimated", start=ends[0], end=ends[1], duration=1.2, seed=seed,
+            safety=Shell(counter=counter),
+        )  # fmt: skip
+        assert not run.stop_cause.any()
+
+
+@pytest.mark.parametrize("counter", [True, False])
+@pytest.mark.parametrize("speed", [0.1, 0.3])
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart", "par4"])
+def test_a_frozen_bus_is_stopped_within_the_printed_distance(
+    name: str, speed: float, counter: bool
+) -> None:
+    robot = tp.load(name)
+    end = robot.home + 0.04 * np.eye(robot.n)[0]
+    duration = 0.04 * 1.875 / speed
+    shell = Shell(counter=counter)
+    at = round(duration / 2, 3)
+    fault = [Fault(FRAME, "stuck", at=at)]
+    run = tp.simulate(
+        robot, start=robot.home, end=end, duration=duration, faults=fault, safety=shell
+    )
+    k = round(at / 1e-3)
+    stop = int((run.stop_cause > 0).argmax())
+    assert run.status == f"safety shell: stale frame at {run.time[stop]:.3f} s, stopped by brake"
+    assert k < stop <= k + (3 if counter or speed > 0.2 else 6)
+    way = np.linalg.norm(run.x[k:, :3] - run.x[k, :3], axis=1)
+    assert way.max() <= 1.2 * shell.limits(robot).stopping_distance(speed)
+    assert run.safety_state[-1] == BRAKED and slewed(run, shell)
+    assert not run.torque[-1].any() and run.brakes[-1] == 2**robot.n - 1
+
+
+@pytest.mark.parametrize(
+    "fault, cause, most",
+    [
+        ([Fault("q2", "sign", at=0.1)], "motor range of motor 2", 1),
+        ([Fault("q1", "jump", at=0.1, size=0.2)], "overspeed of motor 1", 1),
+        ([Fault("q1", "bias", at=0.1, size=0.02)], "tracking error of motor 1", 1),
+        ([Fault("q3", "stuck", at=0.1)], "tracking error of motor 3", 6),
+        ([Fault(FRAME, "dropout", at=0.1)], "stale frame", 1),
+        ([Fault(f"q{k}", "dropout", at=0.1) for k in (1, 2, 3, 4)], "missing reading", 1),
+    ],
+)
+def test_a_fault_without_monitor_is_stopped_by_the_shell_alone(
+    fault: list, cause: str, most: float
+) -> None:
+    h4, shell = tp.load("h4"), Shell()
+    healthy = tp.simulate(h4, controller="joint")
+    run = tp.simulate(h4, controller="joint", faults=fault, safety=shell)
+    assert run.status.startswith(f"safety shell: {cause}") and not run.ended
+    stop = int((run.stop_cause > 0).argmax())
+    assert 1e3 * np.abs(run.x - healthy.x)[: stop + 1, :3].max() < most
+    assert np.isfinite(run.torque).all() and slewed(run, shell)
+    assert np.ptp(run.x[-50:, :3], axis=0).max() < 2e-5  # the brakes hold it
+
+
+def test_a_lost_motor_of_the_monitor_stops_all_brakes() -> None:
+    h4 = tp.load("h4")
+    lost = [Fault("q1", "dropout", at=0.1)]
+    run = tp.simulate(h4, faults=lost, monitor=tp.FaultMonitor(), safety=Shell())
+    assert run.failed == ["q1"]
+    assert run.status.startswith("safety shell: suspected motor")
+
+
+def soft(cycle: tp.control.ControllerInput) -> Any:
+    error = cycle.robot.ikm(cycle.x) - cycle.q_e[: cycle.robot.n]
+    return 60 * error + cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
+
+
+def error_of(robot: tp.Robot, x: Any, q_e: Any) -> Any:
+    return robot.ikm(x) - q_e[: robot.n]
+
+
+@pytest.mark.parametrize(
+    "own",
+    [{"law": soft}, {"controller": tp.Controller(law=error_of, frequency=60.0)}],
+    ids=["torques", "errors"],
+)
+def test_an_own_law_is_guarded(own: dict) -> None:
+    h4 = tp.load("h4")
+    usual = tp.simulate(h4, duration=0.3, **own)
+    healthy = tp.simulate(h4, duration=0.3, safety=Shell(), **own)
+    assert np.array_equal(usual.x, healthy.x)
+    run = tp.simulate(
+        h4, duration=0.3, safety=Shell(), faults=[Fault("q1", "bias", at=0.1, size=0.3)], **own
+    )
+    assert "of motor 1 at 0.1" in run.status and run.safety_state[-1] == BRAKED
+
+
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        ({"speed": 0.5}, "safety: speed of motor"),
+        ({"box": [[-1, -1, -0.49, -4], [1, 1, 1, 4]]}, "safety: the path leaves box"),
+        ({"tracking": 1e-6}, "safety: motor 1: tracking 1e-06"),
+        ({"slew": 10.0}, "slew 10 at least 6000"),
+        ({"deviation": [1, 2]}, "deviation"),
+        ({"age": 20}, "age 20"),
+    ],
+)
+def test_limits_below_the_need_are_refused_before_anything_moves(
+    settings: dict, message: str
+) -> None:
+    with pytest.raises(tp.InputError, match=message) as error:
+        tp.simulate(tp.load("h4"), safety=Shell(**settings))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name, value", [("stop", 0), ("window", 9), ("held", "x")])
+def test_settings_without_a_meaning_are_refused(name: str, value: Any) -> None:
+    with pytest.raises(tp.InputError, match=name):
+        Shell(**{name: value})
+
+
+def test_a_shell_that_does_not_start_says_why() -> None:
+    h4 = tp.load("h4")
+    narrow = Shell(tracking=2e-3, deviation=2.1e-3)
+    with pytest.raises(tp.PoseError, match="does not start: tracking error"):
+        tp.simulate(h4, h4.sample(1), "tej", safety=narrow)
+
+
+def test_own_limits_are_printed_as_given() -> None:
+    limits = Shell(tracking=0.01, stop=0.1).limits(tp.load("h4"))
+    rows = {row["limit"]: row for row in limits.table()}
+    assert rows["tracking"]["default"] == rows["stop"]["default"] == "given"
+    assert rows["tracking"]["motor 4"] == 0.01 and "Stopping distance" in repr(limits)
+    assert limits.stopping_distance(0.3) < limits.stopping_distance(0.6)
+
+
+def test_a_frame_takes_only_faults_of_no_single_reading() -> None:
+    with pytest.raises(tp.InputError, match="kind of a frame"):
+        tp.simulate(tp.load("h4"), faults=[Fault(FRAME, "bias", size=0.1)])
+
+
+def test_the_command_prints_limits_and_names_the_cause(run: Any) -> None:
+    words = ("simulate", "h4", "--safety", "--fault", "frame:stuck@0.1", "--format", "json")
+    status, said, err = run(*words)
+    assert status == 0 and "safety shell: stale frame at 0.102 s, stopped by brake" in err
+    data = json.loads(said)
+    assert next(row["limit"] for row in data["safety"]) == "tracking"
+    assert len(data["stops"]) == 5
+    assert CAUSES[5] == "stale frame"
