@@ -46,7 +46,7 @@ struct Multirate {
   std::uint32_t which = 0;  ///< slow and delayed sensors, as bits
   Reading pole{};           ///< of each one's low-pass
 
-  std::uint32_t arrived = 0;  ///< in: sensors with a new sample in this cycle, as bits
+  std::uint32_t arrived = 0;  ///< in: sensors with a new sample, as bits; the cycle clears it
   Reading age{};              ///< of each one's latest on arrival, control periods
   std::uint32_t timed = 0;    ///< sensors with a timestamp so far, as bits,
   std::array<std::uint64_t, kMaxSensors> taken{};  ///< the latest, ns
@@ -206,6 +206,7 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
     if (!(late.since[k] <= longest)) late.off[k] = NAN;  // until the next sample
     late.present[k] = q_e[n + k] = late.expected[k] + late.off[k];
   }
+  late.arrived = 0;
   ++late.cycle;
   return {};
 }
