@@ -11,9 +11,10 @@
 #include "bench.hpp"
 #include "inputs.hpp"
 #include "truepose/control/command.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/offline/plant.hpp"
+#include "truepose/offline/safety_defaults.hpp"
 
 using namespace inputs;
 
@@ -127,6 +128,19 @@ COUNTED Status f_fault_tolerant_tej(const Robot& robot, const ControlSettings& s
                                     FaultTolerantState& fault_state) {
   return control_fault_tolerant<kH4>(robot, settings, fault_settings, setpoint, q_e, state,
                                      weighing, fault_state)
+      .status;
+}
+COUNTED Status f_guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
+                       SafetyShell& shell) {
+  guard<kH4>(robot, limits, cycle, shell);
+  return shell.follows ? Status::ok : Status::unfinished;
+}
+COUNTED Status f_safe_tej(const Robot& robot, const ControlSettings& settings,
+                          const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
+                          ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
+                          const Weighing& weighing, const Monitored& monitored) {
+  return control_safely<kH4>(robot, settings, limits, setpoint, q_e, state, shell, cycle, weighing,
+                             monitored)
       .status;
 }
 COUNTED Status f_forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
@@ -263,25 +277,80 @@ void count_kept(const Robot& robot, const Hostile& hostile, Weighing weighing, C
   }
 }
 
+FaultTolerantSettings monitoring() {
+  FaultTolerantSettings settings;
+  settings.monitor.fastest.fill(500);
+  settings.monitor.moved.fill(2e-3);
+  prepare(settings.monitor);
+  return settings;
+}
+
+/// Readings in counts at a setpoint.
+Extended counts_at(const Robot& robot, const Setpoint& setpoint) {
+  Extended q_e{};
+  if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) std::printf("out of reach\n");
+  for (int c = 0; c < 5; ++c) q_e[c] = quantized(q_e[c], 3e-5);
+  return q_e;
+}
+
 /// What a monitor costs where nothing is wrong: on the path, in counts, the rarer cycles with a
 /// look at the geometry among them.
 void count_monitor(const Robot& robot, const ControlSettings& settings, const Weighing& weighing) {
-  FaultTolerantSettings fault_settings;
-  fault_settings.monitor.fastest.fill(500);
-  fault_settings.monitor.moved.fill(2e-3);
-  prepare(fault_settings.monitor);
+  const FaultTolerantSettings fault_settings = monitoring();
   FaultMonitor seen;
   FaultTolerantState fault_state;
   ControlState state;
   for (int k = 0; k < kCounted; ++k) {
     const Setpoint setpoint = along(robot, settings.period * k);
-    Extended q_e{}, believed;
-    if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) std::printf("out of reach\n");
-    for (int c = 0; c < 5; ++c) q_e[c] = quantized(q_e[c], 3e-5);
+    const Extended q_e = counts_at(robot, setpoint);
+    Extended believed;
     const Joint desired = motors_of<kH4>(q_e);
     COUNT(true, f_monitor, robot, fault_settings.monitor, weighing, desired, q_e, seen, believed);
     COUNT(true, f_fault_tolerant_tej, robot, settings, fault_settings, setpoint, q_e, state,
           weighing, fault_state);
+  }
+}
+
+/// The safety shell on the same path in `running`: alone, and around the monitored TEJ law. Then
+/// hostile readings, each a cycle after a usual one.
+void count_safety(Robot robot, const Hostile& hostile, ControlSettings settings,
+                  const Weighing& weighing) {
+  for (int i = 0; i < 4; ++i) robot.chain[i].torque_limit = 1000 * settings.kp[i] / 150 / 150;
+  SafetyLimits limits;
+  if (!default_limits(robot, settings, limits)) std::printf("no limits\n");
+  const FaultTolerantSettings fault_settings = monitoring();
+  FaultTolerantState fault_state;
+  ControlState state;
+  SafetyShell shell, alone;
+  SafetyCycle cycle;
+  const Monitored monitored{&fault_settings, &fault_state};
+  constexpr int kBegin = 80;  // acknowledged, started, brakes open
+  const auto marked = [&](int k) {
+    SafetyCycle marks;
+    marks.counter = {true, static_cast<std::uint64_t>(100 + k)};
+    marks.request = {k == 40, false, k == 20};
+    return marks;
+  };
+  for (int k = -kBegin; k < kCounted; ++k) {
+    const Setpoint setpoint = along(robot, settings.period * std::max(k, 0));
+    const Extended q_e = counts_at(robot, setpoint);
+    cycle = marked(k + kBegin);
+    if (k < 0) {
+      static_cast<void>(f_safe_tej(robot, settings, limits, setpoint, q_e, state, shell, cycle,
+                                   weighing, monitored));
+      guard<kH4>(robot, limits, cycle, alone);
+      continue;
+    }
+    COUNT(true, f_safe_tej, robot, settings, limits, setpoint, q_e, state, shell, cycle, weighing,
+          monitored);
+    COUNT(true, f_guard, robot, limits, cycle, alone);
+  }
+  for (const Extended& q_e : hostile.q_e) {
+    SafetyCycle odd = cycle;
+    odd.counter.value += 1;
+    odd.q = motors_of<kH4>(q_e);
+    SafetyShell after = alone;
+    COUNT(false, f_guard, robot, limits, odd, after);
   }
 }
 
@@ -416,5 +485,6 @@ int main() {
   COUNT_KEPT(f_control_estimated_full, rods, estimated, false);
   COUNT_KEPT(f_control_estimated_full_kept, rods, estimated, true);
   count_monitor(h4.robot, tej, prior.weighing());
+  count_safety(h4.robot, hostile, tej, prior.weighing());
   return 0;
 }

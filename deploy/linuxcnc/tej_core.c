@@ -242,7 +242,7 @@ static void blend(truepose_corrector* tej, const truepose_corrector_input* input
   for (int i = 0; i < tej->motors; ++i) tej->correction[i] = asked[i] + left * tej->from[i];
 }
 
-void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input) {
+static void correct(truepose_corrector* tej, const truepose_corrector_input* input) {
   truepose_real q_e[TRUEPOSE_READINGS], asked[6] = {0}, seen[6] = {0};
   const int readings = tej->motors + tej->sensors;
   const int starts = input->enable && !tej->enabled, ends = !input->enable && tej->enabled;
@@ -308,6 +308,97 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
     seen[i] = q_e[i] - (input->enable ? asked[i] : tej->correction[i]);
   }
   truepose_fkm(&tej->commanded, seen, kCap, tej->pose);
+}
+
+/** Limits of the shell. Drives follow a velocity: there is no torque, and their position loops are
+ * assumed as exported. Motion has the soft limits. */
+static truepose_safety_limits limits_of(const truepose_corrector* tej,
+                                        const truepose_corrector_input* input) {
+  enum { kLoop = 50 }; /* 1/s */
+  truepose_safety_limits limits = {.size = sizeof limits,
+                                   .window = 8,
+                                   .age = tej->period <= 0.005 ? 2 : 1,
+                                   .counter_bits = 32,
+                                   .period = tej->period,
+                                   .saturation = 1,
+                                   .clipped = 0.01,
+                                   .missing = 0.005,
+                                   .held = 0.005,
+                                   .stop = 0.15,
+                                   .brake = 0.02,
+                                   .standstill = 0.05};
+  for (int i = 0; i < tej->motors; ++i) {
+    const truepose_chain* chain = &tej->table.robot.chain[i];
+    limits.torque[i] = 1;
+    limits.slew[i] = 200;
+    limits.tracking[i] = input->error_limit[i];
+    limits.deviation[i] = input->error_limit[i] + input->largest[i];
+    limits.speed[i] = input->speed[i] > 0 ? input->speed[i] : 1e6;
+    limits.count[i] = chain->encoder_step + 12 * chain->encoder_noise + 1e-9;
+    limits.still[i] = 2 * limits.count[i];
+    limits.kd[i] = kLoop;
+    limits.rests[i] = limits.count[i];
+  }
+  return limits;
+}
+
+/** The safety shell after a cycle. Machine on is a start, off a stop; after a violation only reset
+ * leads back. Readings are the drives' own, which no homing changes. */
+static void guard(truepose_corrector* tej, const truepose_corrector_input* input, int starts) {
+  const uint32_t all = (1U << tej->motors) - 1, requested = 1U << TRUEPOSE_STOP_REQUESTED;
+  truepose_safety_report* const safe = &tej->safe;
+  tej->brakes = input->enable ? 0 : all;
+  tej->inhibit = tej->stop;
+  if (!input->safety) {
+    tej->guarding = 0;
+    memset(safe, 0, sizeof *safe);
+    return;
+  }
+  const int fault = safe->state == TRUEPOSE_SAFETY_FAULT;
+  if (tej->guarding ? starts && !fault : !fault || input->reset) {
+    const truepose_safety_limits limits = limits_of(tej, input);
+    const truepose_outcome outcome =
+        truepose_safety_shell_init(&tej->shell, sizeof tej->shell, &tej->model, &limits);
+    tej->guarding = outcome.status <= TRUEPOSE_OK;
+    memset(safe, 0, sizeof *safe);
+    safe->state = tej->guarding ? TRUEPOSE_SAFETY_STOPPED : TRUEPOSE_SAFETY_FAULT;
+    safe->cause = tej->guarding ? TRUEPOSE_STOP_NONE : TRUEPOSE_STOP_CONTRADICTORY_LIMITS;
+    safe->part = outcome.part;
+    safe->causes = tej->guarding ? 0 : 1U << TRUEPOSE_STOP_CONTRADICTORY_LIMITS;
+    safe->brakes = all;
+  }
+  if (tej->guarding) {
+    const int stands = safe->state == TRUEPOSE_SAFETY_STOPPED;
+    truepose_safety_cycle now = {.status = tej->lost ? TRUEPOSE_NOT_FINITE : TRUEPOSE_OK,
+                                 .disagree = tej->report.stops && !tej->report.lost,
+                                 .suspected = tej->doubted & all,
+                                 .lost = tej->report.lost};
+    truepose_safety_marks marks = {.counter = input->frame,
+                                   .counter_given = input->frame_known,
+                                   .known = 1,
+                                   .start = input->enable && !stands,
+                                   .stop = !input->enable && safe->follows};
+    tej->acknowledging = input->reset || (input->enable && stands && !tej->acknowledging);
+    marks.acknowledge = tej->acknowledging;
+    for (int i = 0; i < tej->motors; ++i) {
+      now.x[i] = tej->x_d[i];
+      now.q_d[i] = input->q_d[i] + input->zero[i];
+      now.q[i] = input->q_e[i] + input->zero[i];
+      now.error[i] = tej->error[i];
+    }
+    truepose_guard(&tej->model, &tej->shell, &now, &marks, safe);
+  }
+  tej->brakes |= safe->brakes;
+  tej->inhibit |= input->enable && (!safe->follows || safe->path_stop > 0);
+  if (!(safe->causes & ~requested)) return;
+  fails(tej, TRUEPOSE_TEJ_SAFETY, TRUEPOSE_OK, safe->part);
+  if (safe->path_stop == 0 && safe->state != TRUEPOSE_SAFETY_STOPPED) tej->lost = all;
+}
+
+void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input) {
+  const int starts = input->enable && !tej->enabled;
+  correct(tej, input);
+  guard(tej, input, starts);
 }
 
 int truepose_index_cycle(truepose_index* index, int enable, int* index_enable) {

@@ -21,24 +21,30 @@ typedef enum truepose_corrector_fault {
   TRUEPOSE_TEJ_UNSOLVED = 3,   /**< the command is no pose of the robot, or the law has no answer */
   TRUEPOSE_TEJ_CORRECTION = 4, /**< the correction is larger than allowed */
   TRUEPOSE_TEJ_MONITOR = 5,    /**< the fault monitor requests a stop, or every sensor has failed */
-  TRUEPOSE_TEJ_HOMING = 6      /**< the readings are inconsistent after referencing */
+  TRUEPOSE_TEJ_HOMING = 6,     /**< the readings are inconsistent after referencing */
+  TRUEPOSE_TEJ_SAFETY = 7      /**< a limit of the safety shell is violated: `safe.cause` */
 } truepose_corrector_fault;
 
 typedef struct truepose_corrector_input {
-  int32_t enable;           /**< the drives are on */
-  int32_t law;              /**< a truepose_law */
-  int32_t monitor;          /**< enables the fault monitor, if configured in the table */
-  int32_t reset;            /**< clears faults, acknowledges inconsistency after homing */
-  int32_t referenced;       /**< every sensor's and motor's zero is known */
-  int32_t learn;            /**< identifies at rest, with every reading valid */
-  int32_t learnt;           /**< laws use the identified robot, not the table's */
-  truepose_real rest;       /**< s at rest before each identification step */
-  truepose_real band;       /**< conditioning below which the law is damped */
-  truepose_real blend;      /**< s over which a change of the law takes effect */
-  truepose_real chi2;       /**< largest accepted χ² of the readings once referenced; 0: any */
-  truepose_real largest[6]; /**< largest accepted correction, rad or m */
-  truepose_real zero[6];    /**< motion's motor offsets; a change means that the motor was homed */
-  truepose_real q_d[6];     /**< commands */
+  int32_t enable;      /**< the drives are on */
+  int32_t law;         /**< a truepose_law */
+  int32_t monitor;     /**< enables the fault monitor, if configured in the table */
+  int32_t safety;      /**< enables the safety shell */
+  int32_t frame_known; /**< 1: `frame` counts the frames of readings */
+  uint32_t frame;      /**< it may wrap */
+  int32_t reset;       /**< clears faults, acknowledges inconsistency after homing, and the shell */
+  int32_t referenced;  /**< every sensor's and motor's zero is known */
+  int32_t learn;       /**< identifies at rest, with every reading valid */
+  int32_t learnt;      /**< laws use the identified robot, not the table's */
+  truepose_real rest;  /**< s at rest before each identification step */
+  truepose_real band;  /**< conditioning below which the law is damped */
+  truepose_real blend; /**< s over which a change of the law takes effect */
+  truepose_real chi2;  /**< largest accepted χ² of the readings once referenced; 0: any */
+  truepose_real largest[6];     /**< largest accepted correction, rad or m */
+  truepose_real speed[6];       /**< shell: largest of a motor, rad/s or m/s; 0: any */
+  truepose_real error_limit[6]; /**< shell: largest motor error, rad or m */
+  truepose_real zero[6]; /**< motion's motor offsets; a change means that the motor was homed */
+  truepose_real q_d[6];  /**< commands */
   truepose_real q_e[TRUEPOSE_READINGS];
 } truepose_corrector_input;
 
@@ -59,6 +65,8 @@ typedef struct truepose_corrector {
   truepose_real band;
   truepose_real work[TRUEPOSE_TEJ_WORK];
   int32_t monitoring, enabled;
+  truepose_safety_shell shell;
+  int32_t guarding, acknowledging;
   truepose_real x_d[6];               /**< pose of the commands */
   truepose_real zero[6], homed_by[6]; /**< motor offsets, and corrections when homed */
   truepose_real held[6], at[6];       /**< of the last cycle with the drives on: correction, q */
@@ -72,7 +80,8 @@ typedef struct truepose_corrector {
   truepose_real e_q[6]; /**< q_d - q: the following error */
   int32_t law;          /**< in effect */
   int32_t fault;        /**< a truepose_corrector_fault; until reset, or the drives go on */
-  uint32_t lost;        /**< motors without reading or command, as bits: disable their amplifiers */
+  uint32_t lost;        /**< motors without reading or command, as bits: disable their amplifiers;
+                           all, once the shell stops them by brake */
   int32_t stop;         /**< 1: the machine must stop along its path */
   uint32_t doubted;     /**< readings that are not valid, as bits; among these */
   uint32_t left_out;    /**< those that have failed: virtual readings substitute them */
@@ -82,6 +91,9 @@ typedef struct truepose_corrector {
   truepose_real chi2;                 /**< of the readings at their last test */
   truepose_real pose[6];              /**< estimated by the law in effect; held while off */
   truepose_fault_report report;
+  truepose_safety_report safe; /**< of the shell; zeros without it */
+  uint32_t brakes;             /**< motors whose brakes must hold, as bits */
+  int32_t inhibit;             /**< 1: the path must not move, or must stop */
 } truepose_corrector;
 
 /** @param tej        with its table read

@@ -33,11 +33,16 @@ static struct tej_pins {
   hal_u32_t *lines, *left_out;
   hal_s32_t* learner_status;
   hal_float_t *rest, *sigma[6];
+  hal_bit_t *safety, *frame_known, *brake[6];
+  hal_u32_t *frame, *safety_causes;
+  hal_s32_t *safety_state, *safety_cause, *safety_motor;
+  hal_float_t *safe_speed[6], *safe_error[6];
 }* pins;
 
 static truepose_corrector tej;
 static truepose_index seen[TRUEPOSE_SENSORS];
 static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
+static uint32_t told_causes; /* of the safety shell, in the log */
 static int32_t told, waits;  /* fault in the log; whether "waiting for an index" is in the log */
 static uint32_t told_failed; /* failed readings in the log */
 
@@ -71,14 +76,16 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
   static const char* const symptoms[] = {"no symptom", "missing", "out of range",
                                          "too fast",   "stuck",   "disagrees with the others", "noisy"};
   char name[32];
-  static const char* const why[] = {"no fault",
-                                    "a reading is no number",
-                                    "a command is no number",
-                                    "no answer for this pose",
-                                    "the correction is larger than largest-correction",
-                                    "the fault monitor requests a stop, or every sensor has failed",
-                                    "readings contradict each other: home again, or acknowledge "
-                                    "by the pin reset"};
+  static const char* const why[] = {
+      "no fault",
+      "a reading is no number",
+      "a command is no number",
+      "no answer for this pose",
+      "the correction is larger than largest-correction",
+      "the fault monitor requests a stop, or every sensor has failed",
+      "readings contradict each other: home again, or acknowledge "
+      "by the pin reset",
+      "the safety shell stops the robot: acknowledge by the pin reset"};
   const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !index_known;
   const uint32_t fails = tej.left_out & ~told_failed;
   if (waiting && !waits)
@@ -90,6 +97,11 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
     if (fails >> c & 1U)
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: a reading has failed%s: %s\n",
                       name_of(c, name, sizeof name), symptoms[tej.symptom[c]]);
+  for (int c = TRUEPOSE_STOP_REQUESTED + 1; c <= TRUEPOSE_STOP_NOT_READY; ++c)
+    if ((tej.safe.causes & ~told_causes) >> c & 1U)
+      rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: safety: %s%s\n", truepose_stop_cause_text(c),
+                      name_of(c == tej.safe.cause ? tej.safe.part : -1, name, sizeof name));
+  told_causes = tej.safe.causes;
   if (tej.fault == told) return;
   told = tej.fault;
   if (told != 0)
@@ -107,6 +119,9 @@ static void cycle(void* unused, long period) {
   in.law = *pins->law;
   in.monitor = *pins->monitor;
   in.reset = *pins->reset;
+  in.safety = *pins->safety;
+  in.frame = *pins->frame;
+  in.frame_known = *pins->frame_known;
   in.learn = *pins->learn;
   in.learnt = *pins->use_learnt;
   in.rest = *pins->rest;
@@ -118,6 +133,8 @@ static void cycle(void* unused, long period) {
     in.q_e[i] = (*pins->motor_fb[i] - *pins->offset[i]) * scale[i];
     in.zero[i] = *pins->offset[i] * scale[i];
     in.largest[i] = *pins->largest * scale[i];
+    in.speed[i] = *pins->safe_speed[i] * scale[i];
+    in.error_limit[i] = *pins->safe_error[i] * scale[i];
     all_homed = all_homed && *pins->homed[i];
   }
   index_known = sensors(in.q_e + tej.motors);
@@ -129,13 +146,18 @@ static void cycle(void* unused, long period) {
     *pins->correction[i] = tej.correction[i] / scale[i];
     *pins->e_q[i] = tej.e_q[i] / scale[i];
     *pins->amp_fault[i] = tej.lost >> i & 1U;
+    *pins->brake[i] = tej.brakes >> i & 1U;
     *pins->pose[i] = tej.pose[i] / pose_scale[i];
   }
   *pins->all_referenced = in.referenced;
   *pins->in_effect = tej.law;
   *pins->fault = tej.fault != TRUEPOSE_TEJ_NO_FAULT;
   *pins->fault_code = tej.fault;
-  *pins->stop = tej.stop;
+  *pins->stop = tej.inhibit;
+  *pins->safety_state = tej.safe.state;
+  *pins->safety_cause = tej.safe.cause;
+  *pins->safety_motor = tej.safe.cause != TRUEPOSE_STOP_NONE ? tej.safe.part : -1;
+  *pins->safety_causes = tej.safe.causes;
   *pins->lost = tej.lost != 0;
   *pins->chi2 = tej.chi2;
   *pins->status = (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).status;
@@ -175,6 +197,9 @@ static int make_pins(void) {
     bad |= new_s32(&pins->symptom[c], HAL_OUT, 0, "truepose_tej.%d.symptom", c);
     bad |= new_bit(&pins->amp_fault[c], HAL_OUT, 0, "truepose_tej.%d.amp-fault", c);
     bad |= new_bit(&pins->homed[c], HAL_IN, 1, "truepose_tej.%d.homed", c);
+    bad |= new_bit(&pins->brake[c], HAL_OUT, 1, "truepose_tej.%d.brake", c);
+    bad |= new_float(&pins->safe_speed[c], HAL_IN, 0, "truepose_tej.%d.safe-speed", c);
+    bad |= new_float(&pins->safe_error[c], HAL_IN, 5, "truepose_tej.%d.safe-error", c);
     bad |= new_float(&pins->pose[c], HAL_OUT, 0, "truepose_tej.pose.%d", c);
     bad |= new_float(&pins->sigma[c], HAL_OUT, 0, "truepose_tej.pose-sigma.%d", c);
   }
@@ -189,6 +214,13 @@ static int make_pins(void) {
   bad |= new_u32(&pins->lines, HAL_OUT, 0, "truepose_tej.lines");
   bad |= new_u32(&pins->left_out, HAL_OUT, 0, "truepose_tej.lines-left-out");
   bad |= new_s32(&pins->learner_status, HAL_OUT, 0, "truepose_tej.learner-status");
+  bad |= new_bit(&pins->safety, HAL_IN, 0, "truepose_tej.safety");
+  bad |= new_bit(&pins->frame_known, HAL_IN, 0, "truepose_tej.frame-known");
+  bad |= new_u32(&pins->frame, HAL_IN, 0, "truepose_tej.frame");
+  bad |= new_s32(&pins->safety_state, HAL_OUT, 0, "truepose_tej.safety-state");
+  bad |= new_s32(&pins->safety_cause, HAL_OUT, 0, "truepose_tej.safety-cause");
+  bad |= new_s32(&pins->safety_motor, HAL_OUT, -1, "truepose_tej.safety-motor");
+  bad |= new_u32(&pins->safety_causes, HAL_OUT, 0, "truepose_tej.safety-causes");
   bad |= new_bit(&pins->enable, HAL_IN, 0, "truepose_tej.enable");
   bad |= new_bit(&pins->monitor, HAL_IN, 0, "truepose_tej.monitor");
   bad |= new_bit(&pins->reset, HAL_IN, 0, "truepose_tej.reset");

@@ -512,6 +512,48 @@ TRUEPOSE_API truepose_outcome truepose_control(const truepose_model* model,
                                                truepose_real torque[TRUEPOSE_FREEDOMS]);
 
 /* ------------------------------------------------------------------------------------------------
+ * Delayed and multirate sensors. Guide: docs/delayed-sensors.md
+ */
+
+/** Constant during a run. Sets of sensors are bits, the first one's 1. */
+typedef struct truepose_multirate_settings {
+  uint32_t size;                   /**< sizeof(truepose_multirate_settings) */
+  uint32_t stamped;                /**< sensors whose samples have timestamps */
+  int32_t every[TRUEPOSE_SENSORS]; /**< sample period, control periods; 0 as 1 */
+  int32_t age[TRUEPOSE_SENSORS];   /**< usual latency on arrival, control periods, 0 to 255 */
+  truepose_real period;            /**< of control, s */
+  /** Change of a reading's geometry error along each freedom, sigma; docs/delayed-sensors.md */
+  truepose_real sensitivity[TRUEPOSE_SENSORS][TRUEPOSE_FREEDOMS];
+} truepose_multirate_settings;
+
+/** Settings and state of these sensors. Opaque. */
+typedef union truepose_multirate {
+  int64_t align;
+  unsigned char bytes[43008];
+} truepose_multirate;
+TRUEPOSE_API size_t truepose_multirate_size(void);
+
+/** Starts or restarts these sensors. The first cycle takes all their readings as samples: NaN where
+ * there is none yet. @return OTHER_VERSION, TOO_SMALL, NO_SUCH_PART: a number is out of range,
+ * `part`: the sensor */
+TRUEPOSE_API truepose_outcome truepose_multirate_init(truepose_multirate* sensors, size_t size,
+                                                      const truepose_multirate_settings* settings);
+/** From the next cycle on a controller has these sensors, whatever function runs it.
+ * @param sensors  stays in place while the controller is used; null: none is slow or delayed */
+TRUEPOSE_API truepose_outcome truepose_controller_sensors(truepose_controller* controller,
+                                                          truepose_multirate* sensors);
+/** Before a cycle: samples that have arrived; their values are in the cycle's q_e.
+ * @param arrived  sensors with a new sample
+ * @param time     of the stamped sensors' samples, ns; null: none has arrived
+ * @param now      of the cycle's motor readings, by the same clock; both may wrap
+ * @param stale    out, may be null: sensors whose sample counts as not arrived. It is repeated,
+ * older than the one before or than 255 periods, or from the future */
+TRUEPOSE_API truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors,
+                                                        uint32_t arrived,
+                                                        const uint64_t time[TRUEPOSE_SENSORS],
+                                                        uint64_t now, uint32_t* stale);
+
+/* ------------------------------------------------------------------------------------------------
  * Fault monitor: detection, isolation and substitution of faulty readings
  */
 
@@ -733,6 +775,28 @@ TRUEPOSE_API truepose_outcome truepose_control_safely(
     const truepose_setpoint* setpoint, const truepose_real q_e[TRUEPOSE_READINGS],
     const truepose_knowledge* known, truepose_real* work, const truepose_safety_marks* marks,
     truepose_safety_report* report);
+
+/** One cycle of a controller that is not truepose's. Motors as bits: the first one's 1. */
+typedef struct truepose_safety_cycle {
+  int32_t status;                          /**< truepose_status of the controller's answer */
+  int32_t disagree;                        /**< 1: readings disagree, none is isolated */
+  uint32_t suspected;                      /**< motors that may be faulty, */
+  uint32_t lost;                           /**< and those without a substitute */
+  truepose_real x[TRUEPOSE_FREEDOMS];      /**< pose of the setpoint */
+  truepose_real q_d[TRUEPOSE_FREEDOMS];    /**< motor setpoints, */
+  truepose_real q[TRUEPOSE_FREEDOMS];      /**< readings, */
+  truepose_real error[TRUEPOSE_FREEDOMS];  /**< motor errors that the loop reduces, */
+  truepose_real torque[TRUEPOSE_FREEDOMS]; /**< the controller's torques, N·m or N, */
+  truepose_real load[TRUEPOSE_FREEDOMS];   /**< and the last part of them that is not the loop's */
+} truepose_safety_cycle;
+
+/** The shell alone, after the controller's cycle. Restart the controller in each cycle in which the
+ * report before has `follows` 0. @return UNFINISHED, and the report is unchanged */
+TRUEPOSE_API truepose_outcome truepose_guard(const truepose_model* model,
+                                             truepose_safety_shell* shell,
+                                             const truepose_safety_cycle* cycle,
+                                             const truepose_safety_marks* marks,
+                                             truepose_safety_report* report);
 
 /* ------------------------------------------------------------------------------------------------
  * Online calibration

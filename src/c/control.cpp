@@ -178,10 +178,10 @@ truepose_outcome truepose_controller_error(const truepose_model* model,
     if (!weighs.sound) return weighs.sound;
     Joint error{};
     Parasitic nearby = made->state.nearby;
-    const Scaled scaled(weighs.weighing, settings.sigma_scale);
-    const Outcome outcome =
-        motor_error(robot, settings.law, c::values<Coordinates>(x_d), c::values<Extended>(q_e),
-                    error, settings.damped_below, scaled.weighing, &nearby);
+    const c::Present now(robot, *made, q_e, weighs.weighing);
+    const Scaled scaled(now.weighing, settings.sigma_scale);
+    const Outcome outcome = motor_error(robot, settings.law, c::values<Coordinates>(x_d), now.q_e,
+                                        error, settings.damped_below, scaled.weighing, &nearby);
     if (!outcome) return outcome;
     made->state.nearby = nearby;
     c::give(error, e);
@@ -198,11 +198,57 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
     if (made == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept, properties(made->settings.law).weighs);
     if (!weighs.sound) return weighs.sound;
+    const c::Present now(robot, *made, q_e, weighs.weighing);
     const Outcome outcome = control(robot, made->settings, std::bit_cast<Setpoint>(*setpoint),
-                                    c::values<Extended>(q_e), made->state, weighs.weighing);
+                                    now.q_e, made->state, now.weighing);
     c::give(made->state.torque, torque);
     return outcome;
   });
+}
+
+size_t truepose_multirate_size(void) { return sizeof(c::SlowSensors); }
+
+truepose_outcome truepose_multirate_init(truepose_multirate* sensors, size_t size,
+                                         const truepose_multirate_settings* settings) {
+  if (settings->size != sizeof *settings) return c::answer({Status::other_version, -1});
+  c::SlowSensors* made = c::SlowSensors::make(sensors, size);
+  if (made == nullptr) return c::answer({Status::too_small, -1});
+  MultirateSettings core;
+  c::fields(*settings, core, c::Copy<true>{});
+  const Outcome outcome = start(core, made->late);
+  if (!outcome) made->mark = 0;
+  return c::answer(outcome);
+}
+
+truepose_outcome truepose_controller_sensors(truepose_controller* controller,
+                                             truepose_multirate* sensors) {
+  c::Controller* made = c::Controller::of(controller);
+  c::SlowSensors* slow = sensors ? c::SlowSensors::of(sensors) : nullptr;
+  if (made == nullptr || (sensors && slow == nullptr)) return c::answer(c::kUnfinished);
+  made->late = slow ? &slow->late : nullptr;
+  made->compensate = [](const Robot& robot, Multirate& late, c::Present& now) {
+    now.weighing = with_mobility(robot.mobility, [&](auto mobility) {
+      return compensated<mobility()>(robot, now.weighing, late, now.known, now.q_e);
+    });
+  };
+  return c::answer({});
+}
+
+truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t arrived,
+                                           const uint64_t* time, uint64_t now, uint32_t* stale) {
+  c::SlowSensors* slow = c::SlowSensors::of(sensors);
+  if (slow == nullptr) return c::answer(c::kUnfinished);
+  Multirate& late = slow->late;
+  late.arrived = arrived & late.which;
+  for (int k = 0; k < kMaxSensors; ++k)
+    if (late.arrived & late.settings.stamped & bit(k)) {
+      if (time)
+        stamp(late, k, time[k], now);
+      else
+        late.arrived &= ~bit(k);
+    }
+  if (stale) *stale = arrived & late.which & ~late.arrived;
+  return c::answer({});
 }
 
 size_t truepose_fault_monitor_size(void) { return sizeof(c::FaultTolerantSetup); }
@@ -235,7 +281,7 @@ truepose_outcome truepose_control_fault_tolerant(
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
       return control_fault_tolerant<mobility()>(
           robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
-          c::values<Extended>(q_e), made->state, weighs.weighing, setup->state);
+          c::values<Extended>(q_e), made->state, weighs.weighing, setup->state, made->late);
     });
     c::give(made->state.torque, torque);
     c::report_on(*setup, report);

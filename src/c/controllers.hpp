@@ -7,10 +7,34 @@
 #include "model.hpp"
 
 namespace truepose::c {
+struct SlowSensors : InMemory<truepose_multirate, SlowSensors, 0x776f6c53U> {
+  Multirate late;
+};
+
+struct Present;
 struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
   ControlSettings settings;
   ControlState state;
   CachedGain kept;
+  Multirate* late = nullptr;  ///< slow and delayed sensors; nullptr: none
+  /// Programs that never set it do not link the compensation.
+  void (*compensate)(const Robot&, Multirate&, Present&) = nullptr;
+};
+
+/// Readings of a cycle, slow and delayed ones as of now, and their σ. Without a fault monitor,
+/// which has them as they are.
+struct Present {
+  Extended q_e;
+  Knowledge known;
+  Weighing weighing;
+
+  Present(const Robot& robot, const Controller& controller, const truepose_real* read,
+          const Weighing& by)
+      : q_e(values<Extended>(read)), weighing(by) {
+    if (controller.late) controller.compensate(robot, *controller.late, *this);
+  }
+  Present(const Present&) = delete;
+  Present& operator=(const Present&) = delete;
 };
 
 struct FaultTolerantSetup : InMemory<truepose_fault_monitor, FaultTolerantSetup, 0x72617547U> {

@@ -51,6 +51,9 @@ void fields(auto& c, Like<FaultTolerantSettings> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, stop, stop_lost, held)
   TRUEPOSE_VISIT(c, core.monitor, fastest, moved, kp, kd, rests, shaken, low, high)
 }
+void fields(auto& c, Like<MultirateSettings> auto& core, auto&& f) {
+  TRUEPOSE_VISIT(c, core, stamped, every, age, period, sensitivity)
+}
 void fields(auto& c, Like<SafetyLimits> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, window, age, counter_bits, period, saturation, clipped, missing, held,
                  stop, brake, standstill)

@@ -110,7 +110,8 @@ truepose_outcome truepose_control_safely(
     const c::Known by(robot, known, work, &made->kept, weighs);
     if (!by.sound) return by.sound;
     SafetyCycle cycle = c::cycle_of(*marks);
-    const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr};
+    const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
+                              made->late};
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
       return control_safely<mobility()>(
           robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
@@ -118,6 +119,30 @@ truepose_outcome truepose_control_safely(
     });
     c::report_on(safe->shell, report);
     return outcome;
+  });
+}
+
+truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_shell* shell,
+                                const truepose_safety_cycle* cycle,
+                                const truepose_safety_marks* marks,
+                                truepose_safety_report* report) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    c::Shell* safe = c::Shell::of(shell);
+    if (safe == nullptr) return c::kUnfinished;
+    SafetyCycle core = c::cycle_of(*marks);
+    core.answer.status = static_cast<Status>(cycle->status);
+    core.suspected = cycle->suspected | cycle->lost;
+    core.lost = cycle->lost != 0;
+    core.disagree = cycle->disagree != 0;
+    core.x = c::values<Coordinates>(cycle->x);
+    core.q_d = c::values<Joint>(cycle->q_d);
+    core.q = c::values<Joint>(cycle->q);
+    core.error = c::values<Joint>(cycle->error);
+    core.torque = c::values<Joint>(cycle->torque);
+    core.load = c::values<Joint>(cycle->load);
+    guard(robot, safe->limits, core, safe->shell);
+    c::report_on(safe->shell, report);
+    return {};
   });
 }
 }

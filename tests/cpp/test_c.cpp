@@ -317,6 +317,128 @@ TEST("laws, estimates and control cycles through C are the core's") {
   });
 }
 
+TEST("slow sensors in C are the core's, with timestamps and without, under every law") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    if (robot.r == 0) return;
+    InC in_c_model(robot);
+    Prior prior(robot);
+    truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
+    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+    std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+    MultirateSettings slow;
+    slow.every.fill(10);
+    slow.age.fill(8);
+    slow.sensitivity[0][1] = 0.1;
+    for (const Law law : {Law::tej, Law::estimated})
+      for (const bool stamped : {false, true})
+        for (const bool monitors : {false, true}) {
+          slow.stamped = stamped ? 1 : 0;
+          truepose_multirate_settings slow_c;
+          c::describe(slow, slow_c);
+          truepose_multirate sensors;
+          Multirate late;
+          CHECK(bool(start(slow, late)));
+          CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &slow_c), {}));
+          ControlSettings settings;
+          settings.law = law;
+          CHECK(bool(place_poles(robot, robot.home, 60, 1, settings)));
+          const truepose_control_settings table = in_c(settings);
+          truepose_controller controller;
+          CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
+          CHECK(same(truepose_controller_sensors(&controller, &sensors), {}));
+          FaultTolerantSettings watch;
+          truepose_fault_monitor_settings watch_c;
+          truepose_fault_monitor monitor;
+          c::describe(watch, watch_c);
+          prepare(watch.monitor);
+          CHECK(same(truepose_fault_monitor_init(&monitor, sizeof monitor, &watch_c), {}));
+          truepose_fault_report report;
+          ControlState state;
+          CachedGain kept;
+          FaultTolerantState seen;
+          Weighing keeps = prior.weighing();
+          keeps.kept = &kept;
+          Extended held{};
+          for (int k = 0; k < 60; ++k) {
+            Setpoint setpoint;
+            setpoint.x = robot.home;
+            setpoint.x[0] += 0.02 * std::sin(0.02 * k);
+            truepose_setpoint setpoint_c{};
+            std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
+            Extended q_e{};
+            CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
+            const bool comes = k % 10 == 8;
+            if (k == 0 || comes) held = q_e;
+            std::copy_n(held.begin() + kDof<K>, robot.r, q_e.begin() + kDof<K>);
+            const std::uint64_t now = 1000000 * static_cast<std::uint64_t>(k + 1);
+            const std::uint64_t time[kMaxSensors]{now - 7400000};
+            const std::uint32_t all = comes ? late.which : 0;
+            std::uint32_t stale = 7;
+            if (k > 0) {
+              CHECK(same(truepose_multirate_arrive(&sensors, all, time, now, &stale), {}));
+              CHECK(stale == 0);
+              late.arrived = all;
+              if (comes && stamped) CHECK(stamp(late, 0, time[0], now));
+            }
+            truepose_real torque[6];
+            Outcome outcome;
+            if (monitors) {
+              outcome = control_fault_tolerant<K>(robot, settings, watch, setpoint, q_e, state,
+                                                  keeps, seen, &late);
+              CHECK(same(truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
+                                                         &monitor, &setpoint_c, q_e.data(), &known,
+                                                         work.data(), torque, &report),
+                         outcome));
+            } else {
+              Extended present = q_e;
+              Knowledge weighed;
+              const Weighing by = compensated<K>(robot, properties(law).weighs ? keeps : Weighing{},
+                                                 late, weighed, present);
+              outcome = control<K>(robot, settings, setpoint, present, state, by);
+              CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(),
+                                          &known, work.data(), torque),
+                         outcome));
+            }
+            CHECK(bool(outcome) && same(torque, state.torque));
+          }
+          const std::uint64_t time[kMaxSensors]{};
+          std::uint32_t stale = 0;  // a sample of the distant past, and one without a time
+          CHECK(same(truepose_multirate_arrive(&sensors, 1, time, 1000000000, &stale), {}));
+          CHECK(stale == (stamped ? 1 : 0));
+          CHECK(same(truepose_multirate_arrive(&sensors, 1, nullptr, 1000000000, &stale), {}));
+          CHECK(stale == (stamped ? 1 : 0));
+        }
+  });
+}
+
+TEST("slow sensors that none can have are refused, and their absence is allowed") {
+  truepose_multirate sensors{};
+  truepose_multirate_settings settings;
+  c::describe(MultirateSettings{}, settings);
+  truepose_control_settings control;
+  truepose_control_defaults(&control);
+  truepose_controller controller;
+  CHECK(same(truepose_controller_init(&controller, sizeof controller, &control), {}));
+  CHECK(same(truepose_controller_sensors(&controller, &sensors), {Status::unfinished, -1}));
+  CHECK(
+      same(truepose_multirate_arrive(&sensors, 0, nullptr, 0, nullptr), {Status::unfinished, -1}));
+  settings.age[3] = 256;
+  CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &settings),
+             {Status::no_such_part, 3}));
+  CHECK(same(truepose_controller_sensors(&controller, &sensors), {Status::unfinished, -1}));
+  settings.age[3] = 255;
+  CHECK(same(truepose_multirate_init(&sensors, truepose_multirate_size() - 1, &settings),
+             {Status::too_small, -1}));
+  CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &settings), {}));
+  CHECK(same(truepose_controller_sensors(&controller, &sensors), {}));
+  CHECK(same(truepose_controller_sensors(&controller, nullptr), {}));
+  --settings.size;
+  CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &settings),
+             {Status::other_version, -1}));
+}
+
 TEST("a monitor in C finds a sensor that is gone, goes on without, and believes it again") {
   for_each([&](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

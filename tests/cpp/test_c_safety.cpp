@@ -1,4 +1,6 @@
 // The safety shell in C does what the core's does, and refuses what is no shell.
+#include <cstring>
+
 #include "../../src/c/description.hpp"
 #include "safety_bench.hpp"
 #include "truepose/truepose.hpp"
@@ -89,6 +91,52 @@ TEST("a shell in C starts, names a frozen frame in three cycles, and moves on on
     CHECK(c.report.brakes == bit(kDof<K>) - 1 && !c.report.follows);
     CHECK(c.report.causes == 1U << TRUEPOSE_STOP_STALE_FRAME);
     c.begin();  // acknowledged
+  });
+}
+
+TEST("the shell alone in C gives what it gives around truepose's law") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    InC<K> c(mechanism);
+    truepose_safety_shell alone;
+    CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, &c.model, &c.limits), {}));
+    ControlState state;  // of any law: the core's
+    const ControlSettings settings = settings_for(c.robot, Law::joint);
+    truepose_safety_report report{};
+    Extended q_e;
+    std::copy_n(c.q_e, q_e.size(), q_e.begin());
+    for (int k = 0; k < 150; ++k) {
+      truepose_safety_marks marks{};
+      marks.acknowledge = k > 10;
+      marks.start = k > 11;
+      marks.known = marks.counter_given = 1;
+      if (!report.follows) state = {};
+      Setpoint setpoint;
+      setpoint.x = c.robot.home;
+      const Outcome outcome = control<K>(c.robot, settings, setpoint, q_e, state);
+      truepose_safety_cycle cycle{};
+      cycle.status = static_cast<int>(outcome.status);
+      std::copy_n(setpoint.x.begin(), n, cycle.x);
+      std::copy_n(state.q_d.begin(), n, cycle.q_d);
+      std::copy_n(q_e.begin(), n, cycle.q);
+      std::copy_n(state.error.begin(), n, cycle.error);
+      std::copy_n(state.torque.begin(), n, cycle.torque);
+      std::copy_n(state.load.begin(), n, cycle.load);
+      c.cycle(marks);
+      marks.counter = c.frame;
+      CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
+      CHECK(std::memcmp(&report, &c.report, sizeof report) == 0);
+      if (k < 149) continue;
+      CHECK(report.follows && report.brakes == 0);
+      cycle.lost = 2;
+      ++marks.counter;
+      CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
+      CHECK(report.cause == TRUEPOSE_STOP_SUSPECTED_MOTOR && !report.follows);
+      alone = {};
+      CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report),
+                 {Status::unfinished, -1}));
+    }
   });
 }
 

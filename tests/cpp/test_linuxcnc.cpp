@@ -590,6 +590,86 @@ TEST("a motor that is not heard, or not told, asks for its amplifier to go off")
   CHECK(loop.corrector->lost == 1U << 2 && loop.corrector->fault != 0);
 }
 
+TEST("inside the shell a machine switches on and off as without, and what stops it must be reset") {
+  for_each([](const Mechanism& mechanism, auto) {
+    if (mechanism.robot.r == 0) return;
+    const int n = mechanism.robot.motors;
+    const std::uint32_t all = bit(n) - 1;
+    enum { kFrozen, kTooFast, kJump, kLimits };
+    for (const int fault : {kFrozen, kTooFast, kJump, kLimits}) {
+      Loop loop(mechanism.robot, 0.001);
+      const truepose_safety_report& safe = loop.corrector->safe;
+      loop.counts(1e-5, 1e-5);
+      loop.in.law = TRUEPOSE_LAW_TEJ;
+      loop.in.safety = loop.in.frame_known = 1;
+      std::fill_n(loop.in.speed, 6, 0.5);
+      std::fill_n(loop.in.error_limit, 6, 0.1);
+      const auto cycles = [&](int count, double speed = 0, bool counts = true) {
+        truepose_real way[6] = {};
+        std::fill_n(way, n, speed);
+        for (int k = 0; k < count; ++k) {
+          loop.in.frame += counts;
+          loop.run(1, way);
+        }
+      };
+      loop.in.frame = 0xFFFFFF00U;  // it wraps
+      loop.in.enable = 0;
+      cycles(50);
+      CHECK(safe.state == TRUEPOSE_SAFETY_STOPPED && loop.corrector->brakes == all);
+      CHECK(loop.corrector->lost == 0 && !loop.corrector->inhibit);
+      for (int k = 0; k < 2; ++k) {  // off and on: nobody has to acknowledge
+        loop.in.enable = 1;
+        cycles(5);
+        CHECK(loop.corrector->brakes == all && loop.corrector->inhibit);
+        cycles(60);
+        CHECK(safe.state == TRUEPOSE_SAFETY_RUNNING && loop.corrector->brakes == 0);
+        CHECK(!loop.corrector->inhibit && loop.corrector->lost == 0);
+        cycles(300, 0.02);
+        CHECK(safe.causes == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
+        if (k == 1) break;
+        loop.in.enable = 0;
+        cycles(1);
+        CHECK(loop.corrector->brakes == all && loop.corrector->lost == 0);
+      }
+      if (fault == kFrozen) cycles(3, 0.02, false);
+      if (fault == kTooFast) cycles(20, 1);
+      if (fault == kJump) loop.in.q_d[n - 1] += 0.15, cycles(1);
+      if (fault == kLimits) {
+        loop.in.enable = 0;
+        loop.in.error_limit[1] = 0;
+        cycles(1);
+        loop.in.enable = 1;
+        cycles(1);
+      }
+      CHECK(loop.corrector->lost == all && loop.corrector->brakes == all);
+      CHECK(loop.corrector->fault == TRUEPOSE_TEJ_SAFETY);
+      const int cause = safe.cause;
+      CHECK(cause == (fault == kFrozen    ? TRUEPOSE_STOP_STALE_FRAME
+                      : fault == kTooFast ? TRUEPOSE_STOP_SETPOINT_SPEED
+                      : fault == kJump    ? TRUEPOSE_STOP_SETPOINT_SPEED
+                                          : TRUEPOSE_STOP_CONTRADICTORY_LIMITS));
+      loop.in.enable = 0;
+      for (int i = 0; i < n; ++i) loop.in.q_d[i] = loop.feedback(i);
+      cycles(200);
+      loop.in.enable = 1;
+      cycles(20);
+      CHECK(safe.state == TRUEPOSE_SAFETY_FAULT && safe.cause == cause);
+      CHECK(loop.corrector->lost == all && loop.corrector->brakes == all);
+      loop.in.enable = 0;
+      loop.in.reset = 1;
+      std::fill_n(loop.in.error_limit, 6, 0.1);
+      cycles(1);
+      loop.in.reset = 0;
+      cycles(1);
+      CHECK(loop.corrector->lost == 0);
+      loop.in.enable = 1;
+      cycles(80);
+      CHECK(safe.state == TRUEPOSE_SAFETY_RUNNING && loop.corrector->brakes == 0);
+      CHECK(loop.corrector->fault == TRUEPOSE_TEJ_NO_FAULT);
+    }
+  });
+}
+
 TEST("no NaN leaves, wherever one enters") {
   check::Random random(2);
   const double odd[] = {kNaN, HUGE_VAL, -HUGE_VAL, 1e300, -1e300};

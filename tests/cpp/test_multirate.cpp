@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kPeriod = 1e-3;
 
-/// Cycle k of a smooth path about home.
-Coordinates at(const Mechanism& mechanism, int k) {
+/// Cycle k of a smooth path about home, or a time between two.
+Coordinates at(const Mechanism& mechanism, double k) {
   Coordinates x = mechanism.robot.home;
   for (int i = 0; i < dof(mechanism.robot.mobility); ++i)
     x[i] += 0.3 * mechanism.box[i] * std::sin(6 * kPeriod * k + i);
@@ -19,7 +19,7 @@ Coordinates at(const Mechanism& mechanism, int k) {
 }
 
 template <Mobility K>
-Extended read_at(const Mechanism& mechanism, const Robot& truth, int k) {
+Extended read_at(const Mechanism& mechanism, const Robot& truth, double k) {
   Extended q_e{};
   CHECK(extended<K>(truth, to_pose<K>(at(mechanism, k)), q_e));
   return q_e;
@@ -32,8 +32,154 @@ MultirateSettings all_late(int every, int age) {
   settings.age.fill(age);
   return settings;
 }
+MultirateSettings all_stamped(int every, int age) {
+  MultirateSettings settings = all_late(every, age);
+  settings.stamped = bit(kMaxSensors) - 1;
+  return settings;
+}
+std::uint64_t nanoseconds(double cycles) {
+  return static_cast<std::uint64_t>(std::llround(cycles * kPeriod * 1e9));
+}
+
+/// A camera that takes a picture every 10 cycles, which arrives after 8 ± jitter.
+template <Mobility K>
+struct JitteringCamera {
+  static constexpr int kEvery = 10, kAge = 8;
+  int jitter = 5;
+  bool stamps = false;  ///< else its pictures count as kAge cycles old
+  check::Random random{31};
+  Extended picture{}, held{};
+  std::uint64_t taken = 0, arrives = 0;
+
+  /// The readings of the sensors, as of the picture that arrived last.
+  void deliver(std::uint64_t frame, int sensors, Multirate& late, Extended& q_e) {
+    if (frame == 1) held = q_e;
+    if (frame % kEvery == 0) {
+      picture = q_e;
+      taken = frame;
+      arrives = frame + kAge + static_cast<std::uint64_t>(std::lround(jitter * random()));
+      if (arrives % kEvery == 0) --arrives;  // not with the next one
+    }
+    late.arrived = 0;
+    for (int k = 0; k < sensors; ++k) {
+      if (frame == arrives) {
+        held[kDof<K> + k] = picture[kDof<K> + k];
+        late.arrived |= bit(k);
+        if (stamps) CHECK(stamp(late, k, nanoseconds(double(taken)), nanoseconds(double(frame))));
+      }
+      q_e[kDof<K> + k] = held[kDof<K> + k];
+    }
+  }
+};
 
 }  // namespace
+
+TEST("samples with timestamps are carried from their own time, between cycles too") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    if (robot.r == 0) return;
+    for (const bool stamped : {true, false}) {
+      Multirate late;
+      CHECK(start(stamped ? all_stamped(10, 8) : all_late(10, 8), late));
+      check::Random random(30);
+      double farthest = 0, taken = 0.3, arrives = 9;
+      Extended picture = read_at<K>(mechanism, robot, taken), held = picture;
+      const std::uint64_t base = ~std::uint64_t{0} - nanoseconds(200);  // the clock wraps
+      for (int k = 0; k < 600; ++k) {
+        const Extended now = read_at<K>(mechanism, robot, k);
+        late.arrived = 0;
+        if (k >= arrives) {
+          held = picture;
+          for (int s = 0; s < robot.r && !stamped; ++s) late.arrived |= bit(s);
+          for (int s = 0; s < robot.r && stamped; ++s)
+            CHECK(stamp(late, s, base + nanoseconds(taken), base + nanoseconds(k)));
+          taken = k + 0.37;
+          arrives = k + 8 + 6 * random();
+          picture = read_at<K>(mechanism, robot, taken);
+        }
+        Extended q_e = k == 0 ? now : held;
+        std::copy_n(now.begin(), n, q_e.begin());
+        CHECK(compensate_latency<K>(robot, late, q_e));
+        for (int c = n; c < n + robot.r && k > 20; ++c)
+          farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
+      }
+      // At most an eighth of the acceleration in one cycle squared.
+      CHECK(stamped ? farthest < 3e-6 : farthest > 1e-4);
+    }
+  });
+}
+
+TEST("jitter of a camera's latency moves a robot off its way, unless pictures have timestamps") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    ControlSettings settings;
+    settings.law = Law::tej;
+    if (robot.r == 0 || !place_poles(robot, robot.home, 60, 1, settings)) return;
+    std::vector<Pose> way;
+    double apart[3]{};                   // from the robot without jitter
+    for (const int which : {0, 1, 2}) {  // without; with, and timestamps; with, and one fixed age
+      JitteringCamera<K> camera;
+      camera.jitter = which == 0 ? 0 : 5;
+      camera.stamps = which == 1;
+      const int every = camera.kEvery, age = camera.kAge;
+      Multirate late;
+      CHECK(start(camera.stamps ? all_stamped(every, age) : all_late(every, age), late));
+      Plant<K> plant(robot, Effects{}, to_pose<K>(robot.home), 1);
+      CHECK(plant.rest());
+      ControlState state;
+      for (std::uint64_t k = 1; k < 500; ++k) {
+        const double time = kPeriod * std::clamp(static_cast<double>(k) - 100, 0.0, 300.0);
+        const Setpoint setpoint = quintic<K>(robot.home, at(mechanism, 100), 0.3, time);
+        Extended q_e{};
+        Knowledge known;
+        CHECK(plant.measure(q_e));
+        camera.deliver(k, robot.r, late, q_e);
+        static_cast<void>(compensated<K>(robot, {}, late, known, q_e));
+        CHECK(control<K>(robot, settings, setpoint, q_e, state));
+        CHECK(plant.advance(state.torque, kPeriod, 2));
+        if (which == 0) way.push_back(plant.pose());
+        const Coordinates off = difference<K>(plant.pose(), way[k - 1]);
+        for (int i = 0; i < kDof<K>; ++i) apart[which] = std::max(apart[which], std::fabs(off[i]));
+      }
+    }
+    CHECK(apart[1] < 1e-9 && apart[2] > 3e-6);  // rad or m; of the H4 with one age: 1e-3
+  });
+}
+
+TEST("a sample that is no newer than the last, from the future or too old counts as not arrived") {
+  const Mechanism mechanism = h4();
+  constexpr Mobility K = Mobility::schoenflies;
+  const Robot& robot = mechanism.robot;
+  Multirate late;
+  CHECK(start(all_stamped(10, 8), late));
+  const auto add = [&](double taken, int now) {
+    return stamp(late, 0, nanoseconds(taken), nanoseconds(now));
+  };
+  constexpr int kNow = 1000;
+  CHECK(!add(kNow + 0.01, kNow) && late.arrived == 0);
+  CHECK(!add(kNow - kOldest - 0.01, kNow) && late.arrived == 0);
+  CHECK(add(kNow - kOldest, kNow) && late.arrived == 1);
+  CHECK(add(kNow - 8, kNow));
+  CHECK(!add(kNow - 8, kNow + 1) && late.arrived == 0);   // repeated
+  CHECK(!add(kNow - 20, kNow + 1) && late.arrived == 0);  // backwards
+  CHECK(add(kNow + 1, kNow + 1) && late.age[0] == 0);
+
+  // Without a new one the reading is missing in the end, and comes back with the next.
+  CHECK(start(all_stamped(10, 8), late));
+  int valid = 0;
+  for (int k = 0; k < 200; ++k) {
+    Extended q_e = read_at<K>(mechanism, robot, k);
+    late.arrived = 0;
+    if (k == 150) CHECK(add(k, k));
+    CHECK(compensate_latency<K>(robot, late, q_e));
+    if (std::isfinite(q_e[4])) ++valid;
+  }
+  const int longest = 8 + 10 * kDropped;
+  CHECK(valid == longest + 1 + 50);
+}
 
 TEST("late readings of an ideal robot are what it would read now, however old they are") {
   for_each([](const Mechanism& mechanism, auto mobility) {

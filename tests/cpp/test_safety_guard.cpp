@@ -114,6 +114,20 @@ TEST("every violation stops a running robot for its cause, within 10 ms beyond i
   });
 }
 
+TEST("a motor may be at its torque limit for a while, again and again") {
+  for_some_guarded([](const Mechanism& mechanism, auto mobility) {
+    Guarded<mobility()> scene(mechanism);
+    scene.to_running();
+    const SafetyLimits& limits = scene.limits;
+    const int half = static_cast<int>(limits.saturation / limits.period) / 2;
+    const auto at_limit = [&](SafetyCycle& cycle, int k) {
+      cycle.torque[0] = (k % (2 * half) < half ? 1 : 0.999) * limits.torque[0];
+    };
+    CHECK(scene.until_stop(20 * half, at_limit) == -1);
+    CHECK(scene.shell.follows && scene.shell.causes == 0);
+  });
+}
+
 TEST("bad input has one status each, and nothing moves") {
   for_some_guarded([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

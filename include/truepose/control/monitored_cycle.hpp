@@ -125,8 +125,7 @@ struct MonitoredCycle {
   bool motor_left(int c) const {
     bool any = false;
     for (int i = 0; late(c) && i < n; ++i)
-      any = any ||
-            monitor_.cycle - monitor_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
+      any = any || monitor_.cycle - monitor_.reading[i].left <= 1 + every(c) + late_->age[c - n];
     return any;
   }
 

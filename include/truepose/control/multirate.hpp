@@ -10,8 +10,12 @@
 // p behind a low-pass with the time constant of its delay, slower for changes below counts, which
 // would cause a limit cycle. The change of p since the sample is an error of the reading, with
 // variance |sensitivity (x(t) - x(s))|².
+//
+// s is the arrival minus the sensor's latency, or the sample's own timestamp: then jitter of the
+// latency costs no accuracy. Between cycles x(s) and h(x(s)) are interpolated.
 #pragma once
 
+#include "truepose/control/law.hpp"
 #include "truepose/control/parity.hpp"
 
 namespace truepose {
@@ -19,15 +23,20 @@ inline constexpr int kOldest = 255;       ///< largest latency, control periods
 inline constexpr int kSlowest = 1 << 20;  ///< largest sample period, control periods
 inline constexpr Real kCalmest = 0.1;  ///< factor on the low-pass's gain for changes below counts
 inline constexpr Real kCounts = 3;     ///< σ above which p is followed rather than averaged
+inline constexpr int kDropped = 5;     ///< sample periods without a sample: the reading is missing
 
 /// Slow and delayed sensors. Constant during a run: fill it, then call start().
 struct MultirateSettings {
   std::array<int, kMaxSensors> every{};  ///< sample period, control periods; 0 as 1
   std::array<int, kMaxSensors> age{};    ///< latency of a sample on arrival, control periods
+  std::uint32_t stamped = 0;  ///< sensors whose samples have timestamps, as bits: see stamp();
+  Real period = 1e-3;         ///< of control, s, for these
   /// Change of p along each freedom of the platform, σ: rad or m, per m or rad.
   Matrix<kMaxSensors, kMaxDof> sensitivity{};
 
-  bool is(int sensor) const { return every[sensor] > 1 || age[sensor] > 0; }
+  bool is(int sensor) const {
+    return every[sensor] > 1 || age[sensor] > 0 || (stamped & bit(sensor)) != 0;
+  }
 };
 
 /// State of these sensors. Plain data, the caller's.
@@ -37,16 +46,21 @@ struct Multirate {
   std::uint32_t which = 0;  ///< slow and delayed sensors, as bits
   Reading pole{};           ///< of each one's low-pass
 
-  std::uint32_t arrived = 0;               ///< in: sensors with a new sample in this cycle, as bits
-  std::int64_t cycle = 0;                  ///< next one
-  bool placed = false;                     ///< the motors had a pose in the last cycle
-  Pose pose;                               ///< of the motors
-  Coordinates motion{};                    ///< its change in that cycle,
-  Coordinates way{};                       ///< and since the start
-  Reading expected{};                      ///< h there,
-  Reading change{};                        ///< and its change in that cycle
-  Reading noise{};                         ///< variance of h by the motors' noise and counts
-  Matrix<kOldest + 1, kMaxSensors> was{};  ///< ring buffer of h,
+  std::uint32_t arrived = 0;  ///< in: sensors with a new sample, as bits; the cycle clears it
+  Reading age{};              ///< of each one's latest on arrival, control periods
+  std::uint32_t timed = 0;    ///< sensors with a timestamp so far, as bits,
+  std::array<std::uint64_t, kMaxSensors> taken{};  ///< the latest, ns
+  Reading since{};                                 ///< periods since the latest sample was taken
+
+  std::int64_t cycle = 0;                    ///< next one
+  bool placed = false;                       ///< the motors had a pose in the last cycle
+  Pose pose;                                 ///< of the motors
+  Coordinates motion{};                      ///< its change in that cycle,
+  Coordinates way{};                         ///< and since the start
+  Reading expected{};                        ///< h there,
+  Reading change{};                          ///< and its change in that cycle
+  Reading noise{};                           ///< variance of h by the motors' noise and counts
+  Matrix<kOldest + 1, kMaxSensors> was{};    ///< ring buffer of h,
   Matrix<kOldest + 1, kMaxDof> was_there{};  ///< and of `way`
   Reading sample{};                          ///< latest that arrived, as read,
   Reading then{};                            ///< h when it was taken,
@@ -67,11 +81,12 @@ inline Outcome start(const MultirateSettings& settings, Multirate& late) {
   for (int k = 0; k < kMaxSensors; ++k) {
     const int every = std::max(1, settings.every[k]), age = settings.age[k];
     if (settings.every[k] < 0 || every > kSlowest || age < 0 || age > kOldest ||
-        !all_finite(settings.sensitivity[k], kMaxDof)) {
+        !all_finite(settings.sensitivity[k], kMaxDof) || !(settings.period > 0)) {
       late.which = 0;
       return {Status::no_such_part, k};
     }
     if (settings.is(k)) late.which |= bit(k);
+    late.age[k] = age;
     late.pole[k] = std::exp(-1.0 / (every + age));
   }
   late.settings = settings;
@@ -88,6 +103,29 @@ inline std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cy
     if (settings.is(k) && (due || cycle == 0)) bits |= bit(k);
   }
   return bits;
+}
+
+/// Adds a sample with a timestamp to those that arrive in this cycle.
+/// @param time, now  of the sample and of the cycle's motor readings by the same clock, ns; they
+/// may wrap
+/// @return false: as if not arrived. It is repeated or older than the sample before, is from the
+/// future, or is older than kOldest periods
+inline bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
+  late.arrived &= ~bit(sensor);
+  const auto passed = [](std::uint64_t from, std::uint64_t to) {
+    return static_cast<Real>(static_cast<std::int64_t>(to - from));
+  };
+  const Real age = passed(time, now) / (late.settings.period * 1e9);
+  const bool newer = !(late.timed & bit(sensor)) || passed(late.taken[sensor], time) > 0;
+  if (!newer || !(age >= 0 && age <= kOldest)) return false;
+  late.arrived |= bit(sensor);
+  late.timed |= bit(sensor);
+  late.taken[sensor] = time;
+  late.age[sensor] = age;
+  // The loop through p is as late as the sample.
+  late.pole[sensor] = std::exp(-1 / (std::max(1, late.settings.every[sensor]) +
+                                     std::max<Real>(late.settings.age[sensor], age)));
+  return true;
 }
 
 namespace late_detail {
@@ -140,22 +178,35 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   late.placed = bool(placed);
   for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
   for (int k = 0; k < robot.r; ++k) late.expected[k] += late.change[k];
-  const auto at = [](std::int64_t cycle) { return static_cast<std::size_t>(cycle) & kOldest; };
-  late.was[at(late.cycle)] = late.expected;
-  late.was_there[at(late.cycle)] = late.way;
+  const auto at = [&](std::int64_t ago) {  // before the first cycle the robot stood still
+    return static_cast<std::size_t>(std::max<std::int64_t>(0, late.cycle - ago)) & kOldest;
+  };
+  late.was[at(0)] = late.expected;
+  late.was_there[at(0)] = late.way;
   if (first) late.arrived = late.which;
   for (int k = 0; k < robot.r; ++k) {
     if (!late.is(k)) continue;
-    if (late.arrived & bit(k)) {  // before the first cycle the robot stood still
-      const std::size_t taken = at(std::max<std::int64_t>(0, late.cycle - late.settings.age[k]));
+    late.since[k] += 1;
+    if (late.arrived & bit(k)) {
+      const auto whole = static_cast<std::int64_t>(late.age[k]);
+      const Real share = late.age[k] - static_cast<Real>(whole);
+      const std::size_t next = at(whole), last = share > 0 ? at(whole + 1) : next;
+      const auto then = [&](Real at_next, Real at_last) {
+        return at_next + share * (at_last - at_next);
+      };
+      late.since[k] = first ? 0 : late.age[k];
       late.sample[k] = q_e[n + k];
-      late.then[k] = late.was[taken][k];
+      late.then[k] = then(late.was[next][k], late.was[last][k]);
       late.before[k] = first ? late.way : late.there[k];
-      late.there[k] = late.was_there[taken];
+      for (int i = 0; i < n; ++i)
+        late.there[k][i] = then(late.was_there[next][i], late.was_there[last][i]);
       late.off[k] = within_turn(robot, n + k, late.sample[k] - late.then[k]);
     }
+    const int longest = late.settings.age[k] + kDropped * std::max(1, late.settings.every[k]);
+    if (!(late.since[k] <= longest)) late.off[k] = NAN;  // until the next sample
     late.present[k] = q_e[n + k] = late.expected[k] + late.off[k];
   }
+  late.arrived = 0;
   ++late.cycle;
   return {};
 }
@@ -208,5 +259,20 @@ inline void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
       sigma = std::sqrt(sigma * sigma + late.noise[k] +
                         late_detail::latency_variance(late, k, late.slowly[k]));
   }
+}
+
+/// Latency-compensated readings for a law without a fault monitor.
+/// @param q_e    in and out
+/// @param known  out: the readings' knowledge with their present σ
+/// @return their weighting
+template <Mobility K>
+Weighing compensated(const Robot& robot, const Weighing& weighing, Multirate& late,
+                     Knowledge& known, Extended& q_e) {
+  if (!compensate_latency<K>(robot, late, q_e)) return weighing;
+  low_pass(robot, late, q_e);
+  if (!weighing) return weighing;
+  known = *weighing.known;
+  weigh(robot, late, known);
+  return {&known, weighing.work, weighing.kept};
 }
 }  // namespace truepose

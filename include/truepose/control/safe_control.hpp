@@ -5,7 +5,7 @@
 #include "truepose/control/safety_shell.hpp"
 
 namespace truepose {
-/// The fault monitor around the law: settings and state, or none.
+/// The fault monitor around the law, settings and state or none, and slow and delayed sensors.
 struct Monitored {
   const FaultTolerantSettings* settings = nullptr;
   FaultTolerantState* state = nullptr;
@@ -44,7 +44,11 @@ Outcome control_safely(const Robot& robot, const ControlSettings& settings,
                                         weighing, *monitored.state, monitored.late);
     note_monitor<K>(monitored.state->monitor, cycle);
   } else {
-    outcome = control<K>(robot, settings, setpoint, q_e, state, weighing);
+    Knowledge known;
+    Extended now = q_e;
+    const Weighing by =
+        monitored.late ? compensated<K>(robot, weighing, *monitored.late, known, now) : weighing;
+    outcome = control<K>(robot, settings, setpoint, now, state, by);
   }
   cycle.x = setpoint.x;
   cycle.q_d = state.q_d;

@@ -3,7 +3,6 @@
 
 #include <vector>
 
-#include "truepose/control/law.hpp"
 #include "truepose/control/multirate.hpp"
 
 namespace truepose {
@@ -40,19 +39,4 @@ class Bus {
   std::vector<Extended> was_;  ///< ring of the last cycles
   Extended held_{};
 };
-
-/// Latency-compensated readings for a law without a fault monitor.
-/// @param q_e    in and out
-/// @param known  out: the readings' knowledge with their present σ
-/// @return their weighting
-template <Mobility K>
-Weighing compensated(const Robot& robot, const Weighing& weighing, Multirate& late,
-                     Knowledge& known, Extended& q_e) {
-  if (!compensate_latency<K>(robot, late, q_e)) return weighing;
-  low_pass(robot, late, q_e);
-  if (!weighing) return weighing;
-  known = *weighing.known;
-  weigh(robot, late, known);
-  return {&known, weighing.work, weighing.kept};
-}
 }  // namespace truepose

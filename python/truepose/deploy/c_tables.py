@@ -21,7 +21,7 @@ from truepose.robot.robot import Robot
 KIND = "C tables"
 #: Numbers per line.
 _WIDE = 6
-#: Assumed control cycle without a controller, s, for :func:`require_prompt`.
+#: Assumed control cycle without a controller, s, for multirate and delayed sensors.
 _PERIOD = 1e-3
 
 Listed = list[tuple[str, float | list[float]]]
@@ -63,10 +63,9 @@ def to_c(
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
 
     Below its highest level a robot has a second description, ``NAME_finest``, for weighted laws and
-    fault monitor. The controller's gains are placed at home. Raises InputError for a multirate or
-    delayed sensor, which C does not support, or an invalid name.
+    fault monitor. The controller's gains are placed at home. Multirate and delayed sensors make a
+    ``NAME_multirate``. Raises InputError for an invalid name.
     """
-    require_prompt(robot, controller.period if controller else _PERIOD)
     name = named(robot, name)
     finest = robot.at_highest_level
     two = robot.r > 0 and finest.level != robot.level
@@ -81,6 +80,9 @@ def to_c(
             setup = monitor.setup(robot, controller)
             about = "size, refresh, coast, decide, spikes, within"
             parts.append(_settings(name, "fault_monitor", about, *_core.c_fault_monitor(setup)))
+    period = controller.period if controller else _PERIOD
+    late = delays.settings(robot, period)
+    parts += [_multirate(name, late, period)] if late else []
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
     used = f"weighted laws and the fault monitor need {weighs}" if robot.r else "no sensors"
@@ -95,15 +97,6 @@ def to_c(
         f"#error These tables are of version {_core.c_abi} of truepose.h\n#endif\n\n"
     )
     return head + "\n".join(parts) + "\n#endif\n"
-
-
-def require_prompt(robot: Robot, period: float) -> None:
-    """Raise InputError for a multirate or delayed sensor, which the C interface lacks."""
-    if delays.settings(robot, period) is not None:
-        raise InputError(
-            f"{robot.name}: a sensor has `sample_period` or `latency`, which C does not support: "
-            "choose other sensors (--sensors)"
-        )
 
 
 def _number(value: float) -> str:
@@ -176,4 +169,14 @@ def _settings(name: str, kind: str, about: str, counts: Sequence[int], listed: L
         f"static const truepose_{kind}_settings {name}_{kind} = {{\n"
         f"  sizeof(truepose_{kind}_settings), {_whole(counts[1:])}, /* {about} */\n"
         f"{_rows(listed, '  ')}\n}};\n"
+    )
+
+
+def _multirate(name: str, late: _core.MultirateSettings, period: float) -> str:
+    sensitivity = ",\n   ".join(map(_numbers, late.sensitivity))
+    return (
+        f"static const truepose_multirate_settings {name}_multirate = {{\n"
+        f"  sizeof(truepose_multirate_settings), 0, /* size, stamped */\n"
+        f"  {{{_whole(late.every)}}}, /* every */\n  {{{_whole(late.age)}}}, /* age */\n"
+        f"  {_number(period)}, /* period */\n  {{{sensitivity}}} /* sensitivity */\n}};\n"
     )

@@ -237,11 +237,24 @@ def test_a_prefix_that_c_does_not_take_is_refused_with_one_that_it_takes(run, na
     assert status == 2 and f"--name {name}" in said and said.count("\n") == 1
 
 
-def test_a_slow_sensor_is_refused_by_name():
-    h4 = tp.load("h4")
-    late = [s.model_copy(update={"sample_period": 0.01}) for s in h4.spec.sensor]
-    with pytest.raises(tp.InputError, match=r"h4: a sensor has `sample_period`.*--sensors"):
-        tables(tp.Robot(h4.spec.model_copy(update={"sensor": late})))
+@pytest.mark.parametrize("language", [(CC, *STRICT, "-xc"), ("c++", "-std=c++20", "-xc++")])
+def test_a_slow_sensor_has_its_times_in_the_tables(language, tmp_path):
+    h4, times = tp.load("h4"), {"sample_period": 0.01, "latency": 0.0075}
+    late = [sensor.model_copy(update=times) for sensor in h4.spec.sensor]
+    slow = tp.Robot(h4.spec.model_copy(update={"sensor": late}))
+    (tmp_path / "robot.h").write_text(tables(slow), encoding="utf-8")
+    (tmp_path / "user.c").write_text(
+        '#include "robot.h"\n'
+        "int main(void) {\n"
+        "  const truepose_multirate_settings* slow = &h4_multirate;\n"
+        "  return slow->size != sizeof *slow || slow->every[0] != 10 || slow->age[0] != 8 ||\n"
+        "         slow->every[1] != 0 || slow->period != 1e-3 || slow->sensitivity[0][0] <= 0;\n"
+        "}\n",
+        encoding="utf-8",
+    )
+    told(*language, "-Wall", "-Wextra", "-Werror", f"-I{HEADER.parents[1]}",
+         tmp_path / "user.c", "-o", tmp_path / "user")  # fmt: skip
+    told(tmp_path / "user")
 
 
 @pytest.mark.parametrize("name", ["6-ups", "My H4", "double", "3rrr", "H4²"])

@@ -13,9 +13,9 @@ import numpy as np
 from truepose import _core, files
 from truepose.arguments import Array
 from truepose.calibration.learnt import chi2_quantile
+from truepose.control import delays
 from truepose.control.controller import Controller, require_same_readings
 from truepose.control.gains import poses
-from truepose.deploy.c_tables import require_prompt
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot.knowledge import knowledge
@@ -61,7 +61,11 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
     >>> table[:12]
     b'trueposerobt'
     """
-    require_prompt(robot, controller.period)
+    if delays.settings(robot, controller.period) is not None:
+        raise InputError(
+            f"{robot.name}: a sensor has `sample_period` or `latency`, which LinuxCNC's components "
+            "do not support: choose other sensors (--sensors)"
+        )
     blocks = {b"robt": _core.c_description_bytes(robot.core)}
     if robot.r:
         column, root, sigma = _core.c_knowledge(knowledge(robot).core)

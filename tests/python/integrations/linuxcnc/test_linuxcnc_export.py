@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.integrations.linuxcnc.configuration import SPEEDS, corrections, to_configuration
+from truepose.integrations.linuxcnc.configuration import (
+    SPEEDS,
+    corrections,
+    to_configuration,
+    to_table,
+)
 
 SOURCES = Path(__file__).parents[4] / "deploy/linuxcnc"
 NAMES = ["machine.table", "robot.hal", "robot.ini", "robot.table"]
@@ -161,3 +166,11 @@ def test_what_cannot_be_written_is_said_in_a_line_and_leaves_nothing(run, words,
     assert status == 2
     assert said in error
     assert not Path("new").exists()
+
+
+def test_a_slow_sensor_is_refused_by_name():
+    h4 = tp.load("h4")
+    late = [s.model_copy(update={"sample_period": 0.01}) for s in h4.spec.sensor]
+    slow = tp.Robot(h4.spec.model_copy(update={"sensor": late}))
+    with pytest.raises(tp.InputError, match=r"h4: a sensor has `sample_period`.*--sensors"):
+        to_table(slow, tp.Controller(), tp.FaultMonitor())

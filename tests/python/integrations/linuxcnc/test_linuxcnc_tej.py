@@ -10,7 +10,10 @@ from truepose.integrations.linuxcnc.configuration import to_table
 
 PINS = {"lines": ctypes.c_uint, "law": ctypes.c_int, "law-in-effect": ctypes.c_int}
 PINS |= {"status": ctypes.c_int, "part": ctypes.c_int}
-BITS = ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
+PINS |= {"safety-state": ctypes.c_int, "safety-cause": ctypes.c_int, "safety-motor": ctypes.c_int}
+PINS |= {"safety-causes": ctypes.c_uint, "frame": ctypes.c_uint, "fault-code": ctypes.c_int}
+BITS = ("safety", "frame-known", "reset", "stop", "3.brake")
+BITS += ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
 BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
 
@@ -27,6 +30,7 @@ def tej(hal, ours, tmp_path):
         q = np.degrees(robot.ikm(robot.home))
         motors = [f"{i}.{name}" for i in range(robot.n) for name in ("command", "motor-fb")]
         names = [*motors, *PINS, *BITS, "sensor.0.position", "2.pid-fb"]
+        names += ["2.safe-speed"]
         names += [f"pose.{k}" for k in range(robot.n)]
         module.knows(*(f"truepose_tej.{name}" for name in names))
 
@@ -118,6 +122,55 @@ def test_an_amplifier_fault_is_of_the_motor_that_has_no_number(tej, h4):
     module.run(10)
     assert [module.set(f"{i}.amp-fault")[0] for i in range(4)] == [False, True, False, False]
     assert module.set("part")[0] == 1
+
+
+def test_the_safety_shell_names_a_frozen_frame_and_waits_for_reset(tej, h4, capfd):
+    module = tej(h4)
+    for name in ("safety", "frame-known", "sensor.0.absolute"):
+        module.set(name)[0] = True
+
+    def run(cycles, frames=1):
+        for _ in range(cycles):
+            module.set("frame")[0] += frames
+            module.run(1)
+
+    def shown():
+        return module.set("safety-state")[0], module.set("3.brake")[0], module.set("stop")[0]
+
+    run(60)
+    assert shown() == (1, False, False)  # running
+    assert not module.set("2.amp-fault")[0]
+    run(3, frames=0)
+    assert [module.set(f"{i}.amp-fault")[0] for i in range(4)] == [True] * 4
+    module.set("enable")[0] = False
+    run(200)
+    assert shown() == (4, True, False)  # a fault
+    causes = [module.set(f"safety-{name}")[0] for name in ("cause", "motor", "causes")]
+    assert causes == [5, -1, 1 << 5]
+    assert module.set("fault-code")[0] == 7
+    error = capfd.readouterr().err
+    assert error.count("safety: stale frame") == 1
+    assert "acknowledge by the pin reset" in error
+    module.set("reset")[0] = True
+    run(1)
+    module.set("reset")[0] = False
+    assert not module.set("2.amp-fault")[0]
+    module.set("enable")[0] = True
+    run(60)
+    assert shown() == (1, False, False)
+
+
+def test_a_motor_that_is_too_fast_is_named(tej, h4, capfd):
+    module = tej(h4)
+    module.set("safety")[0] = True
+    module.set("2.safe-speed")[0] = 100
+    module.run(60)
+    for _ in range(100):
+        module.set("2.command")[0] += 0.2
+        module.set("2.motor-fb")[0] += 0.2
+        module.run(1)
+    assert module.set("safety-motor")[0] == 2
+    assert "safety: setpoint speed, motor 2" in capfd.readouterr().err
 
 
 def test_the_pose_that_the_law_holds_is_on_pins_and_motors_that_are_not_homed_hold_it_back(tej, h4):
