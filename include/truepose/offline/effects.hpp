@@ -30,6 +30,7 @@ struct Effects {
 inline constexpr double kRipples = 6;             ///< periods per turn of a motor
 inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
+inline constexpr double kBrakeDamping = 1;        ///< of one after engage(), s/rad or s/m; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
 /// Dahl friction after a displacement: df/dq = (sgn dq - f)/presliding, exact solution. It depends
@@ -81,17 +82,42 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       if (!(motors >> i & 1U)) continue;
       closing_[i] += period;
-      const Chain& chain = truth_.chain[i];
-      if (closing_[i] > kBrakeCloses)
-        brake_[i] = chain.torque_limit > 0 ? chain.torque_limit : 2 * std::fabs(transmitted_[i]);
+      if (closing_[i] > kBrakeCloses) brake_[i] = brake_torque(i);
     }
+  }
+
+  /// Closes all brakes of a robot at rest, which carry its weight.
+  void engage() {
+    for (int i = 0; i < n; ++i) {
+      brake_[i] = brake_torque(i);
+      rubs_[i] = brake_[i] > 0 ? std::clamp(-transmitted_[i] / brake_[i], -1.0, 1.0) : 0;
+    }
+    asked_ = ~0U;
+    damping_ = kBrakeDamping;
+  }
+
+  /// After engage(): applies brakes, as bits, that open and close after delays, s.
+  void work_brakes(std::uint32_t motors, double period, double opens = kBrakeCloses,
+                   double closes = kBrakeCloses) {
+    clock_ += period;
+    for (int i = 0; i < n; ++i) {
+      const bool closed = motors >> i & 1U;
+      if (closed != (asked_ >> i & 1U))
+        (closed ? closes_ : opens_)[i] = clock_ + (closed ? closes : opens);
+      if (clock_ >= opens_[i] && opens_[i] > 0) brake_[i] = opens_[i] = 0;
+      if (clock_ >= closes_[i] && closes_[i] > 0) {
+        brake_[i] = brake_torque(i);
+        rubs_[i] = opens_[i] = closes_[i] = 0;
+      }
+    }
+    asked_ = motors;
   }
 
   /// Advances one period under constant torque commands.
   /// @return unreachable or singular where the robot leaves its workspace
   Outcome advance(const Joint& torque, double period, int steps) {
     const bool braked =
-        std::any_of(brake_.begin(), brake_.end(), [](double torque) { return torque > 0; });
+        std::any_of(brake_.begin(), brake_.end(), [](double rubs) { return rubs > 0; });
     if (!effects_.change_torque() && !braked) {
       transmitted_ = torque;
       return truepose::advance<K>(truth_, torque, period, steps, state_);
@@ -137,6 +163,11 @@ class Plant {
   }
 
  private:
+  double brake_torque(int i) const {
+    const double limit = truth_.chain[i].torque_limit;
+    return limit > 0 ? limit : 2 * std::fabs(transmitted_[i]);
+  }
+
   bool springy(int i) const {
     return effects_.arm_stiffness > 0 && truth_.chain[i].actuator == Actuator::revolute;
   }
@@ -151,7 +182,7 @@ class Plant {
       const double arm = shaft(i, q[i]);
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
       const double rubs = effects_.friction[i] * slip_[i] + brake_[i] * rubs_[i];
-      const double net = torque[i] * (1 + ripple) - rubs;
+      const double net = torque[i] * (1 + ripple) - rubs - brake_[i] * damping_ * rate[i];
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];
         const double damping = 2 * effects_.arm_damping * std::sqrt(k * I);
@@ -205,6 +236,10 @@ class Plant {
   Rotors rotors_{};
   Joint slip_{}, rubs_{};      ///< friction and brake, relative to their maxima, -1 to 1
   Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
+  std::uint32_t asked_ = 0;    ///< of work_brakes(): brakes as last requested,
+  double damping_ = 0;         ///< of closed brakes, over their torque,
+  double clock_ = 0;           ///< s,
+  Joint opens_{}, closes_{};   ///< and when they follow; 0: they have
   Joint transmitted_{};        ///< torque transmitted to the arms
   std::array<double, kMaxSensors> geared_{};  ///< far sides of geared sensors, as read
   Random random_;
