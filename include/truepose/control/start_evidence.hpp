@@ -16,6 +16,7 @@ namespace truepose::start_detail {
 inline constexpr Real kGive = 0.15;   ///< of other motors' closed brakes, over s (assumed)
 inline constexpr Real kShape = 0.05;  ///< relative error of J_r J, uncalibrated (assumed)
 inline constexpr Real kBetter = 16;   ///< χ² by which one explanation is better than another: 4 σ
+inline constexpr Real kNamed = 9;     ///< and by which it has to be to be named: 3 σ
 inline constexpr Real kSeen = 5;      ///< σ by which a reading must have moved
 
 /// Whether two readings have the same unit, and may be exchanged.
@@ -113,9 +114,9 @@ inline Real misfit(const StartEvidence& evidence, int n, int e, const StartHypot
   return chi2 + yy - (aa > 0 ? ay * ay / aa : 0);
 }
 
-/// Name of a reading's gain.
-inline StartFinding named(Real gain) {
-  if (std::fabs(gain) < 0.3) return StartFinding::frozen;
+/// Name of a reading's gain. @param moved  whether the reading has
+inline StartFinding named(Real gain, bool moved) {
+  if (!moved) return StartFinding::frozen;
   return gain < 0 ? StartFinding::reversed : StartFinding::scale;
 }
 
@@ -138,7 +139,7 @@ inline StartHypothesis verdict(const StartTest& test, const Robot& robot, Real m
   const StartHypothesis named_one = hypothesis(n, e, best);
   for (int k = 1; k < hypotheses(n, e); ++k) {
     const StartHypothesis by = hypothesis(n, e, k);
-    if (!fits(by) || test.misfit[k] > test.misfit[best] + kBetter) continue;
+    if (!fits(by) || test.misfit[k] > test.misfit[best] + kNamed) continue;
     candidates |= bit(by.a);
     if (by.b >= 0) candidates |= bit(by.b);
     // Without sensors a reading and its motor cannot be told apart: named as the reading.

@@ -94,11 +94,12 @@ struct StartTest {
   Real since = 0;                         ///< time in this state, s
   int index = 0;                          ///< hypothesis of this cycle
   Joint weight{}, push{}, response{};     ///< torques; acceleration of a reading per torque
+  Real trim = 0;                          ///< of the weight's torque, forward
   Joint lever{};                          ///< motion of the platform per motion of a reading
   std::array<int, kMaxMotors> longest{};  ///< cycles for which a brake may be open
   int open = 0, side = 1, level = 0;      ///< cycles; direction of the pulse; pairs at this length
   int samples = 0;                        ///< of the average
-  Extended sum{}, low{}, high{}, before{}, after{}, begin{}, forward{}, sunk{};
+  Extended sum{}, low{}, high{}, before{}, after{}, begin{}, from{}, forward{}, sunk{}, trimmed{};
   Extended missing{};  ///< time, s
   StartEvidence evidence;
   std::array<Real, kStartHypotheses> misfit{};

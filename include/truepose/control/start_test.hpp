@@ -6,9 +6,9 @@
 //
 //     |Δx| ≤ ½ |J_i| T² (|push| + |weight's error|) k/I_i      I_i: (JᵀMJ)_ii, k: 2
 //
-// for each opening, and the push and the longest T are such that all motion of a motor that nobody
-// sees stays below 2·motion. T begins at a quarter of that and doubles as long as little moves. The
-// mean of two opposite motions corrects the weight, their difference is the evidence
+// for each opening, and the push and the longest T are such that all motion of a motor that no
+// reading shows stays below 2·motion. T begins at a quarter of that and grows while little moves.
+// The sum of opposite motions trims the weight's torque, their difference is the evidence
 // (start_evidence.hpp): sign, scale, exchange, freezing, brakes.
 //
 // Bounded work, no allocation, exception or lock. Torques pass the slew and torque limits; no NaN
@@ -82,7 +82,7 @@ class StartCycle {
     if (by.kind != StartFinding::scale) return fail(by.kind, by.a, by.b);
     StartGain gain;
     misfit(test_.evidence, n, e(), by, gain);
-    fail(named(gain.value), by.a);
+    fail(named(gain.value, seen(by.a)), by.a);
   }
 
   /// Whether the test may go on: limits, pose, and numbers.
@@ -271,6 +271,8 @@ class StartCycle {
     test_.open = std::max({1, test_.longest[i()] / 4, late() + 1});
     test_.side = 1;
     test_.level = 0;
+    test_.trim = 0;
+    test_.trimmed.fill(0);
     test_.sunk.fill(0);
     test_.evidence.moved[i()].fill(0);
     test_.evidence.expected[i()] = test_.evidence.pulses[i()] = 0;
@@ -321,8 +323,11 @@ class StartCycle {
     }
     evidence.expected[i()] += moves(i(), test_.open);
     evidence.pulses[i()] += 1;
+    for (int j = 0; j < n; ++j)
+      if (j != i() && slips(j)) return judge_now();
     if (test_.side > 0) {
       test_.forward = y;
+      test_.from = test_.before;
       test_.side = -1;
       return go(StartState::load);
     }
@@ -330,32 +335,37 @@ class StartCycle {
     pair(y);
   }
 
-  /// After two opposite pulses: corrects the weight, and decides on the next two.
+  /// After two opposite pulses: decides on the next two.
   void pair(const Extended& back) {
-    Real most = 0, clear = 0, ratio = 0;
+    Real most = 0, clearest = 0, ratio = 0;
     for (int c = 0; c < e(); ++c) {
-      const Real apart = test_.forward[c] - back[c], both = test_.forward[c] + back[c];
+      const Real apart = test_.forward[c] - back[c];
+      // The mean of both directions: closed brakes give way to the push.
+      const Real gone = (change(c, test_.begin[c], test_.from[c]) +
+                         change(c, test_.begin[c], test_.after[c])) / 2;
+      const auto beyond = [&](Real way) { return way - std::clamp(way, -count(c), count(c)); };
       most = std::max({most, shown(c, test_.forward[c]), shown(c, back[c])});
-      const Real clearly = apart * apart / test_.evidence.variance[c];
-      if (clearly > clear && std::fabs(apart) > 2 * count(c)) {
-        clear = clearly;
-        ratio = both / apart;
-      }
+      test_.trimmed[c] += apart * test_.trim / test_.push[i()];
+      if (shown(c, apart) <= clearest || std::fabs(apart) < Real(1.9) * count(c)) continue;
+      clearest = shown(c, apart);
+      const Real all = test_.evidence.moved[i()][c];
+      ratio = beyond(gone - test_.trimmed[c]) / all + beyond(gone) / (2 * apart);
     }
-    // Neither sign nor scale of the reading matters to this ratio.
-    const Real sign = test_.response[i()] > 0 ? 1 : -1;
-    Real heaviest = 0;
-    for (int m = 0; m < n; ++m) heaviest = std::max(heaviest, std::fabs(test_.weight[m]));
-    const Real error = sign * std::clamp(ratio, Real(-1), Real(1)) * test_.push[i()];
-    const Real room = limits_.torque[i()] - test_.push[i()], range = std::min(heaviest, room);
-    test_.weight[i()] = std::clamp(test_.weight[i()] - error, -range, range);
+    // The weight's error by all pulses so far, and half of the way back. Neither sign nor scale of
+    // the reading matters.
+    const Real room = limits_.torque[i()] - test_.push[i()] - std::fabs(test_.weight[i()]);
+    test_.trim = -std::clamp(ratio * test_.push[i()], -room, room);
 
     const int longest = test_.longest[i()];
     const bool enough = most * 4 >= settings_.motion || test_.open >= longest;
     if (most > settings_.motion || farthest(test_.begin) > settings_.motion) return judge_now();
     if (enough && (++test_.level >= settings_.pairs || (most == 0 && test_.level > 1)))
       return judge_now();
-    if (!enough) test_.open = std::min(2 * test_.open, longest);
+    // At most twice as long, and never farther than two opposite pulses may be.
+    const Real coarse = 2 * count(i()) * test_.lever[i()];
+    const Real longer = std::min(std::sqrt(settings_.motion / (most + coarse)), Real(2));
+    if (!enough)
+      test_.open = std::clamp(static_cast<int>(longer * test_.open), test_.open + 1, longest);
     go(StartState::load);
   }
 
@@ -384,14 +394,21 @@ class StartCycle {
     if (by.kind == StartFinding::scale) {
       test_.scale[by.a] = gain.value;
       test_.sigma[by.a] = gain.sigma;
+      // Any scale explains as much as one miswiring by chance.
+      if (named(gain.value, seen(by.a)) == StartFinding::scale) test_.misfit[test_.index] += kBetter;
     }
     if (++test_.index < all) return;
     const Real most = chi2_beyond(1e-6, test_.evidence.tested * (e() - 1) + 1);
     const StartHypothesis found = verdict(test_, robot_, most, test_.candidates);
     const bool last = i() + 1 == n;
+    for (int j = 0; j < n; ++j)
+      if (j != i() && found.kind == StartFinding::none && slips(j))
+        return fail(StartFinding::brake_slips, j);
     const bool far = farthest(test_.begin) > settings_.motion;
     if (found.kind != StartFinding::none && (found.kind != StartFinding::inconsistent || last))
       return fail(found);
+    const Real all = std::fabs(test_.evidence.moved[i()][i()]);
+    if (far && std::fabs(test_.sunk[i()]) > 2 * all) return fail(StartFinding::no_torque, i());
     if (far) return fail(StartFinding::too_far, i());
     if (last) {
       note_exchangeable();
@@ -401,6 +418,11 @@ class StartCycle {
     go(StartState::unload);
   }
 
+  /// Whether motor j moved for good though its brake was closed.
+  bool slips(int j) const {
+    const Real moved = std::fabs(test_.evidence.moved[i()][i()]);
+    return std::fabs(test_.sunk[j]) > 3 * count(j) + kGive * moved;
+  }
   bool seen(int c) const {
     Real sum = 0;
     for (int m = 0; m < n; ++m) {
@@ -432,7 +454,7 @@ class StartCycle {
       case StartState::open:
       case StartState::close: {
         const Real sign = test_.response[i()] > 0 ? 1 : -1;
-        return test_.weight[i()] + sign * test_.side * test_.push[i()];
+        return test_.weight[i()] + sign * (test_.trim + test_.side * test_.push[i()]);
       }
       case StartState::judge: return test_.torque[i()];
       // After a failure the torque stays until the brake has closed.
