@@ -212,5 +212,6 @@ NB_MODULE(_core, m) {
   python::bind_calibration(m);
   python::bind_plant(m);
   python::bind_fault_monitor(m);
+  python::bind_start_test(m);
   python::bind_c(m);
 }

@@ -407,8 +407,8 @@ class StartCycle {
     const bool far = farthest(test_.begin) > settings_.motion;
     if (found.kind != StartFinding::none && (found.kind != StartFinding::inconsistent || last))
       return fail(found);
-    const Real all = std::fabs(test_.evidence.moved[i()][i()]);
-    if (far && std::fabs(test_.sunk[i()]) > 2 * all) return fail(StartFinding::no_torque, i());
+    const Real pushed = std::fabs(test_.evidence.moved[i()][i()]);
+    if (far && std::fabs(test_.sunk[i()]) > 2 * pushed) return fail(StartFinding::no_torque, i());
     if (far) return fail(StartFinding::too_far, i());
     if (last) {
       note_exchangeable();
@@ -425,7 +425,7 @@ class StartCycle {
   }
   bool seen(int c) const {
     Real sum = 0;
-    for (int m = 0; m < n; ++m) {
+    for (int m = 0; m < test_.evidence.tested; ++m) {
       const Real y = test_.evidence.moved[m][c];
       sum += y * y / (test_.evidence.pulses[m] * test_.evidence.variance[c]);
     }
