@@ -30,6 +30,7 @@ struct Effects {
 inline constexpr double kRipples = 6;             ///< periods per turn of a motor
 inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
+inline constexpr double kSlideGives = 1e-4;       ///< of that of a slide after engage(), m; assumed
 inline constexpr double kBrakeDamping = 1;        ///< of one after engage(), s/rad or s/m; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
@@ -53,6 +54,7 @@ class Plant {
       : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
     for (int i = 0; i < n; ++i) {  // the robot file has rotor and arm as one inertia
       const Chain& chain = truth.chain[i];
+      brake_gives_[i] = kBrakePresliding;
       rotor_[i] = std::max(chain.drive_inertia - chain.arm_mass * chain.arm * chain.arm / 3,
                            0.1 * chain.drive_inertia);
       if (springy(i)) driven_.chain[i].drive_inertia -= rotor_[i];
@@ -90,6 +92,7 @@ class Plant {
   void engage() {
     for (int i = 0; i < n; ++i) {
       brake_[i] = brake_torque(i);
+      if (truth_.chain[i].actuator != Actuator::revolute) brake_gives_[i] = kSlideGives;
       rubs_[i] = brake_[i] > 0 ? std::clamp(-transmitted_[i] / brake_[i], -1.0, 1.0) : 0;
     }
     asked_ = ~0U;
@@ -134,7 +137,7 @@ class Plant {
         const double moved_by = turned[i] - rotors_[i];
         if (moved_by == 0) continue;
         slip_[i] = dahl(slip_[i], moved_by, effects_.presliding);
-        rubs_[i] = dahl(rubs_[i], moved_by, kBrakePresliding);
+        rubs_[i] = dahl(rubs_[i], moved_by, brake_gives_[i]);
       }
       rotors_ = turned;
     }
@@ -236,6 +239,7 @@ class Plant {
   Rotors rotors_{};
   Joint slip_{}, rubs_{};      ///< friction and brake, relative to their maxima, -1 to 1
   Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
+  Joint brake_gives_{};        ///< presliding of brakes, rad or m
   std::uint32_t asked_ = 0;    ///< of work_brakes(): brakes as last requested,
   double damping_ = 0;         ///< of closed brakes, over their torque,
   double clock_ = 0;           ///< s,
