@@ -100,5 +100,6 @@ void bind_calibration(nb::module_& module);
 void bind_plant(nb::module_& module);
 void bind_fault_monitor(nb::module_& module);
 void bind_safety(nb::module_& module);
+void bind_start_test(nb::module_& module);
 void bind_c(nb::module_& module);
 }  // namespace truepose::python

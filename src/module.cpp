@@ -213,5 +213,6 @@ NB_MODULE(_core, m) {
   python::bind_plant(m);
   python::bind_fault_monitor(m);
   python::bind_safety(m);
+  python::bind_start_test(m);
   python::bind_c(m);
 }

@@ -25,6 +25,7 @@
 #include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/control/joints.hpp"
 #include "truepose/control/safe_control.hpp"
+#include "truepose/control/start_test.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"

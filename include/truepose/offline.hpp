@@ -13,5 +13,6 @@
 #include "truepose/offline/registration.hpp"
 #include "truepose/offline/safety_defaults.hpp"
 #include "truepose/offline/simulate.hpp"
+#include "truepose/offline/start_simulation.hpp"
 #include "truepose/offline/statics.hpp"
 #include "truepose/offline/stretch.hpp"

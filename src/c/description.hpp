@@ -60,6 +60,10 @@ void fields(auto& c, Like<SafetyLimits> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, torque, slew, tracking, deviation, speed, count, still, kp, kd, rests,
                  low, high, box_low, box_high)
 }
+void fields(auto& c, Like<StartSettings> auto& core, auto&& f) {
+  TRUEPOSE_VISIT(c, core, pairs, motion, radius, pulse, settle, brake_opens, inertia, weight,
+                 false_alarm, friction)
+}
 
 /// Calls f(part of the C description, part of the core's) for every part in use.
 void parts(auto& c, auto& core, auto&& f) {

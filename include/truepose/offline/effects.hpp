@@ -32,6 +32,7 @@ inline constexpr double kRipples = 6;             ///< periods per turn of a mot
 inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
 inline constexpr double kBrakeDamping = 1e-3;     ///< s, by which it comes to rest; assumed
+inline constexpr double kSlideGives = 1e-4;       ///< of that of a slide after engage(), m; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
 /// A disturbance of the plant.
@@ -64,6 +65,7 @@ class Plant {
       : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
     for (int i = 0; i < n; ++i) {  // the robot file has rotor and arm as one inertia
       const Chain& chain = truth.chain[i];
+      brake_gives_[i] = kBrakePresliding;
       rotor_[i] = std::max(chain.drive_inertia - chain.arm_mass * chain.arm * chain.arm / 3,
                            0.1 * chain.drive_inertia);
       if (springy(i)) driven_.chain[i].drive_inertia -= rotor_[i];
@@ -93,9 +95,7 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       if (!(motors >> i & 1U)) continue;
       closing_[i] += period;
-      const Chain& chain = truth_.chain[i];
-      if (closing_[i] > kBrakeCloses)
-        brake_[i] = chain.torque_limit > 0 ? chain.torque_limit : 2 * std::fabs(transmitted_[i]);
+      if (closing_[i] > kBrakeCloses) brake_[i] = brake_torque(i);
     }
   }
 
@@ -109,6 +109,33 @@ class Plant {
     for (int j = 0; j < n && event.kind == Disturbance::contact; ++j)
       force_[j] += sign * event.force[j];
     pushed_ = std::any_of(force_.begin(), force_.end(), [](double f) { return f != 0; });
+  }
+
+  /// Closes all brakes of a robot at rest, which carry its weight.
+  void engage() {
+    for (int i = 0; i < n; ++i) {
+      brake_[i] = brake_torque(i);
+      if (truth_.chain[i].actuator != Actuator::revolute) brake_gives_[i] = kSlideGives;
+      rubs_[i] = brake_[i] > 0 ? std::clamp(-transmitted_[i] / brake_[i], -1.0, 1.0) : 0;
+    }
+    asked_ = ~0U;
+  }
+
+  /// After engage(): applies brakes, as bits, that open and close after delays, s.
+  void work_brakes(std::uint32_t motors, double period, double opens = kBrakeCloses,
+                   double closes = kBrakeCloses) {
+    clock_ += period;
+    for (int i = 0; i < n; ++i) {
+      const bool closed = motors >> i & 1U;
+      if (closed != (asked_ >> i & 1U))
+        (closed ? closes_ : opens_)[i] = clock_ + (closed ? closes : opens);
+      if (clock_ >= opens_[i] && opens_[i] > 0) brake_[i] = opens_[i] = 0;
+      if (clock_ >= closes_[i] && closes_[i] > 0) {
+        brake_[i] = brake_torque(i);
+        rubs_[i] = opens_[i] = closes_[i] = 0;
+      }
+    }
+    asked_ = motors;
   }
 
   /// Advances one period under constant torque commands.
@@ -136,7 +163,7 @@ class Plant {
         const double moved_by = turned[i] - rotors_[i];
         if (moved_by == 0) continue;
         slip_[i] = dahl(slip_[i], moved_by, effects_.presliding);
-        rubs_[i] = dahl(rubs_[i], moved_by, kBrakePresliding);
+        rubs_[i] = dahl(rubs_[i], moved_by, brake_gives_[i]);
       }
       rotors_ = turned;
     }
@@ -171,6 +198,11 @@ class Plant {
     if (!jacobian<K>(closure, jacobians)) return;
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) torque[i] += model.slope[i] * jacobians.J[j][i] * force_[j];
+  }
+
+  double brake_torque(int i) const {
+    const double limit = truth_.chain[i].torque_limit;
+    return limit > 0 ? limit : 2 * std::fabs(transmitted_[i]);
   }
 
   bool springy(int i) const {
@@ -246,6 +278,10 @@ class Plant {
   Coordinates force_{};        ///< of contacts
   bool pushed_ = false;        ///< it is not 0
   Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
+  Joint brake_gives_{};        ///< presliding of brakes, rad or m
+  std::uint32_t asked_ = 0;    ///< of work_brakes(): brakes as last requested,
+  double clock_ = 0;           ///< s,
+  Joint opens_{}, closes_{};   ///< and when they follow; 0: they have
   Joint transmitted_{};        ///< torque transmitted to the arms
   std::array<double, kMaxSensors> geared_{};  ///< far sides of geared sensors, as read
   Random random_;

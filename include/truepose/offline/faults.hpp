@@ -113,8 +113,9 @@ class FaultyReadings {
     double since = 0;  ///< s, when the held value was read
   };
 
+  static constexpr double kClock = 1e-9;  ///< s: k·period is not exactly a decimal time
+
   static bool acts(double time, const Fault& fault) {
-    constexpr double kClock = 1e-9;  // s: k·period is not exactly a decimal time
     return time >= fault.begin - kClock && time < fault.end - kClock;
   }
 

@@ -3,6 +3,7 @@
 from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, SampledPath, Waypoints
 from truepose.simulation.simulate import Simulation
+from truepose.simulation.start_test import StartTest, start_test
 
 __all__ = [
     "Circle",
@@ -10,6 +11,8 @@ __all__ = [
     "PathAccuracy",
     "SampledPath",
     "Simulation",
+    "StartTest",
     "Waypoints",
     "path_accuracy",
+    "start_test",
 ]

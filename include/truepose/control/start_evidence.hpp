@@ -1,0 +1,154 @@
+// What explains the motions of a start-up test: a healthy robot, or one miswiring.
+//
+// With all brakes but motor i's closed the robot has one degree of freedom: motor i's reading moves
+// by an unknown s > 0 in the direction of the torque, other motors' by nothing, sensors' by column
+// i of J_r J times s. An explanation changes that: one reading has another gain γ (−1: reversed,
+// 0: frozen), two readings are exchanged, a motor turns the wrong way, another brake slips. s, and
+// γ, follow by weighted least squares from the readings that the explanation leaves; χ² of the
+// residuals, over all motors tested so far, is its misfit. Of the model's s only the sign and a tenth
+// of its size count: inertia, brake times and the give of a brake are hardly known.
+#pragma once
+
+#include "truepose/control/start_states.hpp"
+#include "truepose/math/chi2.hpp"
+
+namespace truepose::start_detail {
+inline constexpr Real kGive = 0.15;   ///< of other motors' closed brakes, over s (assumed)
+inline constexpr Real kShape = 0.05;  ///< relative error of J_r J, uncalibrated (assumed)
+inline constexpr Real kBetter = 16;   ///< χ² by which one explanation is better than another: 4 σ
+inline constexpr Real kNamed = 9;     ///< and by which it has to be to be named: 3 σ
+inline constexpr Real kSeen = 5;      ///< σ by which a reading must have moved
+
+/// Whether two readings have the same unit, and may be exchanged.
+inline bool same_unit(const Robot& robot, int a, int b) {
+  const int n = dof(robot.mobility);
+  const auto turns = [&](int c) {
+    return c < n ? robot.chain[c].actuator == Actuator::revolute
+                 : properties(robot.sensor[c - n].kind).unit == Unit::radian;
+  };
+  return turns(a) == turns(b);
+}
+
+inline int hypotheses(int n, int e) { return 1 + e * (e + 1) / 2 + 2 * n; }
+
+/// Hypothesis number `index`: healthy; another gain of each reading, exchanges; motors, brakes.
+inline StartHypothesis hypothesis(int n, int e, int index) {
+  if (index-- == 0) return {};
+  for (int a = 0; a < e; index -= e - a, ++a)
+    if (index < e - a)
+      return index == 0 ? StartHypothesis{StartFinding::scale, a}
+                        : StartHypothesis{StartFinding::exchanged, a, a + index};
+  return index < n ? StartHypothesis{StartFinding::wrong_way, index}
+                   : StartHypothesis{StartFinding::brake_slips, index - n};
+}
+
+/// A reading's gain relative to the others, and its σ.
+struct StartGain {
+  Real value = 1, sigma = INFINITY;
+};
+
+/// χ² of the evidence under an explanation. @param gain  out: for StartFinding::scale
+inline Real misfit(const StartEvidence& evidence, int n, int e, const StartHypothesis& by,
+                   StartGain& gain) {
+  Real chi2 = 0, ay = 0, aa = 0, yy = 0;
+  for (int i = 0; i < evidence.tested; ++i) {
+    Extended y = evidence.moved[i], h{}, v;
+    if (by.kind == StartFinding::exchanged) std::swap(y[by.a], y[by.b]);
+    for (int c = 0; c < e; ++c) v[c] = evidence.pulses[i] * evidence.variance[c];
+    h[i] = 1;
+    for (int c = n; c < e; ++c) {  // beyond what the other motors' small motions explain
+      const auto& g = evidence.g[c - n];
+      h[c] = g[i];
+      for (int j = 0; j < n; ++j) {
+        if (j == i) continue;
+        y[c] -= g[j] * y[j];
+        v[c] += g[j] * g[j] * v[j];
+      }
+    }
+    const bool gains = by.kind == StartFinding::scale;
+    const auto left_out = [&](int c) {
+      return c == by.a && (gains || (by.kind == StartFinding::brake_slips && c != i));
+    };
+    const auto variance = [&](int c, Real s) {
+      const Real more = c == i ? 0 : (c < n ? kGive : kShape * h[c]) * s;
+      return v[c] + more * more;
+    };
+    const Real expected = evidence.expected[i];
+    Real s = 0, information = 0;
+    for (int pass = 0; pass < 2; ++pass) {  // the second one knows s for the tolerances
+      Real sum = 0;
+      const Real before = s;
+      information = 0;
+      for (int c = 0; c < e; ++c) {
+        if (left_out(c) || h[c] == 0) continue;
+        const Real weight = h[c] / variance(c, before);
+        sum += weight * y[c];
+        information += weight * h[c];
+      }
+      s = information > 0 ? sum / information : 0;
+    }
+    if (!(information * expected * expected > 1)) {
+      s = expected;
+      information = 1 / (expected * expected);
+    }
+    for (int c = 0; c < e; ++c) {
+      if (left_out(c)) continue;
+      const Real off = y[c] - h[c] * s;
+      chi2 += off * off / variance(c, s);
+    }
+    if (by.kind != StartFinding::wrong_way || by.a != i) {
+      const Real end = std::max(s, expected / 10);
+      const Real off = s - end, sigma = expected / 20;
+      chi2 += off * off / (1 / information + sigma * sigma);
+      s = end;
+    }
+    if (!gains) continue;
+    const Real at = h[by.a] * s;
+    const Real each = variance(by.a, s) + h[by.a] * h[by.a] / information;
+    ay += at * y[by.a] / each;
+    aa += at * at / each;
+    yy += y[by.a] * y[by.a] / each;
+  }
+  gain = {};
+  if (aa > 0) gain = {ay / aa, 1 / std::sqrt(aa)};
+  return chi2 + yy - (aa > 0 ? ay * ay / aa : 0);
+}
+
+/// Name of a reading's gain. @param moved  whether the reading has
+inline StartFinding named(Real gain, bool moved) {
+  if (!moved) return StartFinding::frozen;
+  return gain < 0 ? StartFinding::reversed : StartFinding::scale;
+}
+
+/// Compares the misfits of all hypotheses.
+/// @param candidates  out: readings of the explanations that are as good as the best
+/// @return none: healthy; inconsistent: several explanations, or none; else the explanation
+inline StartHypothesis verdict(const StartTest& test, const Robot& robot, Real most,
+                               std::uint32_t& candidates) {
+  const int n = dof(robot.mobility), e = n + robot.r;
+  const auto fits = [&](const StartHypothesis& by) {
+    if (by.kind == StartFinding::exchanged) return same_unit(robot, by.a, by.b);
+    return by.a < n || by.kind == StartFinding::scale;
+  };
+  int best = 0;
+  for (int k = 1; k < hypotheses(n, e); ++k)
+    if (fits(hypothesis(n, e, k)) && test.misfit[k] < test.misfit[best]) best = k;
+  candidates = 0;
+  if (test.misfit[0] <= most && test.misfit[best] > test.misfit[0] - kBetter) return {};
+  int others = 0;
+  const StartHypothesis named_one = hypothesis(n, e, best);
+  for (int k = 1; k < hypotheses(n, e); ++k) {
+    const StartHypothesis by = hypothesis(n, e, k);
+    if (!fits(by) || test.misfit[k] > test.misfit[best] + kNamed) continue;
+    candidates |= bit(by.a);
+    if (by.b >= 0) candidates |= bit(by.b);
+    // Without sensors a reading and its motor cannot be told apart: named as the reading.
+    const bool same = by.a == named_one.a && by.a < n && by.kind != StartFinding::exchanged &&
+                      named_one.kind != StartFinding::exchanged;
+    others += k != best && !same;
+    if (same && by.kind == StartFinding::scale) best = k;
+  }
+  if (others > 0 || test.misfit[best] > most) return {StartFinding::inconsistent, -1, -1};
+  return hypothesis(n, e, best);
+}
+}  // namespace truepose::start_detail

@@ -1,0 +1,74 @@
+// Simulation of a start-up test: the true robot with brakes, miswired readings.
+#pragma once
+
+#include "truepose/control/start_test.hpp"
+#include "truepose/offline/effects.hpp"
+#include "truepose/offline/faults.hpp"
+#include "truepose/offline/safety_defaults.hpp"
+
+namespace truepose {
+/// A simulated start.
+struct StartRun {
+  std::vector<Fault> faults;
+  bool incremental = false;  ///< readings are right at the start: faults act on their changes
+  bool referenced = true;    ///< the pose is known
+  Coordinates start{};       ///< true pose at rest
+  std::uint64_t seed = 0;    ///< of the readings' noise
+};
+
+/// The test at its end, and what happened.
+struct SimulatedStart {
+  StartTest test;
+  double moved = 0;  ///< largest distance of the reference point from the start, m (passive axes: rad)
+  Joint torque{};    ///< largest of each motor
+  double seconds = 0;
+};
+
+/// Runs a start-up test until it passes or fails and the torques are zero.
+/// @param robot, weighing  the model, and its tolerances @param limits  as of the safety shell
+/// @return the failure of the plant; not_converged: no end within ten minutes
+template <Mobility K>
+Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettings& settings,
+                       const SafetyLimits& limits, const Weighing& weighing,
+                       const Effects& effects, const StartRun& run, SimulatedStart& result) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r;
+  const Pose start = to_pose<K>(run.start);
+  Plant<K> plant(truth, effects, start, run.seed);
+  FaultyReadings faults(run.faults, limits.period);
+  Extended first{};
+  Outcome outcome = plant.rest();
+  if (outcome) outcome = plant.measure(first);
+  if (!outcome) return outcome;
+  plant.engage();
+  result = {};
+  const int most = static_cast<int>(600 / limits.period);
+  for (int k = 0; k < most; ++k) {
+    Extended q_e{};
+    outcome = plant.measure(q_e);
+    if (!outcome) return outcome;
+    const Extended zero = run.incremental ? first : Extended{};
+    for (int c = 0; c < rows; ++c) q_e[c] -= zero[c];
+    faults.read(k * limits.period, q_e);
+    for (int c = 0; c < rows; ++c) q_e[c] += zero[c];
+
+    StartTest& test = result.test;
+    start_test<K>(robot, settings, limits, q_e, run.referenced, test, weighing);
+    plant.work_brakes(test.brakes, limits.period);
+    outcome = plant.advance(test.torque, limits.period, 2);
+    if (!outcome) return outcome;
+
+    double away = 0;
+    for (int j = 0; j < kPositions<K>; ++j) away += std::pow(plant.pose().D[j] - start.D[j], 2);
+    result.moved = std::max(result.moved, std::sqrt(away));
+    result.seconds = k * limits.period;
+    bool still = test.state >= StartState::passed;
+    for (int i = 0; i < n; ++i) {
+      result.torque[i] = std::max(result.torque[i], std::fabs(test.torque[i]));
+      still = still && test.torque[i] == 0;
+    }
+    if (still) return outcome;
+  }
+  return {Status::not_converged, -1};
+}
+}  // namespace truepose

@@ -1,0 +1,210 @@
+"""Start-up test of a simulated robot: proves every reading before a law may act."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, check_seed, positive, require, whole
+from truepose.control.controller import Controller, pose_of, require_same_readings
+from truepose.control.effects import Effects
+from truepose.exceptions import InputError, PoseError
+from truepose.faults.fault import Fault, in_core
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import printed
+
+#: What a finding says; `{a}` and `{b}` are its readings, `{motor}` its motor.
+_SAID = {
+    "contradictory limits": "the limits contradict themselves",
+    "unknown pose": "the pose is unknown: reference the motors first",
+    "missing reading": "{a} gives no number",
+    "not at rest": "{a} changes at rest",
+    "range": "{a} is beyond its stops",
+    "inconsistent": "the readings disagree; candidates: {candidates}",
+    "reversed": "{a} is reversed",
+    "exchanged": "{a} and {b} are exchanged",
+    "frozen": "{a} is frozen",
+    "scale": "{a} has the wrong scale",
+    "unseen": "{a} hardly moved: not tested",
+    "no motion": "{motor} does not move: brake, torque or its reading",
+    "no torque": "{motor} sinks by its weight: its torque has no effect",
+    "wrong way": "{motor} turns against its torque",
+    "brake slips": "the brake of {motor} slips",
+    "too far": "{motor} moves farther than a pulse allows",
+    "too coarse": "{motor}: pulses within the bound are below a count or a cycle",
+}
+
+
+@dataclass(frozen=True, repr=False)
+class StartTest(Shown):
+    """Result of :func:`truepose.simulation.start_test`. Units m, s, N·m or N.
+
+    Printed: what was found, the motion, and the scale of every reading.
+    """
+
+    robot: Robot
+    finding: str  #: "none", or the first finding, as in the guide's table
+    parts: tuple[str, ...]  #: the readings or the motor that it names
+    candidates: tuple[str, ...]  #: readings that may be miswired where several explanations fit
+    exchangeable: tuple[str, ...]  #: readings whose exchange the test would not have seen
+    scale: Array  #: (n + r,) of every reading, 1: as the others show
+    sigma: Array  #: (n + r,) its σ; inf where nothing shows it
+    moved: float  #: m, largest distance of the platform from its start (passive axes: rad)
+    torque: Array  #: (n,) largest of every motor
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether every reading was seen to move consistently."""
+        return self.finding == "none"
+
+    @property
+    def said(self) -> str:
+        """Return the finding in words: "passed", or what is wrong."""
+        if self.passed:
+            return "passed"
+        a, b = (*self.parts, "", "")[:2]
+        names = {"a": a, "b": b, "motor": a, "candidates": ", ".join(self.candidates) or "none"}
+        return _SAID[self.finding].format(**names)
+
+    def __repr__(self) -> str:
+        unit = self.robot.coordinates[0][1]
+        most = printed(self.moved, unit, ".2f")
+        what = f"{self.robot.name}, start-up test: {self.said}; {most} at most, {self.seconds:.1f} s"
+        return f"{what}\n{super().__repr__()}" if self.passed else what
+
+    def table(self) -> Table:
+        """Return one row per reading: its scale, and σ, and its motor's largest torque."""
+        rows = []
+        for k, name in enumerate(self.robot.readings):
+            most = number(self.torque[k]) if k < self.robot.n else Cell("", None)
+            known = self.sigma[k] < 0.5
+            rows.append(
+                [
+                    name,
+                    f"{self.scale[k]:.2f}" if known else Cell("?", None),
+                    f"{self.sigma[k]:.2f}" if known else Cell("?", None),
+                    most,
+                ]
+            )
+        return Table("start", "Scale of the readings", ["reading", "scale", "σ", "torque"], rows)
+
+
+def start_test(
+    robot: Robot,
+    truth: Robot | None = None,
+    faults: Sequence[Fault] = (),
+    *,
+    start: ArrayLike | None = None,
+    incremental: bool = True,
+    referenced: bool = True,
+    motion: float = 0.5e-3,
+    pairs: int = 4,
+    controller: Controller | None = None,
+    effects: Effects | None = None,
+    seed: int = 0,
+) -> StartTest:
+    """Simulate the start-up test of a robot at rest whose readings may be miswired.
+
+    Parameters
+    ----------
+    robot, truth : Robot
+        The model and the true robot (default: the same).
+    faults : sequence of Fault
+        Of kinds sign, swap, gain, stuck and others, beginning at 0.
+    start : array_like, shape (n,)
+        True pose; default: home.
+    incremental : bool
+        Whether readings are right at the start, as of incremental encoders after their index: the
+        faults act on changes. Otherwise they act on the readings themselves (absolute encoders).
+    referenced : bool
+        Whether the pose is known. If not, nothing moves.
+    motion : float
+        Platform motion by two opposite pulses, m; at most twice that in all.
+    pairs : int
+        Opposite pulses of each motor beyond those that find their size.
+    controller : Controller, optional
+        Its period and gains set the limits of the safety shell.
+    effects : Effects, optional
+        Effects that the model omits.
+    seed : int
+        Seed of noise and effects.
+
+    Raises
+    ------
+    InputError
+        A motor without a torque limit; a fault that the robot cannot have.
+    PoseError
+        The robot cannot stand at the pose.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> swapped = tp.faults.Fault("q1", "swap", other="q2")
+    >>> tp.simulation.start_test(h4, faults=[swapped]).said
+    'q1 and q2 are exchanged'
+    >>> tp.simulation.start_test(h4).passed
+    True
+    """
+    truth = robot if truth is None else truth
+    for one, name in ((robot, "robot"), (truth, "truth")):
+        require(one, Robot, name, "truepose.load(name)")
+    require_same_readings(robot, truth)
+    positive("motion", motion)
+    whole("pairs", pairs, 1, 1000)
+    controller = Controller(law="joint") if controller is None else controller
+    pose = pose_of(robot, robot.home if start is None else start, "start")
+    settings = _core.StartSettings()
+    settings.motion, settings.pairs = motion, pairs
+    plant = _core.Effects()
+    if effects is not None:
+        truth, plant = effects.geometry(truth, 0.0, seed), effects.plant(truth, seed)
+        settings.friction = plant.friction
+    finest = robot.at_highest_level
+    run = _core.simulate_start(
+        finest.core,
+        truth.core,
+        controller.settings(robot, pose[: robot.n]),
+        settings,
+        knowledge.knowledge(finest).core,
+        plant,
+        in_core(truth, faults, controller.period),
+        incremental,
+        referenced,
+        pose,
+        check_seed(seed),
+    )
+    if run["status"] > 0:
+        reason = _core.describe(run["status"])
+        if run["part"] >= 0 and reason == "no such value":
+            said = f"{robot.name}: motor {run['part'] + 1}: the test needs a torque limit"
+            raise InputError(f"{said}: add torque_limit to its chain")
+        raise PoseError(f"{robot.name}: start-up test: {reason}")
+    names, finding = robot.readings, run["finding"]
+    named = tuple(names[k] for k in run["parts"] if k >= 0)
+    if "{motor}" in _SAID.get(finding, ""):
+        named = (f"motor {run['parts'][0] + 1}",)
+
+    def of(bits: int) -> tuple[str, ...]:
+        return tuple(name for k, name in enumerate(names) if bits >> k & 1)
+
+    return StartTest(
+        robot=robot,
+        finding=finding,
+        parts=named,
+        candidates=of(run["candidates"]) if finding == "inconsistent" else (),
+        exchangeable=of(run["exchangeable"]),
+        scale=np.array(run["scale"]),
+        sigma=np.array(run["sigma"]),
+        moved=run["moved"],
+        torque=np.array(run["torque"]),
+        seconds=run["seconds"],
+    )
