@@ -1,6 +1,6 @@
 """Tables of docs/fault-monitor.md: noisy readings, payloads, false alarms.
 
-disturbances.py noise [--robots 3]          # error beyond a healthy robot's, with and without monitor
+disturbances.py noise [--robots 3]          # error beyond a healthy robot's
 disturbances.py payload [--robots 30]       # error of the identified mass, calibrated robots
 disturbances.py alarms [--robots 25]        # false alarms and names, robots as built
 """

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.commands.options import disturbances_of
 from truepose.faults.disturbance import KINDS
 from truepose.faults.monitor import HEALTH, SYMPTOMS
 
@@ -51,6 +52,10 @@ def test_a_frozen_encoder_still_fails(seed: int) -> None:
 def test_a_payload_is_identified_and_fed_forward(mass: float, seed: int) -> None:
     robot = tp.load("h4").with_sensors("theta").expected()
     truth = robot.sample(seed)
+    box = robot.spec.workspace
+    assert box is not None
+    poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (60, robot.n))
+    robot = tp.calibrate(robot, truth.read(poses, seed=seed)).robot
     picked = [Disturbance("payload", 0.05, mass)]
     healthy = tp.simulate(robot, truth, hold=0.4)
     sag = []
@@ -138,3 +143,33 @@ def test_a_disturbance_without_a_meaning_is_refused(words: tuple, said: str) -> 
 def test_a_disturbance_of_another_robot_is_refused(disturbance: Disturbance, said: str) -> None:
     with pytest.raises(tp.InputError, match=said):
         tp.simulate(tp.load("h4"), disturbances=[disturbance])
+
+
+@pytest.mark.parametrize(
+    "disturbance",
+    [
+        Disturbance("payload", 0.1, 2.0),
+        Disturbance("friction", 0, 3.0, "q1"),
+        Disturbance("contact", 0.1, force=(300.0, 0.0, -5.0, 0.0), until=0.12),
+    ],
+    ids=str,
+)
+def test_the_command_line_reads_a_disturbance(disturbance: Disturbance) -> None:
+    assert disturbances_of([str(disturbance)]) == [disturbance]
+
+
+def test_the_command_names_the_disturbance(run) -> None:
+    words = ("--true", "nominal", "--disturbance", "payload=2@0.05", "--monitor", "--format", "csv")
+    status, _, err = run("simulate", "h4", *words)
+    assert status == 0
+    assert "payload=2@0.05: payload of" in err
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [("payload", "must be [MOTOR:]KIND=SIZE"), ("payload=x", "size and times must be numbers")],
+)
+def test_the_command_says_what_is_wrong_with_a_disturbance(run, text: str, said: str) -> None:
+    status, _, err = run("simulate", "h4", "--disturbance", text)
+    assert status == 2
+    assert said in err

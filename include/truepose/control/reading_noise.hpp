@@ -33,7 +33,7 @@ struct ReadingNoise {
   std::array<Real, 3> past{};         ///< last samples, the newest first
   std::array<Real, kThirds> third{};  ///< magnitudes of the last third differences
   int large = 0;      ///< number of those beyond any healthy one: noise may be beginning
-  int samples = 0;    ///< read, saturated
+  int newest = -3;    ///< place of the next third difference; below 0: samples that it lacks
   Real sigma = 0;     ///< beyond the expected noise; 0: not noisy
   Real grain = 0;     ///< motion between two changes of a held or coarse reading; 0: neither
   Real interval = 0;  ///< cycles between two changes
@@ -50,22 +50,22 @@ struct ReadingNoise {
   void sample(Real raw, Real expected, int fades) {
     const Real difference = std::fabs(raw - 3 * past[0] + 3 * past[1] - past[2]);
     past = {raw, past[0], past[1]};
-    if (samples < 3 + kThirds) ++samples;
-    std::rotate(third.begin(), third.end() - 1, third.end());
-    third[0] = samples > 3 ? difference : 0;
+    third[std::max(newest, 0)] = newest < 0 ? 0 : difference;
+    newest = newest < kThirds - 1 ? newest + 1 : 0;
+    constexpr Real kLowerMedian = 0.58 * 4.47;  // of |N(0, 20)|, the fourth of eight
+    const Real usual = std::max(expected, kFinest), limit = kNoisy * kLowerMedian * usual;
+    large = 0;
+    for (const Real size : third) large += size > limit;
+    if (sigma == 0 && large <= kThirds / 2) return;  // the lower median is below the limit
     auto sorted = third;
     std::nth_element(sorted.begin(), sorted.begin() + kThirds / 2 - 1, sorted.end());
-    constexpr Real kLowerMedian = 0.58 * 4.47;  // of |N(0, 20)|, the fourth of eight
     const Real level = sorted[kThirds / 2 - 1] / kLowerMedian;
-    const Real usual = std::max(expected, kFinest);
-    large = static_cast<int>(std::count_if(third.begin(), third.end(), [&](Real size) {
-      return size > kNoisy * kLowerMedian * usual;
-    }));
-    if (sigma == 0 && level > kNoisy * usual) {
+    if (sigma == 0) {
       sigma = level;
       off.rate = 0;
-    } else if (sigma > 0)
+    } else {
       sigma += level > sigma ? (level - sigma) / kThirds : -sigma / static_cast<Real>(fades);
+    }
     if (sigma < kQuiet * usual) sigma = 0;
   }
 

@@ -16,6 +16,7 @@ from truepose.arguments import Array, Level, selected
 from truepose.calibration.between import SIGMA, Between, read
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
+from truepose.faults.disturbance import Disturbance
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.logs import Log
 from truepose.robot.robot import Robot, list_robots, load
@@ -119,9 +120,22 @@ Faults = Annotated[
         metavar=_FAULT,
         help="A fault that begins at TIME, s: theta:stuck@0.1. Kinds with a size: bias, "
         "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
-        "reading); without: stuck, dropout, sign. frame:stuck freezes all. "
+        "reading), noise (rad or m), coarse (a factor), hold (s); without: stuck, dropout, sign. "
+        "frame:stuck freezes all. "
         "Repeatable; isolation assumes a single fault.",
         autocompletion=_fitting_kinds,
+    ),
+]
+
+_DISTURBANCE = "[MOTOR:]KIND=SIZE[@TIME[..END]]"
+Disturbances = Annotated[
+    list[str] | None,
+    Option(
+        "--disturbance",
+        metavar=_DISTURBANCE,
+        help="A disturbance of the true robot from TIME on, s: payload=2@0.1 (kg), "
+        "q1:friction=3 (N·m or N), contact=300,0,0,0@0.1..0.12 (force on every coordinate, N and "
+        "N·m). Repeatable.",
     ),
 ]
 
@@ -315,6 +329,26 @@ def _fault(text: str) -> Fault:
     if np.isnan(list(values.values())).any():
         raise InputError(f"--fault {text}: size and times must be numbers: {_FAULT}")
     return Fault(reading, kind, other=other, **values)  # type: ignore[arg-type]  # Fault checks it
+
+
+def disturbances_of(texts: Sequence[str] | None) -> list[Disturbance]:
+    """Parse disturbances in the notation that :class:`Disturbance` prints."""
+    return [_disturbance(text) for text in texts or ()]
+
+
+def _disturbance(text: str) -> Disturbance:
+    found = re.fullmatch(r"(?:([^:]+):)?([^=@]+)=([^@]*)(?:@(.*?)(?:\.\.(.*))?)?", text)
+    if found is None:
+        raise InputError(f"--disturbance {text}: must be {_DISTURBANCE}")
+    motor, kind, size, at, until = found.groups()
+    values = [number_of(value) for value in size.split(",")]
+    begin = number_of(at or "0")
+    end = None if until is None else number_of(until)
+    if np.isnan([*values, begin, end or 0.0]).any():
+        raise InputError(f"--disturbance {text}: size and times must be numbers: {_DISTURBANCE}")
+    contact = kind == "contact"
+    given = {"force": tuple(values)} if contact else {"size": values[0]}
+    return Disturbance(kind, at=begin, motor=motor, until=end, **given)  # type: ignore[arg-type]
 
 
 def true_robot(robot: Robot, text: str, seed: int) -> Robot:

@@ -77,6 +77,7 @@ def command(
         "none", "Effects that the model omits: all, none, or some: friction,delay,…"
     ),
     fault: options.Faults = None,
+    disturbance: options.Disturbances = None,
     monitor: bool = Option(
         False, "--monitor", help="Fault monitor: continue or stop when a reading is faulty."
     ),
@@ -136,7 +137,9 @@ def command(
         wide = (BANDWIDTH if visiting or not exact else 10.0) * poles
         controller = Controller(law=law, frequency=poles, velocity_bandwidth=wide)
     usual = VISIT if visiting else MOVE
-    faults = options.faults_of(fault)
+    faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
+    if visiting and disturbances:
+        raise InputError("--disturbance: needs a motion with every cycle in its log, not --path")
     settings: dict[str, Any] = {
         "duration": usual[0] if duration is None else duration,
         "hold": usual[1] if hold is None else hold,
@@ -149,7 +152,8 @@ def command(
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, dict):
-            ran = move = simulate(believed, truth, controller, **motion, **settings, safety=shell)
+            settings |= {"disturbances": disturbances, "safety": shell}
+            ran = move = simulate(believed, truth, controller, **motion, **settings)
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
             if shell is not None:
@@ -169,6 +173,8 @@ def command(
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
+    if disturbances:
+        who += f", {', '.join(map(str, disturbances))}"
     answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))
 

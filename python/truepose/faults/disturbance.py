@@ -78,6 +78,14 @@ class Disturbance:
         if self.until is not None and not (contact and self.until > self.at):
             raise InputError(f"{self.kind}: until = {self.until}: of a contact, greater than at")
 
+    def __str__(self) -> str:
+        """Return the disturbance in the command line's form."""
+        values = (self.size,) if self.force is None else self.force
+        size = ",".join(f"{value:.15g}" for value in values)
+        end = "" if self.until is None else f"..{self.until:.15g}"
+        motor = "" if self.motor is None else f"{self.motor}:"
+        return f"{motor}{self.kind}={size}@{self.at:.15g}{end}"
+
 
 def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.Event]:
     """Check the disturbances against a robot and return the core's."""
