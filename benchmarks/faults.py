@@ -39,6 +39,7 @@ SETS = fm.SETS | fm.MORE
 LAWS = ("joint", "estimated")
 MODES = {"shell": None, "monitor and shell": tp.FaultMonitor()}
 AFTER = 0.3  #: s of a path after the fault
+SLOW = 0.01  #: m/s, from which on stops are compared with the printed distance
 
 
 @dataclass
@@ -277,7 +278,11 @@ def print_campaign(cases: list[dict]) -> None:
             delays = [max(0, one["detected"] - one["crossed"]) for one in seen]
             off = np.array([one["off"] for one in crossed])
             bound = [max(1.0, 1.2 * min(one["stated"], 1e9)) for one in crossed]
-            ways = [one["way"] / one["printed"] for one in those if one.get("brake")]
+            ways = [
+                one["way"] / one["printed"]
+                for one in those
+                if one.get("brake") and one["speed"] > SLOW
+            ]
             late = np.quantile(delays, [0.5, 0.99]) if delays else [np.nan] * 2
             fm.row(
                 f"{kind}, {mode}",

@@ -3,6 +3,7 @@
 
 #include <functional>
 
+#include "truepose/control/command.hpp"
 #include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/offline/bus.hpp"
