@@ -21,11 +21,11 @@
 
 namespace truepose {
 namespace start_detail {
-inline constexpr int kAveraged = 8;    ///< cycles of an average between pulses,
-inline constexpr int kRested = 32;     ///< and at rest
-inline constexpr Real kSafe = 0.85;    ///< of the bound, which pulses use
-inline constexpr Real kBlind = 5;      ///< pulses' worth of the weight's error until nothing moves
-inline constexpr Real kMost = 1e9;     ///< rad or m: larger readings are missing
+inline constexpr int kAveraged = 8;  ///< cycles of an average between pulses,
+inline constexpr int kRested = 32;   ///< and at rest
+inline constexpr Real kSafe = 0.85;  ///< of the bound, which pulses use
+inline constexpr Real kBlind = 5;    ///< pulses' worth of the weight's error until nothing moves
+inline constexpr Real kMost = 1e9;   ///< rad or m: larger readings are missing
 
 /// One cycle of a robot's test.
 template <Mobility K>
@@ -149,7 +149,8 @@ class StartCycle {
   /// without a pose. 0 where nothing weighs it.
   Real level(const Extended& q_e, Pose& pose, int& outside) {
     for (int c = 0; c < n; ++c)
-      if (limits_.low[c] < limits_.high[c] && !(q_e[c] >= limits_.low[c] && q_e[c] <= limits_.high[c])) {
+      if (limits_.low[c] < limits_.high[c] &&
+          !(q_e[c] >= limits_.low[c] && q_e[c] <= limits_.high[c])) {
         outside = c;
         return INFINITY;
       }
@@ -229,7 +230,8 @@ class StartCycle {
       test_.lever[m] = std::sqrt(sum);
       test_.response[m] = 1 / (model.slope[m] * inertia[m][m]);
       const Real weight = std::fabs(test_.weight[m]), error = settings_.weight * weight;
-      const Real worst = Real(0.5) * settings_.inertia * std::fabs(test_.response[m]) * test_.lever[m];
+      const Real worst =
+          Real(0.5) * settings_.inertia * std::fabs(test_.response[m]) * test_.lever[m];
       const Real most = kSafe * 2 * settings_.motion;
       const auto square = [](Real value) { return value * value; };
       const Real wanted = std::max(most / (worst * square(settings_.pulse)) - kBlind * error,
@@ -323,8 +325,6 @@ class StartCycle {
     }
     evidence.expected[i()] += moves(i(), test_.open);
     evidence.pulses[i()] += 1;
-    for (int j = 0; j < n; ++j)
-      if (j != i() && slips(j)) return judge_now();
     if (test_.side > 0) {
       test_.forward = y;
       test_.from = test_.before;
@@ -341,8 +341,9 @@ class StartCycle {
     for (int c = 0; c < e(); ++c) {
       const Real apart = test_.forward[c] - back[c];
       // The mean of both directions: closed brakes give way to the push.
-      const Real gone = (change(c, test_.begin[c], test_.from[c]) +
-                         change(c, test_.begin[c], test_.after[c])) / 2;
+      const Real gone =
+          (change(c, test_.begin[c], test_.from[c]) + change(c, test_.begin[c], test_.after[c])) /
+          2;
       const auto beyond = [&](Real way) { return way - std::clamp(way, -count(c), count(c)); };
       most = std::max({most, shown(c, test_.forward[c]), shown(c, back[c])});
       test_.trimmed[c] += apart * test_.trim / test_.push[i()];
@@ -356,6 +357,8 @@ class StartCycle {
     const Real room = limits_.torque[i()] - test_.push[i()] - std::fabs(test_.weight[i()]);
     test_.trim = -std::clamp(ratio * test_.push[i()], -room, room);
 
+    for (int j = 0; j < n; ++j)
+      if (j != i() && slips(j)) return judge_now();
     const int longest = test_.longest[i()];
     const bool enough = most * 4 >= settings_.motion || test_.open >= longest;
     if (most > settings_.motion || farthest(test_.begin) > settings_.motion) return judge_now();
@@ -395,7 +398,8 @@ class StartCycle {
       test_.scale[by.a] = gain.value;
       test_.sigma[by.a] = gain.sigma;
       // Any scale explains as much as one miswiring by chance.
-      if (named(gain.value, seen(by.a)) == StartFinding::scale) test_.misfit[test_.index] += kBetter;
+      if (named(gain.value, seen(by.a)) == StartFinding::scale)
+        test_.misfit[test_.index] += kBetter;
     }
     if (++test_.index < all) return;
     const Real most = chi2_beyond(1e-6, test_.evidence.tested * (e() - 1) + 1);

@@ -31,7 +31,7 @@ inline constexpr double kRipples = 6;             ///< periods per turn of a mot
 inline constexpr double kBrakeCloses = 0.02;      ///< closing time of a brake, s; assumed
 inline constexpr double kBrakePresliding = 1e-3;  ///< of a closed brake, rad or m; assumed
 inline constexpr double kSlideGives = 1e-4;       ///< of that of a slide after engage(), m; assumed
-inline constexpr double kBrakeDamping = 1;        ///< of one after engage(), s/rad or s/m; assumed
+inline constexpr double kBrakeSettles = 1e-3;     ///< its damping over its stiffness, s; assumed
 inline constexpr int kCompliantSteps = 4;         ///< minimum per control period: rotors oscillate
 
 /// Dahl friction after a displacement: df/dq = (sgn dq - f)/presliding, exact solution. It depends
@@ -54,7 +54,6 @@ class Plant {
       : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
     for (int i = 0; i < n; ++i) {  // the robot file has rotor and arm as one inertia
       const Chain& chain = truth.chain[i];
-      brake_gives_[i] = kBrakePresliding;
       rotor_[i] = std::max(chain.drive_inertia - chain.arm_mass * chain.arm * chain.arm / 3,
                            0.1 * chain.drive_inertia);
       if (springy(i)) driven_.chain[i].drive_inertia -= rotor_[i];
@@ -90,13 +89,15 @@ class Plant {
 
   /// Closes all brakes of a robot at rest, which carry its weight.
   void engage() {
+    brake_gives_.fill(kBrakePresliding);
     for (int i = 0; i < n; ++i) {
       brake_[i] = brake_torque(i);
       if (truth_.chain[i].actuator != Actuator::revolute) brake_gives_[i] = kSlideGives;
+      damping_[i] = kBrakeSettles / brake_gives_[i];
       rubs_[i] = brake_[i] > 0 ? std::clamp(-transmitted_[i] / brake_[i], -1.0, 1.0) : 0;
     }
     asked_ = ~0U;
-    damping_ = kBrakeDamping;
+    engaged_ = true;
   }
 
   /// After engage(): applies brakes, as bits, that open and close after delays, s.
@@ -126,6 +127,7 @@ class Plant {
       return truepose::advance<K>(truth_, torque, period, steps, state_);
     }
     if (effects_.arm_stiffness > 0 || braked) steps = std::max(steps, kCompliantSteps);
+    if (engaged_) steps = std::max(steps, 2 * kCompliantSteps);
     for (int s = 0; s < steps; ++s) {
       Rotors turned = rotors_;
       const Outcome outcome = step<K, true>(
@@ -137,7 +139,9 @@ class Plant {
         const double moved_by = turned[i] - rotors_[i];
         if (moved_by == 0) continue;
         slip_[i] = dahl(slip_[i], moved_by, effects_.presliding);
-        rubs_[i] = dahl(rubs_[i], moved_by, brake_gives_[i]);
+        // Dahl's friction creeps under a load that swings; a brake at rest does not.
+        rubs_[i] = engaged_ ? std::clamp(rubs_[i] + moved_by / brake_gives_[i], -1.0, 1.0)
+                            : dahl(rubs_[i], moved_by, kBrakePresliding);
       }
       rotors_ = turned;
     }
@@ -185,7 +189,7 @@ class Plant {
       const double arm = shaft(i, q[i]);
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
       const double rubs = effects_.friction[i] * slip_[i] + brake_[i] * rubs_[i];
-      const double net = torque[i] * (1 + ripple) - rubs - brake_[i] * damping_ * rate[i];
+      const double net = torque[i] * (1 + ripple) - rubs - damping_[i] * brake_[i] * rate[i];
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];
         const double damping = 2 * effects_.arm_damping * std::sqrt(k * I);
@@ -241,7 +245,8 @@ class Plant {
   Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
   Joint brake_gives_{};        ///< presliding of brakes, rad or m
   std::uint32_t asked_ = 0;    ///< of work_brakes(): brakes as last requested,
-  double damping_ = 0;         ///< of closed brakes, over their torque,
+  bool engaged_ = false;       ///< by engage()
+  Joint damping_{};            ///< of closed brakes, over their torque, s/rad or s/m
   double clock_ = 0;           ///< s,
   Joint opens_{}, closes_{};   ///< and when they follow; 0: they have
   Joint transmitted_{};        ///< torque transmitted to the arms
