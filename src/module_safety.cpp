@@ -17,10 +17,10 @@ auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, c
   PathNeeds needs;
   Outcome outcome;
   for (std::size_t k = 0; k < x.shape(0) && outcome; ++k)
-    outcome = include(robot, limits.period,
-                      {row<Coordinates>(x, k), row<Coordinates>(rate, k),
-                       row<Coordinates>(acceleration, k)},
-                      needs);
+    outcome = include(
+        robot, limits.period,
+        {row<Coordinates>(x, k), row<Coordinates>(rate, k), row<Coordinates>(acceleration, k)},
+        needs);
   if (outcome) outcome = contradiction(robot, limits, needs);
   return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
 }
@@ -92,9 +92,8 @@ void bind_safety(nb::module_& m) {
     const Outcome outcome = default_limits(robot, settings, derived);
     return answered(outcome, derived);
   });
-  m.def("consistent", [](const SafetyLimits& given, int n) {
-    return answered(consistent(given, n, n));
-  });
+  m.def("consistent",
+        [](const SafetyLimits& given, int n) { return answered(consistent(given, n, n)); });
   m.def("path_needs", &path_needs);
   m.def("stopping_distance",
         [](const Robot& robot, const SafetyLimits& given, bool marked, double speed) {
@@ -129,10 +128,10 @@ void bind_safety(nb::module_& m) {
                        health[c] = static_cast<int>(own.fault_state.monitor.reading[c].health);
                      return health;
                    })
-      .def_prop_ro("state", [](const SafeControl& own) {
-        return static_cast<int>(own.shell.machine.state);
-      })
-      .def_prop_ro("cause", [](const SafeControl& own) { return static_cast<int>(own.shell.cause); })
+      .def_prop_ro("state",
+                   [](const SafeControl& own) { return static_cast<int>(own.shell.machine.state); })
+      .def_prop_ro("cause",
+                   [](const SafeControl& own) { return static_cast<int>(own.shell.cause); })
       .def_prop_ro("part", [](const SafeControl& own) { return own.shell.part; });
 }
 }  // namespace truepose::python

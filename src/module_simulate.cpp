@@ -137,18 +137,18 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
     });
   }
   const std::size_t n = dof(of.nominal.mobility), e = n + of.nominal.r;
-  return nb::make_tuple(
-      static_cast<int>(outcome.status), outcome.chain, column<double>(log, &Sample::time),
-      column<double>(log, &Sample::x_d, n), column<double>(log, &Sample::x, n),
-      column<double>(log, &Sample::q_e, e), column<double>(log, &Sample::error, n),
-      column<double>(log, &Sample::torque, n), column<int>(log, &Sample::status),
-      column<bool>(log, &Sample::gave_up), column<int>(log, &Sample::health, e),
-      column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
-      column<int>(log, &Sample::brakes), column<int>(log, &Sample::disturbance),
-      column<int>(log, &Sample::disturbed), column<double>(log, &Sample::size),
-      column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused),
-      column<int>(log, &Sample::safety), column<int>(log, &Sample::cause),
-      column<int>(log, &Sample::part));
+  return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain,
+                        column<double>(log, &Sample::time), column<double>(log, &Sample::x_d, n),
+                        column<double>(log, &Sample::x, n), column<double>(log, &Sample::q_e, e),
+                        column<double>(log, &Sample::error, n),
+                        column<double>(log, &Sample::torque, n), column<int>(log, &Sample::status),
+                        column<bool>(log, &Sample::gave_up), column<int>(log, &Sample::health, e),
+                        column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
+                        column<int>(log, &Sample::brakes), column<int>(log, &Sample::disturbance),
+                        column<int>(log, &Sample::disturbed), column<double>(log, &Sample::size),
+                        column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused),
+                        column<int>(log, &Sample::safety), column<int>(log, &Sample::cause),
+                        column<int>(log, &Sample::part));
 }
 
 auto run_simulation(const Setup& of, const Coordinates& from, const Coordinates& to,
@@ -320,9 +320,9 @@ void bind_simulation(nb::module_& m) {
                     const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
                     const Lateness&, const std::vector<Event>&, const Safety*>(),
            "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a, "online"_a.none(),
-           "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a,
-           "safety"_a.none() = nb::none(), nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(),
-           nb::keep_alive<1, 9>(), nb::keep_alive<1, 12>())
+           "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a, "safety"_a.none() = nb::none(),
+           nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>(),
+           nb::keep_alive<1, 12>())
       .def("simulate", &run_simulation, "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
            "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none())
       .def("follow", &run_path, "x"_a, "rate"_a, "acceleration"_a, "steps"_a, "at_rest"_a, "seed"_a,

@@ -26,9 +26,8 @@ nb::dict simulate_start(const Robot& robot, const Robot& truth, const ControlSet
     outcome = default_limits(robot, control, limits);
     if (outcome)
       outcome = with_mobility(robot.mobility, [&](auto mobility) {
-        return simulate_start<mobility()>(
-            robot, truth, settings, limits, weights.view(), effects,
-            {faults, incremental, referenced, start, seed}, run);
+        return simulate_start<mobility()>(robot, truth, settings, limits, weights.view(), effects,
+                                          {faults, incremental, referenced, start, seed}, run);
       });
   }
   const StartTest& test = run.test;

@@ -804,16 +804,16 @@ TRUEPOSE_API truepose_outcome truepose_guard(const truepose_model* model,
 
 /** Constant during a test: truepose_start_defaults(), then adapted. */
 typedef struct truepose_start_settings {
-  uint32_t size;               /**< sizeof(truepose_start_settings); see the controller's */
-  int32_t pairs;               /**< of opposite pulses of each motor, beyond those that find T */
-  truepose_real motion;        /**< of the platform by two opposite pulses, m; twice that in all */
-  truepose_real radius;        /**< at which the platform's turns count as motion, m */
-  truepose_real pulse;         /**< wanted time for which a brake is open, s */
-  truepose_real settle;        /**< from a closed brake to rest, s */
-  truepose_real brake_opens;   /**< s; below 0: as it closes (truepose_safety_limits) */
-  truepose_real inertia;       /**< factor by which a motor's may be smaller than the model's */
-  truepose_real weight;        /**< relative error of the weight that a motor holds */
-  truepose_real false_alarm;   /**< of the consistency at rest */
+  uint32_t size;             /**< sizeof(truepose_start_settings); see the controller's */
+  int32_t pairs;             /**< of opposite pulses of each motor, beyond those that find T */
+  truepose_real motion;      /**< of the platform by two opposite pulses, m; twice that in all */
+  truepose_real radius;      /**< at which the platform's turns count as motion, m */
+  truepose_real pulse;       /**< wanted time for which a brake is open, s */
+  truepose_real settle;      /**< from a closed brake to rest, s */
+  truepose_real brake_opens; /**< s; below 0: as it closes (truepose_safety_limits) */
+  truepose_real inertia;     /**< factor by which a motor's may be smaller than the model's */
+  truepose_real weight;      /**< relative error of the weight that a motor holds */
+  truepose_real false_alarm; /**< of the consistency at rest */
   truepose_real friction[TRUEPOSE_FREEDOMS]; /**< N·m or N (0: the robot's) */
 } truepose_start_settings;
 TRUEPOSE_API void truepose_start_defaults(truepose_start_settings* settings);
@@ -835,12 +835,12 @@ TRUEPOSE_API const char* truepose_start_finding_text(int32_t finding);
 
 /** Report of a test. Readings and motors as bits: the first 1. */
 typedef struct truepose_start_report {
-  int32_t state, finding;     /**< truepose_start_state; 0: none */
-  int32_t part, other;        /**< the finding's reading (of q_e) or motor, from 0, or -1 */
-  uint32_t candidates;        /**< readings that may be miswired, where several explanations fit */
-  uint32_t exchangeable;      /**< passed: readings whose exchange would not have been seen */
-  uint32_t brakes;            /**< motors whose brakes must hold */
-  int32_t motor;              /**< that is tested, from 0 */
+  int32_t state, finding; /**< truepose_start_state; 0: none */
+  int32_t part, other;    /**< the finding's reading (of q_e) or motor, from 0, or -1 */
+  uint32_t candidates;    /**< readings that may be miswired, where several explanations fit */
+  uint32_t exchangeable;  /**< passed: readings whose exchange would not have been seen */
+  uint32_t brakes;        /**< motors whose brakes must hold */
+  int32_t motor;          /**< that is tested, from 0 */
   truepose_real torque[TRUEPOSE_FREEDOMS]; /**< to the motors, N·m or N */
   truepose_real scale[TRUEPOSE_READINGS];  /**< of every reading, 1: as the others show, */
   truepose_real sigma[TRUEPOSE_READINGS];  /**< and its standard deviation */
@@ -864,8 +864,8 @@ TRUEPOSE_API truepose_outcome truepose_start_test_init(truepose_start_test* test
  * @return UNFINISHED: something is not initialised, and the report is unchanged */
 TRUEPOSE_API truepose_outcome truepose_start_test_cycle(
     const truepose_model* model, truepose_start_test* test,
-    const truepose_real q_e[TRUEPOSE_READINGS], int32_t referenced,
-    const truepose_knowledge* known, truepose_real* work, truepose_start_report* report);
+    const truepose_real q_e[TRUEPOSE_READINGS], int32_t referenced, const truepose_knowledge* known,
+    truepose_real* work, truepose_start_report* report);
 
 /* ------------------------------------------------------------------------------------------------
  * Online calibration

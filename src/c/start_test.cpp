@@ -1,6 +1,6 @@
 // The start-up test for C.
-#include "controllers.hpp"
 #include "truepose/control/start_test.hpp"
+#include "controllers.hpp"
 
 using namespace truepose;
 

@@ -54,7 +54,8 @@ struct StartBench {
   Extended read(const Miswiring& wrong) {
     Extended q_e{};
     CHECK(bool(plant.measure(q_e)));
-    const Extended zero = wrong.incremental || wrong.kind == StartFinding::frozen ? first : Extended{};
+    const Extended zero =
+        wrong.incremental || wrong.kind == StartFinding::frozen ? first : Extended{};
     const Extended healthy = q_e;
     const auto shows = [&](int to, int from, double gain) {
       q_e[to] = zero[to] + gain * (healthy[from] - zero[from]);
@@ -96,7 +97,8 @@ struct StartBench {
       for (int j = 0; j < kPositions<K>; ++j) sum += std::pow(plant.pose().D[j] - started.D[j], 2);
       moved = std::max(moved, std::sqrt(sum));
       const bool over = test.state >= StartState::passed;
-      if (over && std::all_of(test.torque.begin(), test.torque.end(), [](double t) { return t == 0; }))
+      if (over &&
+          std::all_of(test.torque.begin(), test.torque.end(), [](double t) { return t == 0; }))
         break;
     }
     seconds = cycles * limits.period;

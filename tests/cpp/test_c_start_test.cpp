@@ -19,8 +19,9 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
   CHECK(truepose_start_test_init(&test, sizeof test, &model, nullptr, &limits).status == 0);
   while (report.state < TRUEPOSE_START_PASSED || bench.test.torque != Joint{}) {
     const Extended q_e = bench.read({});
-    CHECK(truepose_start_test_cycle(&model, &test, q_e.data(), 1, nullptr, nullptr, &report)
-              .status == 0);
+    CHECK(
+        truepose_start_test_cycle(&model, &test, q_e.data(), 1, nullptr, nullptr, &report).status ==
+        0);
     start_test<K>(bench.robot, {}, bench.limits, q_e, true, bench.test);
     CHECK(std::equal(bench.test.torque.begin(), bench.test.torque.end(), report.torque));
     CHECK(report.brakes == bench.test.brakes && report.motor == bench.test.motor);

@@ -49,7 +49,9 @@ TEST("an ideal robot follows a move with full feed-forward, and ends on the spot
   });
 }
 
-TEST("in the safety shell a healthy run is the same, and after a frozen frame the path stands still") {
+TEST(
+    "in the safety shell a healthy run is the same, and after a frozen frame the path stands "
+    "still") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     const Robot robot = limited_robot<K>(mechanism);

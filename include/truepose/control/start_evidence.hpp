@@ -5,8 +5,8 @@
 // i of J_r J times s. An explanation changes that: one reading has another gain γ (−1: reversed,
 // 0: frozen), two readings are exchanged, a motor turns the wrong way, another brake slips. s, and
 // γ, follow by weighted least squares from the readings that the explanation leaves; χ² of the
-// residuals, over all motors tested so far, is its misfit. Of the model's s only the sign and a tenth
-// of its size count: inertia, brake times and the give of a brake are hardly known.
+// residuals, over all motors tested so far, is its misfit. Of the model's s only the sign and a
+// tenth of its size count: inertia, brake times and the give of a brake are hardly known.
 #pragma once
 
 #include "truepose/control/start_states.hpp"

@@ -38,11 +38,15 @@ enum class StartFinding : int {
   too_far = 16,              ///< a motor moves farther than a pulse allows
   too_coarse = 17,           ///< a motor: pulses within the bound are below a count, or a cycle
 };
-inline constexpr std::array kStartFindings{
-    "none",     "contradictory limits", "unknown pose", "missing reading", "not at rest",
-    "range",    "inconsistent",         "reversed",     "exchanged",       "frozen",
-    "scale",    "unseen",               "no motion",    "no torque",       "wrong way",
-    "brake slips", "too far",           "too coarse"};
+inline constexpr std::array kStartFindings{"none",         "contradictory limits",
+                                           "unknown pose", "missing reading",
+                                           "not at rest",  "range",
+                                           "inconsistent", "reversed",
+                                           "exchanged",    "frozen",
+                                           "scale",        "unseen",
+                                           "no motion",    "no torque",
+                                           "wrong way",    "brake slips",
+                                           "too far",      "too coarse"};
 
 /// Constant during a test; the defaults are assumed. Torque limit and slew, period, brake times,
 /// counts and ranges are those of SafetyLimits.
@@ -64,9 +68,9 @@ struct StartEvidence {
   int tested = 0;  ///< motors
   /// Motions forward minus motions back of every reading, by the motor that was pulsed.
   Matrix<kMaxMotors, kMaxReadings> moved{};
-  Joint expected{};                    ///< of the motor itself, by the model
-  Joint pulses{};                      ///< number of pulses
-  Extended variance{};                 ///< of one motion, from counts and noise
+  Joint expected{};                     ///< of the motor itself, by the model
+  Joint pulses{};                       ///< number of pulses
+  Extended variance{};                  ///< of one motion, from counts and noise
   Matrix<kMaxSensors, kMaxMotors> g{};  ///< J_r J
 };
 
@@ -76,18 +80,17 @@ struct StartHypothesis {
   int a = -1, b = -1;  ///< reading or motor; the other reading
 };
 
-inline constexpr int kStartHypotheses =
-    1 + kMaxReadings * (kMaxReadings + 1) / 2 + 2 * kMaxMotors;
+inline constexpr int kStartHypotheses = 1 + kMaxReadings * (kMaxReadings + 1) / 2 + 2 * kMaxMotors;
 
 /// State and report, the caller's; a new one starts with closed brakes.
 struct StartTest {
   StartState state = StartState::rest;
   StartFinding finding = StartFinding::none;
-  int part = -1, other = -1;        ///< its reading (of the extended positions) or motor, from 0
-  std::uint32_t candidates = 0;     ///< inconsistent: readings that may be miswired, as bits
-  std::uint32_t exchangeable = 0;   ///< passed: readings whose exchange would not have been seen
-  Extended scale{}, sigma{};        ///< of every reading, 1: as the others show, and its σ
-  Joint torque{};                   ///< to the motors
+  int part = -1, other = -1;       ///< its reading (of the extended positions) or motor, from 0
+  std::uint32_t candidates = 0;    ///< inconsistent: readings that may be miswired, as bits
+  std::uint32_t exchangeable = 0;  ///< passed: readings whose exchange would not have been seen
+  Extended scale{}, sigma{};       ///< of every reading, 1: as the others show, and its σ
+  Joint torque{};                  ///< to the motors
   std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< that must hold, as bits
 
   int motor = 0;

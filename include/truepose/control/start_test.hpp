@@ -17,15 +17,15 @@
 
 #include "truepose/control/dynamics.hpp"
 #include "truepose/control/start_evidence.hpp"
-#include "truepose/full/linearise.hpp"
+#include "truepose/control/start_rest.hpp"
 
 namespace truepose {
 namespace start_detail {
-inline constexpr int kAveraged = 8;    ///< cycles of an average between pulses,
-inline constexpr int kRested = 32;     ///< and at rest
-inline constexpr Real kSafe = 0.85;    ///< of the bound, which pulses use
-inline constexpr Real kBlind = 5;      ///< pulses' worth of the weight's error until nothing moves
-inline constexpr Real kMost = 1e9;     ///< rad or m: larger readings are missing
+inline constexpr int kAveraged = 8;  ///< cycles of an average between pulses,
+inline constexpr int kRested = 32;   ///< and at rest
+inline constexpr Real kSafe = 0.85;  ///< of the bound, which pulses use
+inline constexpr Real kBlind = 5;    ///< pulses' worth of the weight's error until nothing moves
+inline constexpr Real kMost = 1e9;   ///< rad or m: larger readings are missing
 
 /// One cycle of a robot's test.
 template <Mobility K>
@@ -136,7 +136,7 @@ class StartCycle {
     int outside = -1;
     test_.misfit.fill(INFINITY);
     Pose pose;
-    test_.misfit[0] = level(test_.begin, pose, outside);
+    test_.misfit[0] = rest_level<K>(robot_, limits_, weighing_, test_.begin, pose, outside);
     if (test_.misfit[0] <= most(robot_.r)) return start(pose);
     if (robot_.r > 0 && weighing_) return go(StartState::explain);
     if (outside >= 0) return fail(StartFinding::out_of_range, outside);
@@ -144,49 +144,6 @@ class StartCycle {
   }
 
   Real most(int freedom) const { return chi2_beyond(settings_.false_alarm, freedom); }
-
-  /// χ² of the readings at rest, against geometry, counts and noise; infinite beyond a stop, or
-  /// without a pose. 0 where nothing weighs it.
-  Real level(const Extended& q_e, Pose& pose, int& outside) {
-    for (int c = 0; c < n; ++c)
-      if (limits_.low[c] < limits_.high[c] && !(q_e[c] >= limits_.low[c] && q_e[c] <= limits_.high[c])) {
-        outside = c;
-        return INFINITY;
-      }
-    pose = to_pose<K>(robot_.home);
-    if (fkm<K>(robot_, motors_of<K>(q_e), pose).status > Status::ok) return INFINITY;
-    if (robot_.r == 0 || !weighing_) return 0;
-    const Knowledge& known = *weighing_.known;
-    Real *H_xi = weighing_.work, *B = H_xi + e() * parameter_count(robot_);
-    Extended at, beyond{}, noise{};
-    Matrix<kMaxReadings, n> H_x;
-    Outcome outcome;
-    if (robot_.rod_by_rod()) {
-      Parasitic parasitic;
-      Extended ideal;
-      outcome = FullModel::linearise<K>(robot_, pose, at, H_x, H_xi, parasitic);
-      if (outcome) outcome = extended<K>(robot_, pose, ideal);
-      for (int c = 0; c < e() && outcome; ++c) beyond[c] = at[c] - ideal[c];
-    } else {
-      outcome = linearise<K>(robot_, pose, at, H_x, H_xi);
-    }
-    Parity<K> parity;
-    if (outcome) outcome = parity.place(robot_, pose, q_e, beyond);
-    if (!outcome) return INFINITY;
-    parity.open(robot_, known, H_xi, B);
-    Matrix<kMaxSensors, kMaxSensors> geometry{};
-    for (int k = 0; k < robot_.r; ++k)
-      for (int l = 0; l <= k; ++l)
-        geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-    for (int c = 0; c < e(); ++c) noise[c] = known.sigma[c] * known.sigma[c];
-    ReadingCovariance V;
-    parity.covariance(robot_.r, noise, geometry, 1, V);
-    if (!V.factor(robot_.r)) return INFINITY;
-    std::array<Real, kMaxSensors + 1> none{};
-    none.fill(INFINITY);
-    pose = parity.pose;
-    return truepose::judge<K>(parity, none, V, parity.value, robot_.r, 0, 0).chi2;
-  }
 
   /// One miswiring a cycle: whether the readings are consistent with it undone.
   void explain() {
@@ -200,7 +157,7 @@ class StartCycle {
       Pose pose;
       int outside;
       if (by.kind == StartFinding::scale || same_unit(robot_, by.a, by.b))
-        test_.misfit[test_.index] = level(q_e, pose, outside);
+        test_.misfit[test_.index] = rest_level<K>(robot_, limits_, weighing_, q_e, pose, outside);
       return;
     }
     StartHypothesis by = verdict(test_, robot_, most(robot_.r), test_.candidates);
@@ -229,7 +186,8 @@ class StartCycle {
       test_.lever[m] = std::sqrt(sum);
       test_.response[m] = 1 / (model.slope[m] * inertia[m][m]);
       const Real weight = std::fabs(test_.weight[m]), error = settings_.weight * weight;
-      const Real worst = Real(0.5) * settings_.inertia * std::fabs(test_.response[m]) * test_.lever[m];
+      const Real worst =
+          Real(0.5) * settings_.inertia * std::fabs(test_.response[m]) * test_.lever[m];
       const Real most = kSafe * 2 * settings_.motion;
       const auto square = [](Real value) { return value * value; };
       const Real wanted = std::max(most / (worst * square(settings_.pulse)) - kBlind * error,
@@ -323,8 +281,6 @@ class StartCycle {
     }
     evidence.expected[i()] += moves(i(), test_.open);
     evidence.pulses[i()] += 1;
-    for (int j = 0; j < n; ++j)
-      if (j != i() && slips(j)) return judge_now();
     if (test_.side > 0) {
       test_.forward = y;
       test_.from = test_.before;
@@ -340,9 +296,10 @@ class StartCycle {
     Real most = 0, clearest = 0, ratio = 0;
     for (int c = 0; c < e(); ++c) {
       const Real apart = test_.forward[c] - back[c];
-      // The mean of both directions: closed brakes give way to the push.
-      const Real gone = (change(c, test_.begin[c], test_.from[c]) +
-                         change(c, test_.begin[c], test_.after[c])) / 2;
+      // The mean of both directions: closed brakes are elastic.
+      const Real gone =
+          (change(c, test_.begin[c], test_.from[c]) + change(c, test_.begin[c], test_.after[c])) /
+          2;
       const auto beyond = [&](Real way) { return way - std::clamp(way, -count(c), count(c)); };
       most = std::max({most, shown(c, test_.forward[c]), shown(c, back[c])});
       test_.trimmed[c] += apart * test_.trim / test_.push[i()];
@@ -356,6 +313,8 @@ class StartCycle {
     const Real room = limits_.torque[i()] - test_.push[i()] - std::fabs(test_.weight[i()]);
     test_.trim = -std::clamp(ratio * test_.push[i()], -room, room);
 
+    for (int j = 0; j < n; ++j)
+      if (j != i() && slips(j)) return judge_now();
     const int longest = test_.longest[i()];
     const bool enough = most * 4 >= settings_.motion || test_.open >= longest;
     if (most > settings_.motion || farthest(test_.begin) > settings_.motion) return judge_now();
@@ -395,7 +354,8 @@ class StartCycle {
       test_.scale[by.a] = gain.value;
       test_.sigma[by.a] = gain.sigma;
       // Any scale explains as much as one miswiring by chance.
-      if (named(gain.value, seen(by.a)) == StartFinding::scale) test_.misfit[test_.index] += kBetter;
+      if (named(gain.value, seen(by.a)) == StartFinding::scale)
+        test_.misfit[test_.index] += kBetter;
     }
     if (++test_.index < all) return;
     const Real most = chi2_beyond(1e-6, test_.evidence.tested * (e() - 1) + 1);

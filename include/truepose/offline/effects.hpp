@@ -63,9 +63,9 @@ class Plant {
 
   Plant(const Robot& truth, const Effects& effects, const Pose& start, std::uint64_t seed)
       : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
+    brake_gives_.fill(kBrakePresliding);
     for (int i = 0; i < n; ++i) {  // the robot file has rotor and arm as one inertia
       const Chain& chain = truth.chain[i];
-      brake_gives_[i] = kBrakePresliding;
       rotor_[i] = std::max(chain.drive_inertia - chain.arm_mass * chain.arm * chain.arm / 3,
                            0.1 * chain.drive_inertia);
       if (springy(i)) driven_.chain[i].drive_inertia -= rotor_[i];
@@ -116,9 +116,11 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       brake_[i] = brake_torque(i);
       if (truth_.chain[i].actuator != Actuator::revolute) brake_gives_[i] = kSlideGives;
+      damping_[i] = kBrakeSettles / brake_gives_[i];
       rubs_[i] = brake_[i] > 0 ? std::clamp(-transmitted_[i] / brake_[i], -1.0, 1.0) : 0;
     }
     asked_ = ~0U;
+    engaged_ = true;
   }
 
   /// After engage(): applies brakes, as bits, that open and close after delays, s.
@@ -148,6 +150,7 @@ class Plant {
       return truepose::advance<K>(driven_, torque, period, steps, state_);
     }
     if (effects_.arm_stiffness > 0 || braked) steps = std::max(steps, kCompliantSteps);
+    if (engaged_) steps = std::max(steps, 2 * kCompliantSteps);
     for (int s = 0; s < steps; ++s) {
       Rotors turned = rotors_;
       const Outcome outcome =
@@ -163,7 +166,9 @@ class Plant {
         const double moved_by = turned[i] - rotors_[i];
         if (moved_by == 0) continue;
         slip_[i] = dahl(slip_[i], moved_by, effects_.presliding);
-        rubs_[i] = dahl(rubs_[i], moved_by, brake_gives_[i]);
+        // Dahl's friction creeps under a load that swings; a brake at rest does not.
+        rubs_[i] = engaged_ ? std::clamp(rubs_[i] + moved_by / brake_gives_[i], -1.0, 1.0)
+                            : dahl(rubs_[i], moved_by, brake_gives_[i]);
       }
       rotors_ = turned;
     }
@@ -219,7 +224,7 @@ class Plant {
       const double arm = shaft(i, q[i]);
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
       const double turns = springy(i) ? y[n + i] : rate[i];
-      const double holds = rubs_[i] + kBrakeDamping * turns / kBrakePresliding;
+      const double holds = rubs_[i] + kBrakeDamping * turns / brake_gives_[i];
       const double rubs =
           effects_.friction[i] * slip_[i] + brake_[i] * std::clamp(holds, -1.0, 1.0);
       const double net = torque[i] * (1 + ripple) - rubs;
@@ -280,6 +285,7 @@ class Plant {
   Joint closing_{}, brake_{};  ///< s since brakes were requested; their torque
   Joint brake_gives_{};        ///< presliding of brakes, rad or m
   std::uint32_t asked_ = 0;    ///< of work_brakes(): brakes as last requested,
+  bool engaged_ = false;       ///< by engage()
   double clock_ = 0;           ///< s,
   Joint opens_{}, closes_{};   ///< and when they follow; 0: they have
   Joint transmitted_{};        ///< torque transmitted to the arms

@@ -67,7 +67,7 @@ struct Fault {
   double size = 0;   ///< in the kind's unit
   double begin = 0;  ///< s; the first reading at this time or later is faulty
   double end = std::numeric_limits<double>::infinity();  ///< s; the first healthy one again
-  double count = 0;  ///< of coarse: the reading's healthy count, in its unit
+  double count = 0;    ///< of coarse: the reading's healthy count, in its unit
   bool frame = false;  ///< one of those of a whole frame: its counter stands still as well
 };
 

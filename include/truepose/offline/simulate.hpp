@@ -165,9 +165,9 @@ class Loop {
     const bool monitored = extras_.fault_settings && !extras_.law;
     if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
     Extended present = q_e;
-    const Weighing weighing = slow && !monitored
-                                  ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
-                                  : extras_.weighing;
+    const Weighing weighing =
+        slow && !monitored ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
+                           : extras_.weighing;
     const bool learns = learner && time >= 0;
     cycle.gave_up =  // a row that fits no pose is skipped
         learns && !monitored && calibrate_online<K>(*learner, present).status == Status::stopped;
@@ -179,9 +179,9 @@ class Loop {
     else if (extras_.law)
       outcome = extras_.law(time, setpoint, present, control_.torque);
     else if (monitored)
-      outcome = control_fault_tolerant<K>(believed, settings_, *extras_.fault_settings, setpoint,
-                                          q_e, control_, extras_.monitor_weighing, fault_state_,
-                                          late);
+      outcome =
+          control_fault_tolerant<K>(believed, settings_, *extras_.fault_settings, setpoint, q_e,
+                                    control_, extras_.monitor_weighing, fault_state_, late);
     else
       outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
     if (learns && monitored) {
@@ -196,26 +196,24 @@ class Loop {
 
   /// The law inside the safety shell. An own law is not called before it acts.
   Outcome run_safely(const Robot& believed, double time, const Setpoint& setpoint,
-                     const Extended& q_e, const Weighing& weighing,
-                     const SafetyRequests& request) {
+                     const Extended& q_e, const Weighing& weighing, const SafetyRequests& request) {
     const Safety& safety = *extras_.safety;
     SafetyCycle cycle;
     cycle.request = request;
     if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++frame_;
     cycle.counter = {safety.counted, frame_};
     if (!extras_.law)
-      return control_safely<K>(believed, settings_, safety.limits, setpoint, q_e, control_, shell_,
-                               cycle, weighing,
-                               {extras_.fault_settings,
-                                extras_.fault_settings ? &fault_state_ : nullptr,
-                                extras_.late ? &late_ : nullptr});
+      return control_safely<K>(
+          believed, settings_, safety.limits, setpoint, q_e, control_, shell_, cycle, weighing,
+          {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
+           extras_.late ? &late_ : nullptr});
     cycle.x = setpoint.x;
     std::copy_n(q_e.begin(), kDof<K>, cycle.q.begin());
     const Pose pose = to_pose<K>(setpoint.x);
     cycle.answer = command<K>(believed, pose, cycle.q_d);
     if (cycle.answer)
-      cycle.answer = inverse_dynamics<K>(believed, pose, setpoint.rate, setpoint.acceleration,
-                                         cycle.load);
+      cycle.answer =
+          inverse_dynamics<K>(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);
     if (cycle.answer && shell_.follows)
       cycle.answer = extras_.law(time, setpoint, q_e, control_.torque);
     cycle.torque = control_.torque;

@@ -19,8 +19,9 @@ struct StartRun {
 /// The test at its end, and what happened.
 struct SimulatedStart {
   StartTest test;
-  double moved = 0;  ///< largest distance of the reference point from the start, m (passive axes: rad)
-  Joint torque{};    ///< largest of each motor
+  double moved =
+      0;  ///< largest distance of the reference point from the start, m (passive axes: rad)
+  Joint torque{};  ///< largest of each motor
   double seconds = 0;
 };
 
@@ -29,8 +30,8 @@ struct SimulatedStart {
 /// @return the failure of the plant; not_converged: no end within ten minutes
 template <Mobility K>
 Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettings& settings,
-                       const SafetyLimits& limits, const Weighing& weighing,
-                       const Effects& effects, const StartRun& run, SimulatedStart& result) {
+                       const SafetyLimits& limits, const Weighing& weighing, const Effects& effects,
+                       const StartRun& run, SimulatedStart& result) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   const Pose start = to_pose<K>(run.start);

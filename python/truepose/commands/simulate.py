@@ -30,6 +30,7 @@ from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoi
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.dynamic import visit
 from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.start_test import start_test as prove
 
 #: Poles of a controller that visits poses without effects, rad/s, and the velocity filter's
 #: bandwidth over the poles, for visits and with effects.
@@ -87,6 +88,12 @@ def command(
         help="Safety shell: stop after a violation of its limits, which are printed. Moves and "
         "paths only.",
     ),
+    start_test: bool = Option(
+        False,
+        "--start-test",
+        help="Instead of a move: the start-up test, with the faults as miswirings of incremental "
+        "encoders.",
+    ),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
     duration: float | None = Option(
@@ -123,6 +130,12 @@ def command(
     believed = options.load_with(robot, sensors)
     truth = options.true_robot(believed, true, seed)
     forgotten = None if effects == "none" else options.effects_of(effects)
+    if start_test:
+        place = options.parse_pose(believed, start, "--from", False)
+        faults = options.faults_of(fault)
+        started = prove(believed, truth, faults, start=place, effects=forgotten, seed=seed)
+        show([started.table()], how, [started.summary])
+        return
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, dict)
     if safety and visiting:

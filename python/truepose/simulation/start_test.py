@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +42,8 @@ _SAID = {
     "too coarse": "{motor}: pulses within the bound are below a count or a cycle",
 }
 
+_KNOWN = 0.5  # largest σ of a scale that is printed
+
 
 @dataclass(frozen=True, repr=False)
 class StartTest(Shown):
@@ -74,18 +77,29 @@ class StartTest(Shown):
         names = {"a": a, "b": b, "motor": a, "candidates": ", ".join(self.candidates) or "none"}
         return _SAID[self.finding].format(**names)
 
+    @property
+    def summary(self) -> str:
+        """Return one line: the finding, the largest motion, the time."""
+        most = printed(self.moved, self.robot.coordinates[0][1], ".2f")
+        motion = f"{most} at most, {self.seconds:.1f} s"
+        return f"{self.robot.name}, start-up test: {self.said}; {motion}"
+
     def __repr__(self) -> str:
-        unit = self.robot.coordinates[0][1]
-        most = printed(self.moved, unit, ".2f")
-        what = f"{self.robot.name}, start-up test: {self.said}; {most} at most, {self.seconds:.1f} s"
-        return f"{what}\n{super().__repr__()}" if self.passed else what
+        return f"{self.summary}\n{super().__repr__()}" if self.passed else self.summary
+
+    def _draw(self, figure: Any) -> None:
+        axes = figure.subplots()
+        known = self.sigma < _KNOWN
+        names = [name for name, seen in zip(self.robot.readings, known, strict=True) if seen]
+        axes.errorbar(names, self.scale[known], self.sigma[known], fmt="o")
+        axes.set_ylabel("scale")
 
     def table(self) -> Table:
         """Return one row per reading: its scale, and σ, and its motor's largest torque."""
         rows = []
         for k, name in enumerate(self.robot.readings):
             most = number(self.torque[k]) if k < self.robot.n else Cell("", None)
-            known = self.sigma[k] < 0.5
+            known = self.sigma[k] < _KNOWN
             rows.append(
                 [
                     name,

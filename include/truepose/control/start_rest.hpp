@@ -1,0 +1,54 @@
+// Consistency of the readings at rest, before a start-up test has any torque.
+#pragma once
+
+#include "truepose/control/start_states.hpp"
+#include "truepose/full/linearise.hpp"
+
+namespace truepose::start_detail {
+/// χ² of the readings at rest, against geometry, counts and noise; infinite beyond a stop, or
+/// without a pose. 0 where nothing weighs it.
+template <Mobility K>
+Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& weighing,
+                const Extended& q_e, Pose& pose, int& outside) {
+  constexpr int n = kDof<K>;
+  const int e = n + robot.r;
+  for (int c = 0; c < n; ++c)
+    if (limits.low[c] < limits.high[c] && !(q_e[c] >= limits.low[c] && q_e[c] <= limits.high[c])) {
+      outside = c;
+      return INFINITY;
+    }
+  pose = to_pose<K>(robot.home);
+  if (fkm<K>(robot, motors_of<K>(q_e), pose).status > Status::ok) return INFINITY;
+  if (robot.r == 0 || !weighing) return 0;
+  const Knowledge& known = *weighing.known;
+  Real *H_xi = weighing.work, *B = H_xi + e * parameter_count(robot);
+  Extended at, beyond{}, noise{};
+  Matrix<kMaxReadings, n> H_x;
+  Outcome outcome;
+  if (robot.rod_by_rod()) {
+    Parasitic parasitic;
+    Extended ideal;
+    outcome = FullModel::linearise<K>(robot, pose, at, H_x, H_xi, parasitic);
+    if (outcome) outcome = extended<K>(robot, pose, ideal);
+    for (int c = 0; c < e && outcome; ++c) beyond[c] = at[c] - ideal[c];
+  } else {
+    outcome = linearise<K>(robot, pose, at, H_x, H_xi);
+  }
+  Parity<K> parity;
+  if (outcome) outcome = parity.place(robot, pose, q_e, beyond);
+  if (!outcome) return INFINITY;
+  parity.open(robot, known, H_xi, B);
+  Matrix<kMaxSensors, kMaxSensors> geometry{};
+  for (int k = 0; k < robot.r; ++k)
+    for (int l = 0; l <= k; ++l)
+      geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+  for (int c = 0; c < e; ++c) noise[c] = known.sigma[c] * known.sigma[c];
+  ReadingCovariance V;
+  parity.covariance(robot.r, noise, geometry, 1, V);
+  if (!V.factor(robot.r)) return INFINITY;
+  std::array<Real, kMaxSensors + 1> none{};
+  none.fill(INFINITY);
+  pose = parity.pose;
+  return truepose::judge<K>(parity, none, V, parity.value, robot.r, 0, 0).chi2;
+}
+}  // namespace truepose::start_detail

@@ -1,0 +1,82 @@
+"""The start-up test in simulation: shipped robots pass, miswired ones are named at rest."""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+
+FINDINGS = {
+    ("theta:sign", True): "theta is reversed",
+    ("q2:sign", True): "q2 is reversed",
+    ("q1:swap=q4", True): "q1 and q4 are exchanged",
+    ("q3:swap=theta", True): "q3 and theta are exchanged",
+    ("q3:stuck", True): "q3 is frozen",
+    ("q3:dropout", True): "q3 gives no number",
+    ("theta:swap=q3", False): "theta and q3 are exchanged",
+}
+
+
+def _fault(text: str) -> tp.faults.Fault:
+    reading, kind = text.split(":")
+    kind, _, other = kind.partition("=")
+    return tp.faults.Fault(reading, kind, other=other or None)
+
+
+@pytest.mark.parametrize("name", tp.list_robots())
+def test_shipped_robots_pass_with_less_than_a_millimetre(name: str) -> None:
+    robot = tp.load(name)
+    run = tp.simulation.start_test(robot)
+    assert run.passed, run.said
+    # On passive axes 50 mm off them count: 10 mm at most.
+    most = 1e-3 / (0.05 if robot.coordinates[0][1] == "rad" else 1)
+    assert 0 < run.moved < most
+    assert (run.torque <= [chain.torque_limit for chain in robot.spec.chain]).all()
+
+
+@pytest.mark.parametrize(("fault", "incremental"), FINDINGS)
+def test_miswired_readings_of_an_h4_are_named(fault: str, incremental: bool) -> None:
+    run = tp.simulation.start_test(tp.load("h4"), faults=[_fault(fault)], incremental=incremental)
+    said = FINDINGS[fault, incremental]
+    if not incremental:  # what the readings at rest leave open
+        assert run.said == said or set(_fault(fault).other.split()) <= set(run.candidates)
+        assert run.moved < 1e-6
+    else:
+        assert run.said == said
+    assert run.moved < 1e-3
+
+
+def test_nothing_moves_from_an_unknown_pose() -> None:
+    run = tp.simulation.start_test(tp.load("h4"), referenced=False)
+    assert "unknown" in run.said
+    assert run.moved < 1e-6
+    assert not run.torque.any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_robot_as_built_passes_with_all_effects(seed: int) -> None:
+    h4 = tp.load("h4")
+    run = tp.simulation.start_test(h4, h4.sample(seed), effects=tp.Effects(), seed=seed)
+    assert run.passed, run.said
+    assert run.moved < 1e-3
+
+
+def test_a_scale_is_within_its_uncertainty_and_unknown_where_nothing_shows_it() -> None:
+    run = tp.simulation.start_test(tp.load("h4"))
+    known = run.sigma < 0.5
+    assert known.tolist() == [False, False, True, True, True]
+    assert (np.abs(run.scale - 1) < 4 * run.sigma)[known].all()
+    assert "?" in str(run)
+
+
+def test_a_robot_without_torque_limits_is_refused() -> None:
+    h4 = tp.load("h4")
+    chains = tuple(c.model_copy(update={"torque_limit": None}) for c in h4.spec.chain)
+    free = tp.Robot(h4.spec.model_copy(update={"chain": chains}), {})
+    with pytest.raises(tp.InputError, match="needs a torque limit"):
+        tp.simulation.start_test(free)
+
+
+@pytest.mark.parametrize("motion", [0, -1, float("nan")])
+def test_bad_motions_are_refused(motion: float) -> None:
+    with pytest.raises(tp.InputError, match="motion"):
+        tp.simulation.start_test(tp.load("h4"), motion=motion)
