@@ -307,6 +307,6 @@ TEST("a motor whose encoder freezes is found before the loop has driven it far, 
     };
     CHECK(Loop<K>(robot, robot, scene.settings, robot.home, run.seed, extras).move(run, write));
     CHECK(found < 3 * monitor.moved[0]);  // it may be held between samples: ten cycles more
-    CHECK(after < 0.1);  // the brake closes in 20 ms
+    CHECK(after < 0.1);                   // the brake closes in 20 ms
   }
 }
