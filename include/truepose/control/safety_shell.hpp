@@ -106,7 +106,7 @@ inline constexpr int kLongest = 1000;     ///< cycles without a change that are 
 inline constexpr int kFrozen = 3;         ///< identical frames that are one too many
 /// One motor stands still while its loop drives it: error at which it may rest, over `rests`, and
 /// ways over `still` and over `tracking`, the larger of which is too far.
-inline constexpr Real kStuckRests = 3, kStuckStill = 7, kStuckTracking = 0.1;
+inline constexpr Real kStuckRests = 1, kStuckStill = 7, kStuckTracking = 0.1;
 
 /// Violations of one cycle, as bits, each with the motor that was first.
 struct Found {
