@@ -239,11 +239,13 @@ def healthy(which: str, law: str, monitored: bool, seconds: float, seed: int) ->
     return {"cycles": len(run.x), "status": run.status if stopped else ""}
 
 
-def run_campaign(pool: ProcessPoolExecutor, plant: str, robots: int, out: Path) -> list[dict]:
+def run_campaign(
+    pool: ProcessPoolExecutor, plant: str, sets: list[str], robots: int, out: Path
+) -> list[dict]:
     """Compute the jobs that `out` does not have, add them to it, and return all cases."""
     text = out.read_text() if out.exists() else ""
     have = {tuple(row["job"]): row["cases"] for row in map(json.loads, text.splitlines())}
-    keys = [(plant, *key) for key in product(SETS, LAWS, range(robots))]
+    keys = [(plant, *key) for key in product(sets, LAWS, range(robots))]
     missing = [key for key in keys if key not in have]
     with out.open("a") as file:
         for key, cases in zip(missing, pool.map(_job, missing), strict=True):
@@ -361,6 +363,7 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=7.0)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
     parser.add_argument("--plant", choices=PLANTS, default="own")
     parser.add_argument("--out", type=Path, default=Path("campaign.jsonl"))
     args = parser.parse_args()
@@ -368,7 +371,7 @@ def main() -> None:
         return consequences(args.moves, args.seed, args.calibrated)
     with ProcessPoolExecutor(args.jobs) as pool:
         if args.what == "campaign":
-            print_campaign(run_campaign(pool, args.plant, args.robots, args.out))
+            print_campaign(run_campaign(pool, args.plant, args.sets, args.robots, args.out))
         elif args.what == "frozen":
             print_frozen(pool, args.robots)
         else:
