@@ -189,7 +189,8 @@ class Plant {
       const double arm = shaft(i, q[i]);
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
       const double rubs = effects_.friction[i] * slip_[i] + brake_[i] * rubs_[i];
-      const double net = torque[i] * (1 + ripple) - rubs - damping_[i] * brake_[i] * rate[i];
+      const double turns = springy(i) ? y[n + i] : rate[i];
+      const double net = torque[i] * (1 + ripple) - rubs - damping_[i] * brake_[i] * turns;
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];
         const double damping = 2 * effects_.arm_damping * std::sqrt(k * I);
