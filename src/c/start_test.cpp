@@ -31,12 +31,10 @@ truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size
                                           const truepose_start_settings* settings,
                                           const truepose_safety_limits* limits) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    truepose_start_settings how;
     truepose_safety_limits all;
-    truepose_start_defaults(&how);
-    Status status = c::take(*limits, SafetyLimits{}, all);
-    if (status == Status::ok && settings) status = c::take(*settings, StartSettings{}, how);
+    const Status status = c::take(*limits, SafetyLimits{}, all);
     if (status != Status::ok) return {status, -1};
+    if (settings && settings->size != sizeof *settings) return {Status::other_version, -1};
     SafetyLimits core;
     fields(all, core, c::Copy<true>{});
     const int n = dof(robot.mobility);
@@ -45,7 +43,7 @@ truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size
     c::Start* made = c::Start::make(test, size);
     if (made == nullptr) return {Status::too_small, -1};
     made->limits = core;
-    fields(how, made->settings, c::Copy<true>{});
+    if (settings) fields(*settings, made->settings, c::Copy<true>{});
     return {};
   });
 }

@@ -126,6 +126,7 @@ RESULTS = {
     "PathAccuracy": lambda robot: tp.simulation.path_accuracy(
         robot, tp.simulation.Circle(centre=robot.home, radius=0.02, frequency=4), runs=2
     ),
+    "StartTest": tp.simulation.start_test,
     "Study": lambda robot: tp.monte_carlo("rest", robot, count=3, workers=0),
     "Detectability": lambda robot: tp.faults.detectability(robot, poses_of(robot)),
     "Isolation": isolated,

@@ -12,7 +12,7 @@ FINDINGS = {
     ("q3:swap=theta", True): "q3 and theta are exchanged",
     ("q3:stuck", True): "q3 is frozen",
     ("q3:dropout", True): "q3 gives no number",
-    ("theta:swap=q3", False): "theta and q3 are exchanged",
+    ("theta:swap=q3", False): "q3 and theta are exchanged",
 }
 
 

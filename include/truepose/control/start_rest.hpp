@@ -1,6 +1,7 @@
 // Consistency of the readings at rest, before a start-up test has any torque.
 #pragma once
 
+#include "truepose/control/law.hpp"
 #include "truepose/control/start_states.hpp"
 #include "truepose/full/linearise.hpp"
 

@@ -92,7 +92,7 @@ class StartTest(Shown):
         known = self.sigma < _KNOWN
         names = [name for name, seen in zip(self.robot.readings, known, strict=True) if seen]
         axes.errorbar(names, self.scale[known], self.sigma[known], fmt="o")
-        axes.set_ylabel("scale")
+        axes.set_ylabel("scale (1)")
 
     def table(self) -> Table:
         """Return one row per reading: its scale, and σ, and its motor's largest torque."""
