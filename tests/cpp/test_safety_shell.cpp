@@ -138,8 +138,7 @@ TEST("one motor whose encoder freezes in motion is named before its loop has dri
       const int named = bench.cycles(100, [&] { return bench.shell.causes != 0; }, freeze);
       CHECK(named > 0 && named <= 100);  // slow motors take the longest
       CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
-      const Setpoint setpoint =
-          quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
+      const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
       CHECK(bench.travelled(to_pose<K>(setpoint.x)) < 0.040);
     }
   });
