@@ -105,11 +105,21 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   for (int i = 0; i < n; ++i)
     observed =
         observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
-  if (!observed)
-    fault_state.observer = {};
-  else
-    static_cast<void>(observe_momentum<K>(robot, fault_settings.momentum, monitor.pose,
-                                          state.torque, fault_state.observer));
+  MomentumObserver& observer = fault_state.observer;
+  if (!observed) {
+    observer = {};
+  } else {  // the observer takes several periods as one
+    const auto every = static_cast<int>(
+        std::clamp<Real>(std::round(fault_settings.momentum.period / settings.period), 1, 100));
+    for (int i = 0; i < n; ++i) observer.sum[i] += state.torque[i] / static_cast<Real>(every);
+    if (++observer.waited >= every) {
+      const Joint mean = observer.sum;
+      observer.sum = {};
+      observer.waited = 0;
+      static_cast<void>(
+          observe_momentum<K>(robot, fault_settings.momentum, monitor.pose, mean, observer));
+    }
+  }
   for (int i = 0; i < n; ++i)
     monitor.pushed[i] =
         std::fabs(fault_state.observer.residual[i]) * fault_settings.momentum.give[i];

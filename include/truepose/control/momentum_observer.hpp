@@ -31,7 +31,7 @@ enum class Disturbance : int {
 
 /// Constant during a run. The defaults are assumed; a healthy robot stays below `alarm`.
 struct MomentumSettings {
-  Real period = 1e-3;   ///< s; 0: no observer
+  Real period = 1e-3;   ///< s, of one or several control periods; 0: no observer
   Real bandwidth = 60;  ///< L, rad/s
   Real alarm = 25;      ///< χ² of the residual above which there is a disturbance
   Real share = 0.05;    ///< σ of masses and torques, as a share of the torque
@@ -66,6 +66,8 @@ struct MomentumObserver {
   Pose pose;                 ///< the latest,
   Coordinates motion{};      ///< and the motion to it
   Joint torque{};            ///< applied before the latest
+  Joint sum{};               ///< mean torque of the period so far,
+  int waited = 0;            ///< and its control cycles
   Joint once{}, residual{};  ///< ρ, filtered once and twice
   Cause payload;
   std::array<Cause, kMaxMotors> friction;
