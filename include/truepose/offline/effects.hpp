@@ -116,7 +116,6 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       brake_[i] = brake_torque(i);
       if (truth_.chain[i].actuator != Actuator::revolute) brake_gives_[i] = kSlideGives;
-      damping_[i] = kBrakeSettles / brake_gives_[i];
       rubs_[i] = brake_[i] > 0 ? std::clamp(-transmitted_[i] / brake_[i], -1.0, 1.0) : 0;
     }
     asked_ = ~0U;
