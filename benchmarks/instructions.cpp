@@ -281,6 +281,8 @@ FaultTolerantSettings monitoring() {
   FaultTolerantSettings settings;
   settings.monitor.fastest.fill(500);
   settings.monitor.moved.fill(2e-3);
+  settings.momentum.period = 4e-3;  // as FaultMonitor's: every fourth cycle
+  settings.momentum.sigma.fill(50);
   prepare(settings.monitor);
   return settings;
 }

@@ -132,23 +132,16 @@ def command(
     forgotten = None if effects == "none" else options.effects_of(effects)
     if start_test:
         place = options.parse_pose(believed, start, "--from", False)
-        faults = options.faults_of(fault)
-        started = prove(believed, truth, faults, start=place, effects=forgotten, seed=seed)
-        show([started.table()], how, [started.summary])
-        return
+        given = options.faults_of(fault)
+        started = prove(believed, truth, given, start=place, effects=forgotten, seed=seed)
+        return show([started.table()], how, [started.summary])
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, dict)
     if safety and visiting:
         raise InputError("--safety: only for moves and paths in time, not for --path with poses")
     shell = SafetyShell() if safety else None
     law = laws.usual(believed) if law is None else law
-    exact = forgotten in (None, Effects.none())
-    if frequency is None and not (visiting and exact):
-        controller = controller_of(law, believed, forgotten)
-    else:
-        poles = VISITING if frequency is None else frequency
-        wide = (BANDWIDTH if visiting or not exact else 10.0) * poles
-        controller = Controller(law=law, frequency=poles, velocity_bandwidth=wide)
+    controller = _controller(believed, law, forgotten, frequency, visiting)
     usual = VISIT if visiting else MOVE
     faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
     if visiting and disturbances:
@@ -183,13 +176,23 @@ def command(
     if log is not None:
         text = logs.writing.encoded(log.path, logs.columns(ran, truth))
         files.write({log: text}, options.paths(read), force)
+    wrong = [f"faults {', '.join(map(str, faults))}"] if faults else []
     who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
-    if faults:
-        who += f", faults {', '.join(map(str, faults))}"
-    if disturbances:
-        who += f", {', '.join(map(str, disturbances))}"
+    who = ", ".join([who, *wrong, *map(str, disturbances)])
     answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))
+
+
+def _controller(
+    robot: Robot, law: Law, effects: Effects | None, frequency: float | None, visiting: bool
+) -> Controller:
+    """Return the controller of a motion, by its poles or else the usual ones, rad/s."""
+    exact = effects in (None, Effects.none())
+    if frequency is None and not (visiting and exact):
+        return controller_of(law, robot, effects)
+    poles = VISITING if frequency is None else frequency
+    wide = (BANDWIDTH if visiting or not exact else 10.0) * poles
+    return Controller(law=law, frequency=poles, velocity_bandwidth=wide)
 
 
 def _asked(

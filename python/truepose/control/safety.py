@@ -79,7 +79,7 @@ class SafetyShell:
     >>> frozen = tp.faults.Fault("frame", "stuck", at=0.1)
     >>> run = tp.simulate(h4, faults=[frozen], safety=shell)
     >>> run.status
-    'safety shell: stale frame at 0.103 s, stopped by brake'
+    'safety shell: stale frame at 0.102 s, stopped by brake'
     """
 
     tracking: ArrayLike | None = None

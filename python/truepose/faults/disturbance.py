@@ -52,8 +52,8 @@ class Disturbance:
     >>> h4 = tp.load("h4")
     >>> picked = tp.faults.Disturbance("payload", at=0.05, size=2.0)
     >>> run = tp.simulate(h4, disturbances=[picked], monitor=tp.FaultMonitor())
-    >>> run.status.split(" (")[0]
-    'payload of 2 kg from 0.0'
+    >>> run.status.split(" from")[0]
+    'payload of 2 kg'
     """
 
     kind: DisturbanceKind
