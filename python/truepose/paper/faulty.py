@@ -29,7 +29,7 @@ SIZES = {
     "gain": ("1.05", 1.05),
     "delay": ("5 ms", 0.005),
 }
-#: Within one move a jump is a bias; noise is no failure (docs/fault-monitor.md).
+#: Within one move a jump is a bias; noise is no failure.
 LEFT_OUT = ("jump", "noise", "coarse", "hold")
 
 
