@@ -44,42 +44,42 @@ _ROWS = {
 class SafetyShell:
     """A safety shell around the law of a simulated run: limits of every cycle, and stops.
 
-     It opens the loop after a violation and stops the robot, with or without a fault monitor
-    . None: derived from the robot and its controller. Limits of motors are
-     one number for all, or one for each, in the units of their readings.
+    It opens the loop after a violation and stops the robot, with or without a fault monitor.
+    None: derived from the robot and its controller. Limits of motors are one number for all, or
+    one for each, in the units of their readings.
 
-     Parameters
-     ----------
-     tracking, deviation : float or array_like, shape (n,)
-         Largest error of the law ê_q, and largest distance of a reading from its setpoint.
-     speed : float or array_like, shape (n,)
-         Largest speed of motors and setpoints.
-     slew : float or array_like, shape (n,)
-         Largest change of the torque, N·m/s or N/s, at least twice the torque limit in 10 ms. The
-         default also passes the loop's answer to counts of all motors.
-     box : array_like, shape (2, n)
-         Lowest and highest coordinates of the setpoint x; by default none.
-     saturation : float
-         Longest time at the torque limit, s.
-     window : int
-         Cycles over which a motor's speed is measured, 1 to 8.
-     age : int
-         Control periods by which a frame of readings may be late, at least 1.
-     missing, held : float
-         Longest time without a motor's reading, and without an answer of the law, s, at most 10 ms.
-     stop, brake : float
-         Duration of a stop along the path, and closing time of a brake, s.
-     counter : bool
-         Whether frames of readings carry a counter.
+    Parameters
+    ----------
+    tracking, deviation : float or array_like, shape (n,)
+        Largest error of the law ê_q, and largest distance of a reading from its setpoint.
+    speed : float or array_like, shape (n,)
+        Largest speed of motors and setpoints.
+    slew : float or array_like, shape (n,)
+        Largest change of the torque, N·m/s or N/s, at least twice the torque limit in 10 ms. The
+        default also passes the loop's answer to counts of all motors.
+    box : array_like, shape (2, n)
+        Lowest and highest coordinates of the setpoint x; by default none.
+    saturation : float
+        Longest time at the torque limit, s.
+    window : int
+        Cycles over which a motor's speed is measured, 1 to 8.
+    age : int
+        Control periods by which a frame of readings may be late, at least 1.
+    missing, held : float
+        Longest time without a motor's reading, and without an answer of the law, s, at most 10 ms.
+    stop, brake : float
+        Duration of a stop along the path, and closing time of a brake, s.
+    counter : bool
+        Whether frames of readings carry a counter.
 
-     Examples
-     --------
-     >>> import truepose as tp
-     >>> h4, shell = tp.load("h4"), tp.control.SafetyShell()
-     >>> frozen = tp.faults.Fault("frame", "stuck", at=0.1)
-     >>> run = tp.simulate(h4, faults=[frozen], safety=shell)
-     >>> run.status
-     'safety shell: stale frame at 0.102 s, stopped by brake'
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4, shell = tp.load("h4"), tp.control.SafetyShell()
+    >>> frozen = tp.faults.Fault("frame", "stuck", at=0.1)
+    >>> run = tp.simulate(h4, faults=[frozen], safety=shell)
+    >>> run.status
+    'safety shell: stale frame at 0.102 s, stopped by brake'
     """
 
     tracking: ArrayLike | None = None
