@@ -139,18 +139,18 @@ class Explained(NamedTuple):
     @property
     def cause(self) -> Cause:
         """The cause with its size."""
-        texts, size = [], None
-        for mistake in self.of.each:
+        said: dict[str, str] = {}
+        size = None
+        for mistake in self.of.each:  # a very wrong part may need its mistake twice to converge
             text, size = mistake.text, mistake.measured(self.fit)
             if mistake.size is not None and size is not None:
                 factor, unit = PRINT[mistake.size.unit]
                 text += f" {factor * size[0]:.4g} ± {factor * size[1]:.2g}{unit and f' {unit}'}"
-            texts.append(text)
+            said[text] = mistake.kind
         value, sigma = size or (None, None)
-        kinds = (mistake.kind for mistake in self.of.each)
-        return Cause(  # a very wrong part may need its mistake twice until it converges
-            kind=", ".join(dict.fromkeys(kinds)),
-            text=", and ".join(dict.fromkeys(texts)),
+        return Cause(
+            kind=", ".join(said.values()),
+            text=", and ".join(said),
             log_odds=self.log_odds,
             consistent=consistent(self.fit, REJECTED),
             size=value,
