@@ -224,8 +224,8 @@ class Plant {
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
       const double turns = springy(i) ? y[n + i] : rate[i];
       const double holds = rubs_[i] + kBrakeDamping * turns / brake_gives_[i];
-      const double rubs =
-          effects_.friction[i] * slip_[i] + brake_[i] * std::clamp(holds, -1.0, 1.0);
+      const double rubs = effects_.friction[i] * slip_[i] +
+                          brake_[i] * (engaged_ ? holds : std::clamp(holds, -1.0, 1.0));
       const double net = torque[i] * (1 + ripple) - rubs;
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];
