@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.robotfile.to_core import padded
-
-if TYPE_CHECKING:
-    from truepose.simulation.simulate import Simulation
 
 DisturbanceKind = Literal["payload", "friction", "contact"]
 #: Kinds by the core's number: :attr:`Simulation.disturbance`.
@@ -113,8 +110,8 @@ def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.E
     return events
 
 
-def named(run: Simulation) -> str:
-    """Return the disturbances that the fault monitor named, in their order; "" if none."""
+def named(run: Any) -> str:
+    """Return the disturbances that a :class:`Simulation`'s monitor named, in order; "" if none."""
     said, last = [], (0, -1)
     for k in np.flatnonzero(np.diff(run.disturbance, prepend=0)):
         kind, motor = int(run.disturbance[k]), int(run.disturbed_motor[k])
