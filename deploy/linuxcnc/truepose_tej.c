@@ -74,7 +74,8 @@ static const char* name_of(int reading, char* name, int size) {
 /** Logs each fault, each failed reading and a law's wait for an index once. */
 static void tell(const truepose_corrector_input* in, int32_t index_known) {
   static const char* const symptoms[] = {"no symptom", "missing", "out of range",
-                                         "too fast",   "stuck",   "disagrees with the others", "noisy"};
+                                         "too fast",   "stuck",   "disagrees with the others",
+                                         "noisy"};
   char name[32];
   static const char* const why[] = {
       "no fault",
