@@ -244,7 +244,9 @@ def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
             path, subject = header.relative_to(INCLUDE.parent).as_posix(), _subject(header)
             text += f"- `{header.name}`: {subject}\n"
             page += f"\n## {header.name}\n\n`{path}`: {subject}\n\n"
-            page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
+            # What is in a nested namespace alone is no interface, and Doxygen knows no file of it.
+            if "}  // namespace truepose\n" in header.read_text(encoding="utf-8"):
+                page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
         pages[f"cpp/{room}.md"] = page
     if not doxygen:
         return f"*Built without doxygen: the reference itself is left out.*\n{text}", {}

@@ -145,7 +145,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
       const ReadingNoise& noise = monitor.reading[c].noise;
       if (noise.noisy())
         fault_state.known.sigma[c] =
-            std::hypot(fault_state.known.sigma[c], std::sqrt(noise.gain * noise.variance()));
+            std::sqrt(fault_state.known.sigma[c] * fault_state.known.sigma[c] +
+                      noise.gain * noise.variance());
       any = any || failed;
       noisy = noisy || noise.noisy();
       motor = motor || (c < n && failed);

@@ -21,6 +21,13 @@
 #include "truepose/control/control.hpp"
 
 namespace truepose {
+/// Whether forces are observed: not with -DTRUEPOSE_NO_OBSERVER, for small machines.
+#ifdef TRUEPOSE_NO_OBSERVER
+inline constexpr bool kObserves = false;
+#else
+inline constexpr bool kObserves = true;
+#endif
+
 /// Cause of an external force.
 enum class Disturbance : int {
   none = 0,
@@ -113,7 +120,7 @@ template <Mobility K>
 inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
                                 const Pose& pose, const Joint& torque, MomentumObserver& state) {
   constexpr int n = kDof<K>;
-  if (!(settings.period > 0 && settings.sigma[0] > 0)) return {};
+  if (!kObserves || !(settings.period > 0 && settings.sigma[0] > 0)) return {};
   const Coordinates motion = state.cycles > 0 ? difference<K>(pose, state.pose) : Coordinates{};
   const Pose before = state.pose;
   const Coordinates last = state.motion;
@@ -162,8 +169,8 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
     sign[i] = -std::clamp<Real>(model.rate[i] / slow, -1, 1);
     Cause& cause = state.friction[i];
     momentum_detail::filter(gain, sign, cause.once, cause.effect);
-    const Real sigma = std::hypot(settings.sigma[i], settings.share * torque[i]);
-    weight[i] = 1 / (sigma * sigma);
+    const Real sigma = settings.sigma[i], share = settings.share * torque[i];
+    weight[i] = 1 / (sigma * sigma + share * share);
     state.chi2 += state.residual[i] * state.residual[i] * weight[i];
     for (int j = 0; j < n; ++j) state.force[j] += model.k[i][j] * state.residual[i];
   }
@@ -243,7 +250,7 @@ inline void carry(const Robot& robot, const MomentumSettings& settings, const Se
                   MomentumObserver& state, Joint& torque) {
   constexpr int n = kDof<K>;
   state.refused = false;
-  if (!settings.carry || state.disturbance != Disturbance::payload) return;
+  if (!kObserves || !settings.carry || state.disturbance != Disturbance::payload) return;
   Closure<K> closure;
   Jacobians<K> jacobians;
   DynamicModel<K> model;

@@ -64,10 +64,12 @@ def test_it_imports_nothing_exports_the_interface_and_is_small(built):
     assert not module.imports
     declared = set(re.findall(r"\b(truepose_\w+)\(", HEADER.read_text(encoding="utf-8")))
     # No page drives a motor.
-    declared = {name for name in declared if not re.search("safe|guard|stop_cause|stopping", name)}
+    declared = {
+        name for name in declared if not re.search("safe|guard|stop_cause|stopping|_start_", name)
+    }
     shown = {export.name for export in module.exports}
     assert shown - {"memory", "__heap_base", "__stack_pointer"} == declared
-    assert len(gzip.compress(path.read_bytes(), 9)) <= 105_000
+    assert len(gzip.compress(path.read_bytes(), 9)) <= 109_000
 
 
 def test_node_finds_the_same(built, tmp_path):
