@@ -109,8 +109,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (!observed) {
     observer = {};
   } else {  // the observer takes several periods as one
-    const auto every = static_cast<int>(
-        std::clamp<Real>(std::round(fault_settings.momentum.period / settings.period), 1, 100));
+    const Real several = fault_settings.momentum.period / settings.period;
+    const int every = several > 1 && several < 100 ? static_cast<int>(several + Real(0.5)) : 1;
     for (int i = 0; i < n; ++i) observer.sum[i] += state.torque[i] / static_cast<Real>(every);
     if (++observer.waited >= every) {
       const Joint mean = observer.sum;
