@@ -512,3 +512,20 @@ TEST("a reading that is held for eight cycles is no frozen one, and one that fre
     }
   });
 }
+
+TEST("coarse counts that change more rarely as the robot slows down are no frozen reading") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int c = 0; c < kDof<mobility()>; ++c) {
+      Scene<mobility()> scene(mechanism);
+      scene.settings.moved.fill(2e-4);
+      CHECK(scene.healthy(200));
+      const double count = 6 * std::fabs(scene.read(201)[c] - scene.read(200)[c]);
+      for (int k = 200; k < 1400; ++k) {
+        Extended q_e = scene.read(k);
+        q_e[c] = quantized(q_e[c], count);
+        static_cast<void>(scene.cycle(k, q_e));
+        CHECK(scene.seen.reading[c].health != Health::failed);
+      }
+    }
+  });
+}
