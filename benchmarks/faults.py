@@ -276,6 +276,9 @@ def print_campaign(cases: list[dict]) -> None:
                 kinds[one["kind"]].append(one)
         for kind, those in kinds.items():
             crossed = [one for one in those if one["crossed"] is not None]
+            if not crossed:  # this kind never reaches the limit
+                fm.row(f"{kind}, {mode}", "0", *[""] * 6)
+                continue
             seen = [one for one in crossed if one["detected"] is not None]
             delays = [max(0, one["detected"] - one["crossed"]) for one in seen]
             off = np.array([one["off"] for one in crossed])
