@@ -6,7 +6,7 @@ import fnmatch
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from typer import Option
@@ -26,6 +26,14 @@ from truepose.robot.units import label, summed, unit_of
 from truepose.show.table import Table, number
 from truepose.show.terminal import Format, progress, show
 from truepose.show.units import PRINT, WRITTEN, measured
+
+Calibrated = Annotated[
+    str | None,
+    Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
+]
+Confidence = Annotated[
+    str, Option(metavar="PERCENT|sigma", help="Share of the robots that keep the error; or σ.")
+]
 
 
 def command(
@@ -47,9 +55,7 @@ def command(
     target: str | None = Option(
         None, metavar="0.1mm", help="Find the cheapest set with this error or less."
     ),
-    confidence: str = Option(
-        "95%", metavar="PERCENT|sigma", help="Share of the robots that keep the error; or σ."
-    ),
+    confidence: Confidence = "95%",
     measure: Measure = Option(
         "rms", help="Over the poses; at the worst pose; pose accuracy or repeatability (ISO 9283)."
     ),
@@ -57,9 +63,7 @@ def command(
         ROBOTS, min=0, max=100_000, help="Simulated robots to verify the best set; 0: none."
     ),
     must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
-    calibrated: str | None = Option(
-        None, metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."
-    ),
+    calibrated: Calibrated = None,
     reference_pose: options.ReferencePose = None,
     survives: bool = Option(
         False, "--survives", help="Accuracy after the worst failure of one sensor."
@@ -105,7 +109,7 @@ def command(
     write = options.writer((robot, poses, visits), force, robot=out, plot=plot, report=report)
     loaded = load(robot)
     known: dict[str, Any] = {
-        "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
+        "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
         "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),
         "poses": None if poses is None else read_poses(loaded, poses),
     }
@@ -214,7 +218,8 @@ def _metres(text: str) -> float:
     return factor * options.number_of(found[1]) if found and unit == "m" else np.nan
 
 
-def _visited(robot: Robot, text: str) -> Array:
+def visited(robot: Robot, text: str) -> Array:
+    """Return the poses of --calibrated."""
     if not text.isdigit():
         return read_poses(robot, Path(text))
     count = int(text)
