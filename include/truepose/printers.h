@@ -31,9 +31,10 @@ enum {
 /** Settings of truepose_printer(); 0 everywhere is a good start. All are doubles, so that a caller
  * in another language fills one array. */
 typedef struct truepose_printer_options {
-  double arm_mm;          /**< nominal length of the arms (rotary: lower arms); 0: as in the file */
-  double probe_radius_mm; /**< Marlin: radius of G33's points, which it does not print; 0: unknown */
-  double next;            /**< number of next readings to plan, at most 100 */
+  double arm_mm; /**< nominal length of the arms (rotary: lower arms); 0: as in the file */
+  double
+      probe_radius_mm; /**< Marlin: radius of G33's points, which it does not print; 0: unknown */
+  double next;         /**< number of next readings to plan, at most 100 */
   double sigma[TRUEPOSE_PRINTER_SIGMAS]; /**< mm, ° and %; 0: as above */
 } truepose_printer_options;
 
@@ -45,8 +46,8 @@ typedef struct truepose_printer_options {
  *
  * @return bytes of the answer; above `capacity` none was written: call again with that many. */
 TRUEPOSE_API int truepose_printer(const char* text, size_t length,
-                                     const truepose_printer_options* options, char* json,
-                                     size_t capacity);
+                                  const truepose_printer_options* options, char* json,
+                                  size_t capacity);
 
 #ifdef __cplusplus
 }

@@ -161,7 +161,8 @@ inline void parse_sections(Config& config, const std::vector<std::string_view>& 
     if (const std::string header = section_of(text); !header.empty()) {
       section = &into[name = header];
       value = nullptr;
-      if (order && header.starts_with("include ")) config.fail(at_line + "include in a saved block");
+      if (order && header.starts_with("include "))
+        config.fail(at_line + "include in a saved block");
       if (!order && header.starts_with("include "))
         config.included.emplace_back(trimmed(std::string_view(header).substr(8)));
       continue;
@@ -171,7 +172,8 @@ inline void parse_sections(Config& config, const std::vector<std::string_view>& 
     if (at == text.npos || at == 0)
       return config.fail(at_line + one_line(text) + ": neither a [section] nor 'option: value'");
     const std::string option = lower(std::string(trimmed(text.substr(0, at))));
-    const auto [place, is_new] = section->insert_or_assign(option, std::string(trimmed(text.substr(at + 1))));
+    const auto [place, is_new] =
+        section->insert_or_assign(option, std::string(trimmed(text.substr(at + 1))));
     value = &place->second;
     if (order && is_new) order->emplace_back(name, option);
   }
@@ -268,7 +270,8 @@ inline Config parse_config(std::string_view text) {
 /// The file's text with changed values, as SAVE_CONFIG would write it: the file's own values are
 /// commented out and the saved block has the new ones. All else, comments and includes too, stays.
 /// `nominal` numbers stay as comments, which Klipper ignores; Config::off reads the first one.
-inline std::string rewritten(const Config& config, const std::vector<std::pair<Place, std::string>>& changes,
+inline std::string rewritten(const Config& config,
+                             const std::vector<std::pair<Place, std::string>>& changes,
                              const std::vector<std::pair<Place, double>>& nominal) {
   std::map<Place, std::string> changed(changes.begin(), changes.end());
   std::vector<std::string> own;
@@ -316,7 +319,8 @@ inline std::string rewritten(const Config& config, const std::vector<std::pair<P
   for (std::size_t k = 0; k < sections.size(); ++k)
     text += (k ? "#*#\n#*# [" : "#*# [") + sections[k] + "]\n" + block[sections[k]];
   if (config.end != "\n")
-    for (std::size_t k = text.find('\n'); k != text.npos; k = text.find('\n', k + config.end.size()))
+    for (std::size_t k = text.find('\n'); k != text.npos;
+         k = text.find('\n', k + config.end.size()))
       text.replace(k, 1, config.end);
   return config.mark + text;
 }

@@ -47,9 +47,11 @@ struct Assumed {
   }
   double noise(const Reading& of) const { return of.distance ? distance : height; }
   std::string text() const {
-    return format("arm %g mm, angle %g°, radius %g mm, endstop %g mm, height %g mm, distance %g mm, "
-                  "shrinkage %g %%, width %g mm", arm / kMm, angle / kDegree, radius / kMm,
-                  endstop / kMm, height / kMm, distance / kMm, 100 * shrinkage, width / kMm);
+    return format(
+        "arm %g mm, angle %g°, radius %g mm, endstop %g mm, height %g mm, distance %g mm, "
+        "shrinkage %g %%, width %g mm",
+        arm / kMm, angle / kDegree, radius / kMm, endstop / kMm, height / kMm, distance / kMm,
+        100 * shrinkage, width / kMm);
   }
 };
 
@@ -153,16 +155,17 @@ inline double klipper_cost(const Delta& delta, const Vector& p, const Readings& 
 }
 
 /// Parameters that minimise Klipper's criterion over start + F u.
-inline Vector fit(const Delta& delta, const Vector& start, const Readings& readings, const Matrix& F) {
+inline Vector fit(const Delta& delta, const Vector& start, const Readings& readings,
+                  const Matrix& F) {
   const double root = std::sqrt(klipper_weight(readings));
   Vector weight(Eigen::Index(readings.size()));
   for (std::size_t k = 0; k < readings.size(); ++k)
     weight[Eigen::Index(k)] = readings[k].distance ? 1 : root;
   return start + F * minimised(F.cols(), [&](const Vector& u, Vector& r, Matrix* J) {
-           const Errors e = errors(delta, start + F * u, readings, J != nullptr);
-           r = weight.cwiseProduct(e.off);
-           if (J) *J = weight.asDiagonal() * e.slopes * F;
-         });
+                   const Errors e = errors(delta, start + F * u, readings, J != nullptr);
+                   r = weight.cwiseProduct(e.off);
+                   if (J) *J = weight.asDiagonal() * e.slopes * F;
+                 });
 }
 
 /// Columns of p that Klipper adjusts, with distances (extended) or without; `common`: the rods
@@ -196,9 +199,11 @@ struct Prior {
 };
 
 /// A parameter's commented-out value, if plausible, else NaN. `prefix` of options that keep a
-/// rotary delta's nominal values: SAVE_CONFIG itself comments out roughly set ones, such as endstops.
+/// rotary delta's nominal values: SAVE_CONFIG itself comments out roughly set ones, such as
+/// endstops.
 constexpr char kNominal[] = "drawn_";
-inline double replaced(const Config& config, const Option& of, double now, const char* prefix = "") {
+inline double replaced(const Config& config, const Option& of, double now,
+                       const char* prefix = "") {
   const auto at = config.off.find({of.section, prefix + of.option});
   const double value = at == config.off.end() ? kNaN : of.scale() * at->second;
   return value > 0.5 * now && value < 2 * now ? value : kNaN;
@@ -207,7 +212,8 @@ inline double replaced(const Config& config, const Option& of, double now, const
 /// Towers are a third of a turn apart. A linear delta's radius and endstops have no nominal value:
 /// they follow from the heights with nominal arms, and their σ is much wider than the heights
 /// allow. All else is as in the file. `arm`, m, is the nominal length of the arms if it is above 0.
-inline Prior prior(const Printer& printer, const Config& config, const Assumed& assumed, double arm) {
+inline Prior prior(const Printer& printer, const Config& config, const Assumed& assumed,
+                   double arm) {
   const Delta& delta = printer.delta;
   const std::vector<Option> all = options(delta.rotary);
   Prior known{printer.p, assumed.of(delta), arm, "--arm"};
@@ -216,13 +222,15 @@ inline Prior prior(const Printer& printer, const Config& config, const Assumed& 
     bool by_hand = false;
     for (int k = delta.rod(); k < delta.rod() + 3; ++k) {
       const auto saved = config.saved.find(option(k).section);
-      by_hand = by_hand || (config.has(option(k).section, option(k).option) &&
-                            (saved == config.saved.end() || !saved->second.contains(option(k).option)));
+      by_hand =
+          by_hand || (config.has(option(k).section, option(k).option) &&
+                      (saved == config.saved.end() || !saved->second.contains(option(k).option)));
     }
     known.arm = kNaN;
     for (int k = delta.rod(); k < delta.rod() + 3 && !by_hand && std::isnan(known.arm); ++k) {
       known.arm = replaced(config, option(k), printer.p[k]);
-      known.arm_said = "[" + option(k).section + "] " + option(k).option + " before it was replaced";
+      known.arm_said =
+          "[" + option(k).section + "] " + option(k).option + " before it was replaced";
     }
     if (std::isnan(known.arm)) {
       Vector3 rods = printer.p.segment<3>(delta.rod());
@@ -236,7 +244,8 @@ inline Prior prior(const Printer& printer, const Config& config, const Assumed& 
   known.mean.segment<3>(delta.angle()) =
       Vector3(120, 240, 0) * kDegree + Vector3::Constant(printer.p[delta.angle() + 2]);
   for (int k = 0; k < delta.count(); ++k) {
-    if (const double nominal = replaced(config, option(k), printer.p[k], kNominal); !std::isnan(nominal))
+    if (const double nominal = replaced(config, option(k), printer.p[k], kNominal);
+        !std::isnan(nominal))
       known.mean[k] = nominal;
     if (option(k).angle) {  // as many whole turns as in the file
       const double turn = 360 * kDegree;
@@ -257,7 +266,8 @@ inline Prior prior(const Printer& printer, const Config& config, const Assumed& 
 
 /// The nominal values that a file with the estimate must keep for prior(): otherwise the estimate
 /// would become the next nominal, and the same readings would count twice.
-inline std::vector<std::pair<Place, double>> nominal_to_keep(const Prior& known, const Delta& delta) {
+inline std::vector<std::pair<Place, double>> nominal_to_keep(const Prior& known,
+                                                             const Delta& delta) {
   std::vector<std::pair<Place, double>> kept;
   const std::vector<Option> all = options(delta.rotary);
   for (int k = 0; k < delta.count(); ++k) {

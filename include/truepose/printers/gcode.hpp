@@ -7,7 +7,8 @@
 //
 //     RepRapFirmware: E_i = H + M666's adjustment i;  Marlin: E_i = H - M666's, which is 0 or less.
 //
-// A probed height z at (x, y) is the nozzle's coordinate, by these settings, where it touches the bed.
+// A probed height z at (x, y) is the nozzle's coordinate, by these settings, where it touches the
+// bed.
 #pragma once
 
 #include "truepose/printers/printer.hpp"
@@ -57,7 +58,8 @@ struct Session {
 
 inline Session session_of(std::string_view text) {
   std::string plain;  // without comments
-  for (const std::string_view line : lines_of(text)) (plain += line.substr(0, line.find(';'))) += '\n';
+  for (const std::string_view line : lines_of(text))
+    (plain += line.substr(0, line.find(';'))) += '\n';
   Session of;
   for (Scan scan{plain}; !scan.done(); ++scan.at) {
     const std::size_t begin = scan.at;
@@ -127,13 +129,17 @@ inline Config read(std::string_view text, double probe_radius) {
     for (std::size_t k = 0; k < of.g32.size() && of.places.contains(int(k)); ++k)
       of.bed.emplace_back(of.places[int(k)].first, of.places[int(k)].second, of.g32[k]);
     if (of.bed.size() != of.g32.size() || of.places.size() != of.g32.size())
-      failed.fail(format("%d bed probe heights, but %d places 'G30 P… X… Y…': give bed.g and the "
-                         "answer to it", int(of.g32.size()), int(of.places.size())));
+      failed.fail(
+          format("%d bed probe heights, but %d places 'G30 P… X… Y…': give bed.g and the "
+                 "answer to it",
+                 int(of.g32.size()), int(of.places.size())));
   } else if (of.bed.empty() && !of.g33.empty()) {
     if (!(probe_radius > 0))
-      failed.fail("G33 does not print where it probes: give the radius of its points "
-                  "(--probe-radius MM)");
-    const std::map<std::string, double> at{{"x", 210}, {"xy", 270}, {"y", 330}, {"yz", 30}, {"z", 90}, {"zx", 150}};
+      failed.fail(
+          "G33 does not print where it probes: give the radius of its points "
+          "(--probe-radius MM)");
+    const std::map<std::string, double> at{{"x", 210}, {"xy", 270}, {"y", 330},
+                                           {"yz", 30}, {"z", 90},   {"zx", 150}};
     for (const auto& [name, z] : of.g33) {
       const auto turn = at.find(name);
       const double angle = turn == at.end() ? 0 : turn->second * kDegree;
@@ -163,30 +169,37 @@ inline Config read(std::string_view text, double probe_radius) {
   }
   const double shortest = p.segment<3>(delta.rod()).minCoeff();
   if (!(shortest > p[0] && p[0] > 0 && delta.step.minCoeff() > 0 && delta.step.allFinite()))
-    failed.fail(format("rods of %g mm must be longer than the radius, %g mm, and M92's steps "
-                       "greater than 0", shortest, p[0]));
+    failed.fail(
+        format("rods of %g mm must be longer than the radius, %g mm, and M92's steps "
+               "greater than 0",
+               shortest, p[0]));
   if (of.bed.empty())
-    failed.fail("no probed heights: Marlin's answers to G33 P3 V0 or G30 X… Y…, or RepRapFirmware's "
-                "bed.g with 'G30 P0 X… Y…' and its 'bed probe heights'");
+    failed.fail(
+        "no probed heights: Marlin's answers to G33 P3 V0 or G30 X… Y…, or RepRapFirmware's "
+        "bed.g with 'G30 P0 X… Y…' and its 'bed probe heights'");
   double reach = 0;
   Vector in_rad = p;
   in_rad.segment<3>(delta.angle()) *= kDegree;
-  std::string lines = format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", p[0], kSection);
+  std::string lines =
+      format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", p[0], kSection);
   for (std::size_t k = 0; k < of.bed.size() && failed.error.empty(); ++k) {
     const Vector3& at = of.bed[k];
     reach = std::max(reach, std::hypot(at[0], at[1]));
     const Vector3 steps = delta.steps(in_rad, at);
     if (!steps.allFinite())
       failed.fail(format("no rod reaches (%g, %g) mm, a probed point", at[0], at[1]));
-    lines += format("height%d: 0\nheight%d_pos: %.4f,%.4f,%.4f\n", int(k), int(k), steps[0], steps[1], steps[2]);
+    lines += format("height%d: 0\nheight%d_pos: %.4f,%.4f,%.4f\n", int(k), int(k), steps[0],
+                    steps[1], steps[2]);
   }
   if (!failed.error.empty()) return failed;
   const double bed = marlin ? 0 : first("M665B", 0);
   lines += format("radius: %.17g\n", bed > 0 ? bed : reach);
   for (int i = 0; i < 3; ++i)
-    lines += format("[stepper_%c]\nstep_distance: %.17g\narm_length: %.17g\nangle: %.17g\n"
-                    "position_endstop: %.17g\n", kTowers[i], delta.step[i], p[delta.rod() + i],
-                    p[delta.angle() + i], p[delta.endstop() + i]);
+    lines += format(
+        "[stepper_%c]\nstep_distance: %.17g\narm_length: %.17g\nangle: %.17g\n"
+        "position_endstop: %.17g\n",
+        kTowers[i], delta.step[i], p[delta.rod() + i], p[delta.angle() + i],
+        p[delta.endstop() + i]);
   Config config = parse_config(lines);
   config.kind = marlin ? "marlin" : "rrf";
   return config;
@@ -201,11 +214,11 @@ inline std::vector<std::string> lines_to_send(const Vector& p, bool marlin) {
   const Vector3 own = marlin ? Vector3((height - ends.array()).matrix())
                              : Vector3((ends.array() - height).matrix());
   const Vector3 off = (arms.array() - mean).matrix();
-  const std::string rods =
-      marlin ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
-             : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
-  return {"M665 " + rods + format(" R%.3f H%.3f X%.3f Y%.3f Z%.3f", p[0] / kMm, height, trims[0],
-                                  trims[1], trims[2]),
+  const std::string rods = marlin ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
+                                  : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
+  return {"M665 " + rods +
+              format(" R%.3f H%.3f X%.3f Y%.3f Z%.3f", p[0] / kMm, height, trims[0], trims[1],
+                     trims[2]),
           format("M666 X%.3f Y%.3f Z%.3f", own[0] + 0.0, own[1] + 0.0, own[2] + 0.0), "M500"};
 }
 }  // namespace truepose::printers

@@ -31,9 +31,8 @@ inline std::vector<Option> options(bool rotary) {
     result.push_back({"radius", "printer", "delta_radius"});
   const auto each = [&](const char* name, const char* option) {
     for (int i = 0; i < 3; ++i)
-      result.push_back({std::string(name) + "_" + kTowers[i],
-                        std::string("stepper_") + kTowers[i], option,
-                        std::string_view(name) == "angle"});
+      result.push_back({std::string(name) + "_" + kTowers[i], std::string("stepper_") + kTowers[i],
+                        option, std::string_view(name) == "angle"});
   };
   each("angle", "angle");
   if (rotary) {
@@ -51,7 +50,7 @@ struct Reading {
   std::string name;
   bool distance = false, probed = false;
   double value = 0;
-  Vector3 at[2] = {};
+  Vector3 at[2] = {Vector3::Zero(), Vector3::Zero()};
 };
 using Readings = std::vector<Reading>;  ///< heights first
 
@@ -77,9 +76,10 @@ inline std::string unlike_arms(const Delta& delta, const Vector& p) {
   const auto arms = p.segment<3>(delta.rod()).array() / kMm;
   const double apart = arms.maxCoeff() - arms.minCoeff();
   if (!(apart > kApart / kMm)) return {};
-  return format("arms of %.1f, %.1f, %.1f mm differ by %.0f mm: no printer's rods do. A criterion "
-                "moved them along a combination that its readings do not determine",
-                arms[0], arms[1], arms[2], apart);
+  return format(
+      "arms of %.1f, %.1f, %.1f mm differ by %.0f mm: no printer's rods do. A criterion "
+      "moved them along a combination that its readings do not determine",
+      arms[0], arms[1], arms[2], apart);
 }
 
 /// Notes on each missing number among the readings of a kind, or of all.
@@ -91,8 +91,9 @@ inline std::vector<std::string> gaps(const Config& config, std::vector<std::stri
       if (config.has(kSection, stem + std::to_string(k))) last = k;
     for (int k = 0; k < last; ++k)
       if (!config.has(kSection, stem + std::to_string(k))) {
-        notes.push_back(stem + std::to_string(k) + " is missing: as in Klipper none behind it counts, " +
-                        stem + std::to_string(last) + " neither");
+        notes.push_back(stem + std::to_string(k) +
+                        " is missing: as in Klipper none behind it counts, " + stem +
+                        std::to_string(last) + " neither");
         break;
       }
   }
@@ -111,7 +112,8 @@ inline Readings readings_of(Config& config) {
       for (int end = 0; end <= of.distance; ++end) {
         const std::string option = of.name + (of.distance ? end ? "_pos2" : "_pos1" : "_pos");
         const auto parts = config.parts(config.word(kSection, option), ',');
-        if (parts.size() != 3) config.fail(kSection, option, "must be 3 numbers with commas between");
+        if (parts.size() != 3)
+          config.fail(kSection, option, "must be 3 numbers with commas between");
         for (std::size_t i = 0; i < 3 && parts.size() == 3; ++i)
           of.at[end][Eigen::Index(i)] = config.checked(kSection, option, parts[i]);
       }
@@ -127,7 +129,8 @@ inline Readings readings_of(Config& config) {
     if (ends[1] < ends[0]) std::swap(ends[0], ends[1]);
     const auto [first, is_new] = seen.try_emplace(ends, of.name);
     if (of.distance && ends[0] == ends[1])
-      config.fail(format("[%s] %s: from a point to itself: %s", kSection, of.name.c_str(), kTakeOut));
+      config.fail(
+          format("[%s] %s: from a point to itself: %s", kSection, of.name.c_str(), kTakeOut));
     else if (!is_new)
       config.fail(format("[%s] %s: at the same place as %s, digit for digit: %s", kSection,
                          of.name.c_str(), first->second.c_str(), kTakeOut));
@@ -219,16 +222,18 @@ inline Printer printer_of(Config& config) {
                     (config.included.size() > 5 ? ", …" : ""));
   }
   if (const int line = config.broken())
-    notes.push_back(format("line %d stands in what SAVE_CONFIG wrote and is no part of it: Klipper "
-                           "reads none of that block then", line));
+    notes.push_back(
+        format("line %d stands in what SAVE_CONFIG wrote and is no part of it: Klipper "
+               "reads none of that block then",
+               line));
   std::vector<Place> relevant;
   for (const Option& of : all) relevant.emplace_back(of.section, of.option);
   if (const auto of = config.saved.find(kSection); of != config.saved.end())
     for (const auto& [option, _] : of->second) relevant.emplace_back(kSection, option);
   for (const auto& [section, option] : relevant)
     if (const std::string* saved = config.twice(section, option))
-      notes.push_back("[" + section + "] " + option + " stands twice: " +
-                      one_line(config.word(section, option)) +
+      notes.push_back("[" + section + "] " + option +
+                      " stands twice: " + one_line(config.word(section, option)) +
                       " counts, as in Klipper, and not the saved " + one_line(*saved));
   for (std::string& note : gaps(config, {"manual_height", "height", "distance"}))
     notes.push_back(std::move(note));
