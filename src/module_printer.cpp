@@ -17,7 +17,8 @@ std::string printer(std::string_view text, double arm, double probe_radius, int 
   printers::Assumed& of = request.assumed;
   double* const each[] = {&of.arm,    &of.angle,    &of.radius,    &of.endstop,
                           &of.height, &of.distance, &of.shrinkage, &of.width};
-  for (std::size_t k = 0; k < sigma.size() && k < 8; ++k) *each[k] = sigma[k];
+  for (std::size_t k = 0; k < sigma.size() && k < 8; ++k)
+    if (sigma[k] > 0) *each[k] = sigma[k];
   nb::gil_scoped_release release;
   return printers::answer(text, request);
 }
@@ -61,9 +62,6 @@ void bind_printer(nb::module_& m) {
       .def(
           "slopes",
           [](const Delta& of, const Vector& p, const Vector3& x) { return of.slopes(p, x); }, "p"_a,
-          "x"_a)
-      .def(
-          "homed_slopes", [](const Delta& of, const Vector& p) { return of.homed_slopes(p); },
-          "p"_a);
+          "x"_a);
 }
 }  // namespace truepose::python

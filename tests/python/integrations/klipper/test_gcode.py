@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 from printer_files import made_printer
+from truepose.integrations.klipper.printer import DEGREE, MM, options
 
 from truepose.exceptions import InputError
 from truepose.integrations.klipper import gcode
 from truepose.integrations.klipper.assessment import assess
-from truepose.integrations.klipper.printer import DEGREE, MM, options
 
 TURNS = np.radians([90, 210, 330, 30, 150, 270])
 NAMES = ("z", "x", "y", "yz", "zx", "xy")

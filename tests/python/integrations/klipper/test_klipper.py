@@ -9,10 +9,6 @@ from printer_files import REAL, changed, made_printer, made_text, read, text_of
 from printer_trials import drawn, poses, trials
 from printer_trials import made as made_of
 from scipy.optimize import least_squares
-
-import truepose as tp
-from truepose.integrations.klipper import figures, held_out, output, review
-from truepose.integrations.klipper.assessment import assess
 from truepose.integrations.klipper.config import SAVED_HEADER, Config, rewritten
 from truepose.integrations.klipper.criterion import errors, klipper, rms, weight
 from truepose.integrations.klipper.estimate import (
@@ -27,6 +23,10 @@ from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import judge
 from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of, probe_offset
 from truepose.integrations.klipper.prints import over_the_bed
+
+import truepose as tp
+from truepose.integrations.klipper import figures, held_out, output, review
+from truepose.integrations.klipper.assessment import assess
 
 #: z rms that Klipper's parameters leave, mm.
 LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}

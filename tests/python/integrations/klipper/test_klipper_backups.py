@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 from printer_files import made_printer, text_of
+from truepose.integrations.klipper.config import Config
+from truepose.integrations.klipper.printer import MM
 
 from truepose.exceptions import InputError
 from truepose.integrations.klipper import backups
 from truepose.integrations.klipper.assessment import assess
-from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.printer import MM
 
 SESSIONS = 40
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from printer_files import changed, made_printer, made_text, read, text_of
 from spoiling import spoiled
+from truepose.integrations.klipper.config import MOST_BYTES, Config
+from truepose.integrations.klipper.criterion import klipper
+from truepose.integrations.klipper.printer import printer_of
 
 import truepose as tp
 from truepose.commands import cli
 from truepose.integrations.klipper import figures, noise
 from truepose.integrations.klipper.assessment import assess
-from truepose.integrations.klipper.config import MOST_BYTES, Config
-from truepose.integrations.klipper.criterion import klipper
-from truepose.integrations.klipper.printer import printer_of
 
 
 @pytest.fixture
