@@ -13,7 +13,6 @@ from matplotlib.ticker import FixedLocator
 import truepose as tp
 from truepose.integrations.klipper import assessment
 from truepose.integrations.klipper import figures as of_printer
-from truepose.integrations.klipper.config import Config
 from truepose.paper import article, faulty, figures, following, with_paper_errors
 from truepose.robot.parts import COLOURS
 from truepose.show.plotted import plotted
@@ -124,7 +123,7 @@ def fault_consequences() -> Figure:
 @functools.cache
 def _printer() -> assessment.Assessment:
     """Return a real printer as its owner's file has it."""
-    return assessment.assess(Config.read(PRINTER))
+    return assessment.read(PRINTER)
 
 
 def klipper_bed() -> Figure:
