@@ -5,8 +5,10 @@ const MOTORS = 6, READINGS = 16, MODEL_BYTES = 12288;
 const LAWS = { joint: 0, tej: 1, estimated: 4 };
 
 const core = {
+  // base64: of the module, compressed by gzip.
   async start(base64) {
-    const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+    const packed = new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]);
+    const bytes = await new Response(packed.stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
     // C's standard output, which nothing writes to before it stops: every call fails.
     const none = { fd_write: () => 52, fd_seek: () => 52, fd_close: () => 52 };
     this.c = (await WebAssembly.instantiate(bytes, { wasi_snapshot_preview1: none })).instance.exports;

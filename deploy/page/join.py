@@ -4,6 +4,7 @@ Run as ``python join.py page.wasm truepose.html``; truepose must be importable: 
 """
 
 import base64
+import gzip
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -22,13 +23,13 @@ def text(name: str) -> str:
 def main() -> None:
     """Write the page."""
     h4 = truepose.load("h4").with_sensors("theta", "z_telemeter")
-    wasm = base64.b64encode(Path(sys.argv[1]).read_bytes()).decode()
+    wasm = gzip.compress(Path(sys.argv[1]).read_bytes(), 9, mtime=0)
     parts = {
         "/*page.css*/": text("page.css"),
         "/*scripts*/": "".join(map(text, ("core.js", "show.js", "robot.js", "printer.js", "page.js"))),
         "<!--version-->": version("truepose"),
         "<!--h4-->": to_json(h4).replace("<", "\\u003c"),
-        "<!--wasm-->": wasm,
+        "<!--wasm-->": base64.b64encode(wasm).decode(),
     }
     page = text("page.html")
     for mark, part in parts.items():

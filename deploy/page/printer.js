@@ -22,13 +22,13 @@ function printerAnswer(text, options) {
 const WAYS = { now: "the file's parameters", klipper: "Klipper's criterion", estimate: "estimate with tolerances" };
 
 function printerResult(of, name) {
-  if (!of.readings) return [notes(of)]; // a configuration without readings
+  if (!of.readings) return [list(of.notes)]; // a configuration without readings
   const outliers = of.readings.filter(({ outlier }) => outlier);
   return [
     h("p", { className: `verdict ${of.rely ? "" : "bad"}` }, of.verdict),
-    of.words ? h("p", {}, of.words) : "",
+    list(of.words.filter((each) => each !== of.verdict)),
     outliers.length ? h("p", { className: "bad" }, `Outlier: ${outliers.map((each) => each.name).join(", ")}.`) : "",
-    notes(of),
+    list(of.notes),
     h("h3", {}, "Parameters"), parametersOf(of),
     h("h3", {}, "Height of the nozzle over the bed"), bedMaps(of.bed),
     h("h3", {}, "Readings left over"), residualsOf(of),
@@ -38,10 +38,10 @@ function printerResult(of, name) {
       of.config ? download(name.replace(/(\.\w+)?$/, "-new.cfg"), of.config, "Save the new printer.cfg") : ""),
     of.next.length ? h("h3", {}, "Next points to probe") : "",
     of.next.length ? table(["", "x (mm)", "y (mm)"], of.next.map(([x, y], k) => [k + 1, fixed(x, 1), fixed(y, 1)])) : "",
-    h("details", {}, h("summary", {}, "Assumptions"), h("ul", {}, of.assumptions.map((each) => h("li", {}, each)))),
+    h("details", {}, h("summary", {}, "Assumptions"), list(of.assumptions)),
   ];
 }
-const notes = (of) => h("ul", {}, of.notes.map((each) => h("li", {}, each)));
+const list = (lines) => h("ul", {}, lines.map((each) => h("li", {}, each)));
 
 function parametersOf(of) {
   const heads = ["parameter", "now", of.kind === "klipper" ? "Klipper's" : "G33's", "estimate", "σ", "verdict"];
@@ -52,8 +52,8 @@ function parametersOf(of) {
 function residualsOf(of) {
   const ways = Object.keys(WAYS), kinds = ["heights", "distances"].filter((kind) => of.readings.some(({ distance }) => distance === (kind === "distances")));
   const held = Object.entries(of.held_out_mm).map(([way, at]) => [way, ...kinds.map((kind) => fixed(at[kind] ?? NaN, 3))]);
-  return h("div", { className: "columns" },
-    h("div", {}, table(["fit to all readings", "rms (mm)"], ways.map((way) => [WAYS[way], fixed(of.rms_mm[way], 4)])),
+  return h("div", {},
+    h("div", { className: "row" }, table(["fit to all readings", "rms (mm)"], ways.map((way) => [WAYS[way], fixed(of.rms_mm[way], 4)])),
       table(["each reading left out in turn", ...kinds.map((kind) => `${kind}, rms (mm)`)], held)),
     h("details", {}, h("summary", {}, `All ${of.readings.length} readings`),
       table(["reading", "now (mm)", "Klipper's (mm)", "estimate (mm)", ""], of.readings.map((each) => [each.name,
@@ -67,23 +67,22 @@ function shade(value) {
   return `rgb(${(t < 0 ? [33, 102, 172] : [178, 24, 43]).map(fade).join()})`;
 }
 
-// Before and after, on one scale.
-function bedMaps({ points }) {
-  const all = points.filter((p) => Number.isFinite(p[3])), most = Math.max(0.05, ...all.flatMap((p) => [Math.abs(p[2] ?? 0), Math.abs(p[3])]));
+// Now and after, on one scale: how far the nozzle is off by the estimate, and the estimate's own σ.
+function bedMaps({ points, now, after }) {
+  const all = points.filter((p) => Number.isFinite(p[2])), most = Math.max(0.05, ...all.flatMap((p) => [Math.abs(p[2]), p[4]]));
   const reach = Math.max(...all.map((p) => Math.hypot(p[0], p[1])));
   const gap = Math.min(...all.slice(1).map((p) => Math.hypot(p[0] - all[0][0], p[1] - all[0][1])));
-  const map = (title, column) => {
-    const scale = 110 / (reach + gap / 2), size = scale * gap * 1.02;
-    const values = all.map((p) => p[column]).filter(Number.isFinite), rms = Math.sqrt(values.reduce((sum, v) => sum + v * v, 0) / values.length);
-    const label = `${title}: ${fixed(rms, 3)} mm rms`;
+  const scale = 110 / (reach + gap / 2), size = 1.3 * scale * gap;
+  const map = (title, column, rms) => {
+    const label = `${title}; expected error ${fixed(rms[2], 3)} mm rms`;
     return h("figure", {}, svg("svg", { viewBox: "-125 -125 250 250", role: "img", "aria-label": label },
-      all.filter((p) => Number.isFinite(p[column])).map((p) => svg("rect", { x: scale * p[0] - size / 2, y: -scale * p[1] - size / 2,
+      all.map((p) => svg("rect", { x: scale * p[0] - size / 2, y: -scale * p[1] - size / 2,
         width: size, height: size, fill: shade(p[column] / most) },
-      svg("title", {}, `x ${fixed(p[0], 0)}, y ${fixed(p[1], 0)} mm: ${fixed(p[column], 3)} ± ${fixed(p[4], 3)} mm`)))), h("figcaption", {}, label));
+      svg("title", {}, `x ${fixed(p[0], 0)}, y ${fixed(p[1], 0)} mm: off by ${fixed(p[2], 3)} now, σ ${fixed(p[4], 3)} mm`)))), h("figcaption", {}, label));
   };
   const legend = svg("svg", { viewBox: "0 0 260 30", role: "img", "aria-label": `scale from ${fixed(-most, 2)} to ${fixed(most, 2)} mm` },
     Array.from({ length: 52 }, (_, k) => svg("rect", { x: 5 * k, y: 0, width: 5.5, height: 12, fill: shade((k - 25.5) / 25.5) })),
     [[-1, 0, "start"], [0, 130, "middle"], [1, 260, "end"]].map(([at, x, anchor]) =>
       svg("text", { x, y: 27, "text-anchor": anchor }, `${at > 0 ? "+" : ""}${fixed(at * most, 2)} mm`)));
-  return h("div", { className: "maps" }, map("now", 2), map("after", 3), h("figure", { className: "legend" }, legend));
+  return h("div", { className: "maps" }, map("Now: height off by the estimate", 2, now.rms_mm), map("After: σ of the height", 4, after.rms_mm), h("figure", { className: "legend" }, legend));
 }

@@ -25,13 +25,13 @@ const inPrint = (value, unit, digits = 3) => {
   return fixed(factor * value, digits) + (name && ` ${name}`);
 };
 
-// A table of rows of texts; an entry may be {text, kind} or an element. Columns from the second on are numbers.
-function table(heads, rows, words = 1) {
-  const cell = (tag, entry, k) => h(tag, { className: (k >= words ? "number " : "") + (entry?.kind ?? "") },
-    entry instanceof Node ? entry : String(entry?.text ?? entry ?? ""));
+// A table of rows of texts; an entry may be {text, kind}. Numbers stand to the right, under their heads.
+function table(heads, rows) {
+  const text = (entry) => String(entry?.text ?? entry ?? ""), number = (entry) => /^([−+]?\d|–$)/.test(text(entry));
+  const cell = (tag, entry, right) => h(tag, { className: `${right ? "number" : ""} ${entry?.kind ?? ""}` }, text(entry));
   return h("div", { className: "scroll", tabIndex: 0 }, h("table", {},
-    h("thead", {}, h("tr", {}, heads.map((head, k) => cell("th", head, k)))),
-    h("tbody", {}, rows.map((row) => h("tr", {}, row.map((entry, k) => cell("td", entry, k)))))));
+    h("thead", {}, h("tr", {}, heads.map((head, k) => cell("th", head, rows.some((row) => number(row[k])))))),
+    h("tbody", {}, rows.map((row) => h("tr", {}, row.map((entry) => cell("td", entry, number(entry))))))));
 }
 
 function verdict(ratio) {
