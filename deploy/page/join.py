@@ -1,6 +1,6 @@
 """Join page.html, its style, its scripts, a robot and the core to one file.
 
-Run as ``python join.py page.wasm truepose.html``; truepose must be importable: it exports the robot.
+Run as ``python join.py page.wasm truepose.html``; truepose must be importable.
 """
 
 import base64
@@ -26,7 +26,9 @@ def main() -> None:
     wasm = gzip.compress(Path(sys.argv[1]).read_bytes(), 9, mtime=0)
     parts = {
         "/*page.css*/": text("page.css"),
-        "/*scripts*/": "".join(map(text, ("core.js", "show.js", "robot.js", "printer.js", "page.js"))),
+        "/*scripts*/": "".join(
+            map(text, ("core.js", "show.js", "robot.js", "printer.js", "page.js"))
+        ),
         "<!--version-->": version("truepose"),
         "<!--h4-->": to_json(h4).replace("<", "\\u003c"),
         "<!--wasm-->": base64.b64encode(wasm).decode(),

@@ -36,17 +36,25 @@ function printerResult(of, name) {
     h("pre", {}, of.lines.join("\n")),
     h("div", { className: "row" }, copyButton(of.lines.join("\n")),
       of.config ? download(name.replace(/(\.\w+)?$/, "-new.cfg"), of.config, "Save the new printer.cfg") : ""),
-    of.next.length ? h("h3", {}, "Next points to probe") : "",
-    of.next.length ? table(["", "x (mm)", "y (mm)"], of.next.map(([x, y], k) => [k + 1, fixed(x, 1), fixed(y, 1)])) : "",
+    of.plan.length > 1 ? [h("h3", {}, "What to measure next"), planOf(of)] : "",
     h("details", {}, h("summary", {}, "Assumptions"), list(of.assumptions)),
-  ];
+  ].flat();
 }
 const list = (lines) => h("ul", {}, lines.map((each) => h("li", {}, each)));
 
 function parametersOf(of) {
-  const heads = ["parameter", "now", of.kind === "klipper" ? "Klipper's" : "G33's", "estimate", "σ", "verdict"];
-  return table(heads, of.parameters.map((each) => [`${each.name} (${each.unit})`, ...["now", "klipper", "estimate", "sigma"]
-    .map((key) => fixed(each[key] ?? NaN, key === "sigma" ? 3 : 4)), { text: each.verdict, kind: { identified: "good", "not identified": "bad" }[each.verdict] }]));
+  return table(["parameter", "now", "estimate", "σ", "verdict", "Klipper's"], of.parameters.map((each) => {
+    const [now, estimate, sigma, klipper] = ["now", "estimate", "sigma", "klipper"].map((key) => fixed(each[key] ?? NaN, key === "sigma" ? 3 : 4));
+    const kind = { identified: "good", "not identified": "bad" }[each.verdict];
+    return [`${each.name} (${each.unit})`, now, estimate, sigma, { text: each.verdict, kind }, klipper];
+  }));
+}
+
+// The σ after every reading up to each; distances have two ends.
+function planOf({ plan }) {
+  const rows = plan.map(({ reading, ends_mm: ends, sigma_mm: [sx, sy, sz] }, k) => [k, reading || "as it is",
+    ...[0, 1].flatMap((end) => [0, 1].map((axis) => (ends[end] ? fixed(ends[end][axis], 0) : ""))), fixed(Math.hypot(sx, sy), 3), fixed(sz, 3)]);
+  return table(["", "reading", "x (mm)", "y (mm)", "to x (mm)", "to y (mm)", "σ in x, y (mm)", "σ in z (mm)"], rows);
 }
 
 function residualsOf(of) {

@@ -34,7 +34,9 @@ def to_json(robot: Robot) -> str:
     places = robot.spec.home if box is None else (box.minimum, box.maximum)
     low, high = np.broadcast_to(places, (2, robot.n)).tolist()
     readings = zip(robot.readings, reading_units(robot), strict=True)
-    shapes = [(dict(rows), whole) for whole, rows in _core.c_description(finest.core_drawn)["chain"]]
+    shapes = [
+        (dict(rows), whole) for whole, rows in _core.c_description(finest.core_drawn)["chain"]
+    ]
     content: dict[str, Any] = {
         "format": files.mark(KIND),
         "abi": _core.c_abi,
