@@ -90,22 +90,31 @@ struct Delta {
     return x;
   }
 
-  /// Slopes of the nozzle x, whose motors are at q, by p at fixed steps: those of
-  /// |x - C_i|² = L_i² at x and, for q_E, at the endstop.
+  /// Slopes of homed() of every motor by p.
+  Matrix homed_slopes(const Vector& p) const {
+    Matrix home(3, count()), by_p;
+    Vector3 by_q;
+    for (int i = 0; i < 3; ++i) {
+      const Vector3 end(0, 0, p[endstop() + i]);
+      const Vector3 g = end - joint(p, i, homed(p, i), &by_p, &by_q);
+      home.row(i) = -g.transpose() * by_p;
+      home(i, rod() + i) -= p[rod() + i];
+      home(i, endstop() + i) += g[2];
+      home.row(i) /= g.dot(by_q);
+    }
+    return home;
+  }
+  /// Slopes of the nozzle x, whose motors are at q, by p at fixed steps: those of |x - C_i|² =
+  /// L_i².
   Matrix slopes_at(const Vector& p, const Vector3& x, const Vector3& q) const {
+    const Matrix home = homed_slopes(p);
     Eigen::Matrix3d A;
     Matrix B(3, count()), by_p;
     Vector3 by_q;
     for (int i = 0; i < 3; ++i) {
-      const Vector3 end(0, 0, p[endstop() + i]);
-      const Vector3 g_end = end - joint(p, i, homed(p, i), &by_p, &by_q);
-      Eigen::RowVectorXd home = -g_end.transpose() * by_p;
-      home[rod() + i] -= p[rod() + i];
-      home[endstop() + i] += g_end[2];
-      home /= g_end.dot(by_q);
       const Vector3 g = x - joint(p, i, q[i], &by_p, &by_q);
       A.row(i) = g.transpose();
-      B.row(i) = g.transpose() * by_p + g.dot(by_q) * home;
+      B.row(i) = g.transpose() * by_p + g.dot(by_q) * home.row(i);
       B(i, rod() + i) += p[rod() + i];
     }
     return A.inverse() * B;
