@@ -115,6 +115,7 @@ def choose() -> None:
                         h4(finer),
                         prices,
                         target=TARGET,
+                        confidence=None,
                         calibrated_on=poses,
                         poses=poses[::4],
                         **known,
@@ -125,7 +126,7 @@ def choose() -> None:
                 best = found.best
                 total = sum(map(price, best.sensors)) + more + DOWEL * dowel
                 print(
-                    f"{begin}{' + '.join(best.sensors)}, σ {1e3 * best.sigma:.3f} mm, price "
+                    f"{begin}{' + '.join(best.sensors)}, σ {1e3 * best.error:.3f} mm, price "
                     f"{total:.0f}{'' if found.proven else ', not proven'}",
                     flush=True,
                 )

@@ -34,6 +34,7 @@ def robot_file() -> str:
     for key, what in reading.SHORTHAND.items():
         top["properties"][key] = {"description": what, "default": None, "type": "string"}
     top["properties"]["chain_defaults"]["type"] = "object"
+    top["properties"]["units"] |= {"type": "array", "items": {"type": "string"}}
     kinds = {model.__name__: tables[model.__name__] for model in sensors.SENSORS.values()}
     text = "\n".join(_table("Top level", "top-level", top, tables))
     for name, table in tables.items():

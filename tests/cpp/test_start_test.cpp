@@ -50,6 +50,12 @@ TEST("healthy robots of every kind pass and move by less than a millimetre") {
   std::printf("  worst motion %.2f mm\n", 1e3 * worst);
 }
 
+TEST("a light H4 with little friction moves by less than a millimetre") {
+  StartBench<kFour> bench(h4_with(1), {0.7, 0.3});
+  bench.run();
+  CHECK(bench.passed() && bench.moved < 1e-3);
+}
+
 TEST("brakes that close two milliseconds later than they open, known or not") {
   const Robot robot = h4_with(1);
   StartBench<kFour> known(robot, {1, 1, 0.018, 0.020}), unknown(robot, {1, 1, 0.018, 0.020});
@@ -79,6 +85,15 @@ TEST("72 miswirings of an H4 are found and move it by less than a millimetre") {
   std::printf("  %d miswirings: %d named, %d of all at rest, worst motion %.2f mm\n", all, named,
               at_rest, 1e3 * worst);
   CHECK(all == 72 && named >= 69 && worst < 1e-3);
+}
+
+TEST("the first two motors exchanged are named, by absolute and incremental encoders") {
+  for (const bool incremental : {true, false}) {
+    StartBench<kFour> bench(h4_with(1));
+    const Miswiring wrong{StartFinding::exchanged, 0, 1, 1, incremental};
+    bench.run(wrong);
+    CHECK(bench.named(wrong) && bench.moved < 1e-3);
+  }
 }
 
 TEST("heavier robots and other poses: every miswiring of incremental encoders is found") {

@@ -9,7 +9,7 @@ import pytest
 
 import truepose as tp
 from truepose.design.candidates import CandidatePoses, drawn, rows_of
-from truepose.design.exchange import Exchange, chosen_of, posterior
+from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.poses import Sought
 from truepose.design.tour import tour
 from truepose.robot.units import summed
@@ -66,6 +66,8 @@ def test_the_set_is_the_best_or_nearly(problem, n):
     found = chosen_of(C, prior, n, lambda _: M, cost)
     assert len(set(found)) == n
     assert cost(posterior(prior, C, found)) <= 1.02 * min(every)
+    bound = certified(C, prior, found, lambda _: M, cost)
+    assert (n > 1) * 0.5 * min(every) < bound <= min(every) * (1 + 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -352,6 +354,9 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
     assert (tmp_path / "plan.svg").read_text().count("</svg>") == 1
     said = run(*words)[1]
     assert "h4: 4 of 80 poses; σ over 625 poses." in said and "Random 4 of them" in said
+    assert f"No other 4 are better by more than {plan.gap:.1%}." in said
+    more = tp.plan_poses(h4, 14, candidates=80, seed=2).sigma[-1, -1]
+    assert plan.longer == (10, pytest.approx(more, rel=0.1))
 
 
 def test_poses_that_were_written_are_candidates_again_and_never_lost(run, tmp_path):

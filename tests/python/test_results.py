@@ -114,6 +114,7 @@ RESULTS = {
     "SensorSelection": lambda robot: tp.select_sensors(
         robot, dict.fromkeys(robot.sensors, 90), poses=poses_of(robot), target=1.0
     ),
+    "ErrorBudget": lambda robot: tp.design.error_budget(robot, poses=poses_of(robot)),
     "Placement": lambda robot: tp.design.place_sensors(
         tp.load("h4"), ["wire1"], within={"*": (-0.1, 0.1)}, poses=poses_of(tp.load("h4"), 2)
     ),

@@ -22,6 +22,7 @@ from truepose.commands import (
     accuracy,
     calibrate,
     design,
+    error_budget,
     export,
     faults,
     info,
@@ -74,6 +75,7 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     },
     "Before building": {
         "accuracy": accuracy.command,
+        "error-budget": error_budget.command,
         "design": design.command,
         "plan": plan.command,
         "faults": faults.command,

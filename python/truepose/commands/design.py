@@ -6,28 +6,34 @@ import fnmatch
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from typer import Option
 
 from truepose.arguments import Array
 from truepose.commands import options
-from truepose.design.candidates import drawn, reachable
+from truepose.design.criterion import Measure
 from truepose.design.placement import Placement, place_sensors
 from truepose.design.selection import SensorSelection, candidate, described, sets_table
 from truepose.design.selection import page as design_page
-from truepose.design.sensors import in_other_states, select_sensors
+from truepose.design.sensors import OTHERWISE, in_other_states, practice, select_sensors
+from truepose.design.verification import ROBOTS, Verification, verify
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed, unit_of
 from truepose.show.table import Table, number
-from truepose.show.terminal import Format, show
+from truepose.show.terminal import Format, progress, show
 from truepose.show.units import PRINT, WRITTEN, measured
 
-#: Self-calibration poses in a report, where --calibrated is not given.
-OTHERWISE = "10"
+Calibrated = Annotated[
+    str | None,
+    Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
+]
+Confidence = Annotated[
+    str, Option(metavar="PERCENT|sigma", help="Share of the robots that keep the error; or σ.")
+]
 
 
 def command(
@@ -47,12 +53,17 @@ def command(
     ),
     budget: float | None = Option(None, help="Find the most accurate set within this price."),
     target: str | None = Option(
-        None, metavar="0.1mm", help="Find the cheapest set with this σ or less."
+        None, metavar="0.1mm", help="Find the cheapest set with this error or less."
+    ),
+    confidence: Confidence = "95%",
+    measure: Measure = Option(
+        "rms", help="Over the poses; at the worst pose; pose accuracy or repeatability (ISO 9283)."
+    ),
+    robots: int = Option(
+        ROBOTS, min=0, max=100_000, help="Simulated robots to verify the best set; 0: none."
     ),
     must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
-    calibrated: str | None = Option(
-        None, metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."
-    ),
+    calibrated: Calibrated = None,
     reference_pose: options.ReferencePose = None,
     survives: bool = Option(
         False, "--survives", help="Accuracy after the worst failure of one sensor."
@@ -98,7 +109,7 @@ def command(
     write = options.writer((robot, poses, visits), force, robot=out, plot=plot, report=report)
     loaded = load(robot)
     known: dict[str, Any] = {
-        "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
+        "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
         "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),
         "poses": None if poses is None else read_poses(loaded, poses),
     }
@@ -115,21 +126,40 @@ def command(
         price_steps=None if price_steps is None else parse_price_steps(loaded, price_steps),
         budget=budget,
         target=options.parse_target(loaded, target),
+        confidence=parse_confidence(confidence),
+        measure=measure,
         must=() if must is None else options.parse_set(loaded, must),
         survives=survives,
         **known,
     )
 
     def page() -> str:
-        visited = known["calibrated_on"] if calibrated else _visited(loaded, OTHERWISE)
+        visited = known["calibrated_on"] if calibrated else practice(loaded, OTHERWISE)
         at = known["reference_pose"] if reference_pose else loaded.home
         other = {k: 1e3 * v for k, v in in_other_states(found, visited, at).items()}
-        title = "σ of the position (mm) of these sets in other states, all sensors healthy"
+        title = f"{found.label} of these sets in other states, all sensors healthy"
         told = [found.table(), each(found), sets_table(found, "states", title, other)]
         return design_page(found, told, notes(found), len(visited), bool(reference_pose))
 
+    told = notes(found)
+    if found.best is not None and robots and measure != "RP" and not survives:
+        where = {key: known[key] for key in ("calibrated_on", "reference_pose")}
+        with progress("robots", robots) as watch:
+            by = verify(found, **where, robots=robots, seed=seed, watch=watch)
+        told.append(verified(found, by))
     write(plot=found.plot, report=page)
-    show([found.table()], how, notes(found), written=(plot, report))
+    steps = [steps_table(found)] * bool(found.steps)
+    show([found.table(), *steps], how, told, written=(plot, report))
+
+
+def parse_confidence(text: str) -> float | None:
+    """Parse a share of robots, "95%"; None for "sigma"."""
+    if text == "sigma":
+        return None
+    share = options.number_of(text.removesuffix("%")) / 100
+    if not text.endswith("%") or not 0.5 <= share < 1:
+        raise InputError(f"--confidence {text}: must be 50% to less than 100%, or sigma")
+    return share
 
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
@@ -188,26 +218,49 @@ def _metres(text: str) -> float:
     return factor * options.number_of(found[1]) if found and unit == "m" else np.nan
 
 
-def _visited(robot: Robot, text: str) -> Array:
+def visited(robot: Robot, text: str) -> Array:
+    """Return the poses of --calibrated."""
     if not text.isdigit():
         return read_poses(robot, Path(text))
     count = int(text)
     if count < 1:
         raise InputError(f"--calibrated {text}: must be 1 or greater, or a CSV file")
-    x = drawn(robot, 4 * count, 0)
-    return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
+    return practice(robot, count)
 
 
 def each(found: SensorSelection) -> Table:
-    """Return a table of the candidates: σ with each alone, and with all others."""
+    """Return a table of the candidates: the error with each alone, and with all others."""
     total, rows = summed(found.robot), []
     unit = PRINT[total.unit][1]
     for own in found.alone:
-        cells = (number(total.factor * sigma) for sigma in (own.sigma, own.without))
+        cells = (number(total.factor * error) for error in (own.error, own.without))
         rows.append([candidate(found.robot, own), number(own.price), *cells])
-    title = f"Each candidate: σ of the {total.name} with it alone, and with all others"
+    title = f"Each candidate: {found.label}, with it alone, and with all others"
     header = ["candidate", "price", f"alone ({unit})", f"all others ({unit})"]
     return Table("each", title, header, rows)
+
+
+def steps_table(found: SensorSelection) -> Table:
+    """Return a table of the best set as it is, and after further steps."""
+    rows = []
+    for state, best in ({found.state: found.best} | found.steps).items():
+        if best is not None:
+            error = number(summed(found.robot).factor * best.error)
+            rows.append([state, described(found.robot, best), number(best.price), error])
+    goal = "Cheapest set that reaches the target" if found.target else "Most accurate set"
+    header = ["robot", "sensors", "price", summed(found.robot).label]
+    return Table("steps", f"{goal}, by what is done once", header, rows)
+
+
+def verified(found: SensorSelection, by: Verification) -> str:
+    """Return a note: the share of simulated robots that keep the error."""
+    total = summed(found.robot)
+    low, high = by.interval
+    limit, error = (measured(value, total.unit) for value in (by.limit, by.error))
+    return (
+        f"Verified: {by.share:.1%} of {by.robots} simulated robots ({low:.1%} to {high:.1%}) keep "
+        f"{limit}; {found.criterion.said(total.name)}: {error}."
+    )
 
 
 def notes(found: SensorSelection) -> list[str]:
@@ -227,8 +280,8 @@ def notes(found: SensorSelection) -> list[str]:
     if (best := found.best) is not None:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
         own = described(robot, best, "; machined: ")
-        sigma = measured(best.sigma, summed(robot).unit)
-        lines.append(f"Best: {own}: {best.price:g}, {sigma}; {sure}.")
+        error = measured(best.error, summed(robot).unit)
+        lines.append(f"Best: {own}: {best.price:g}, {error}; {sure}.")
     return lines
 
 

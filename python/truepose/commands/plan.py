@@ -120,6 +120,11 @@ def notes(found: PosePlan) -> list[str]:
         f"Random {count} of them: {measured(median, total.unit)} ({spread}); "
         f"all {found.candidates}: {measured(found.everything, total.unit)}.",
     ]
+    if not np.isnan(found.gap):
+        lines.append(f"No other {count} are better by more than {found.gap:.1%}.")
+    more, longer = found.longer
+    if more:
+        lines.append(f"{more} poses more: {measured(longer, total.unit)}.")
     if found.gain > HARDLY:
         lines.append("The choice of poses hardly matters here; their number does.")
     if found.target is not None:

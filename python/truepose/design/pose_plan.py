@@ -30,6 +30,9 @@ class PosePlan(Shown):
     #: here and below.
     random: Array  #: (20,) predicted σ of the position after n random candidates
     everything: float  #: the same after all candidates
+    bound: float
+    #: lower bound of σ of the position after any n candidates; NaN with `seen` or `relative_to`
+    longer: tuple[int, float]  #: how many further ones, with the largest gains, and σ after them
     candidates: int  #: number of reachable candidates
     left_out: int  #: number of unreachable candidates
     over: Array  #: (T, c) poses where the accuracy counts
@@ -59,6 +62,11 @@ class PosePlan(Shown):
     def order(self) -> list[int]:
         """Step number of each of :attr:`poses`."""
         return [k for k, _ in self._stops]
+
+    @property
+    def gap(self) -> float:
+        """Largest possible improvement of σ of the position by other candidates, relative."""
+        return float(np.maximum(0.0, 1 - self.bound / self.sigma[-1, -1]))
 
     @property
     def gain(self) -> float:

@@ -15,7 +15,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.registration import UNKNOWNS
 from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
-from truepose.design.exchange import chosen_of, posterior
+from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.pose_plan import PosePlan
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
@@ -29,6 +29,8 @@ from truepose.show.units import printed
 MOST = 200
 #: Random sets of the same size to which a plan is compared.
 RANDOM = 20
+#: Further poses whose gain is stated.
+MORE = 10
 #: Share of the random sets' error above which the choice of poses hardly matters.
 HARDLY = 0.95
 
@@ -126,6 +128,10 @@ def plan_poses(
     sought = criterion(robot, rows, level, model_error, poses, reference)
     found = _chosen(sought, n, target)
     rng, count = np.random.default_rng(seed), len(rows.steps)
+    asked = rows.C, rows.known
+    more, convex = min(len(found) + MORE, count), not (seen or len(reference))
+    weights = sought.weights(sought.after(found))
+    longer = Exchange(*asked, weights, list(found)).grow(more).chosen
     sets = [rng.permutation(count)[: len(found)].tolist() for _ in range(RANDOM)]
     return PosePlan(
         robot=robot,
@@ -133,6 +139,8 @@ def plan_poses(
         sigma=np.array([sought.sigma(sought.after(found[:k])) for k in range(len(found) + 1)]),
         random=np.array([sought.left(measured) for measured in sets]),
         everything=sought.left(range(count)),
+        bound=certified(*asked, found, sought.weights, sought.cost) ** 0.5 if convex else np.nan,
+        longer=(more - len(found), sought.left(longer)),
         candidates=count,
         left_out=rows.left_out,
         over=sought.poses,

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.design.criterion import Criterion
 from truepose.design.machining import Level
 from truepose.files import picture
 from truepose.robot.robot import Robot
@@ -17,7 +18,7 @@ from truepose.show.charts import ranges
 from truepose.show.page import as_uri, render, versions
 from truepose.show.results import Shown, figure_of
 from truepose.show.table import Cell, Table, number
-from truepose.show.units import printed
+from truepose.show.units import PRINT, printed
 
 #: Least difference of prices of the sets listed in a figure, as a share of the largest price.
 _APART = 0.03
@@ -29,17 +30,17 @@ class SensorSet:
 
     sensors: tuple[str, ...]
     price: float
-    sigma: float  #: of the position, rms over the poses, m
+    error: float  #: of the position by the criterion, m
     machined: tuple[tuple[str, float], ...] = ()  #: parameters, names or globs, and their σ
 
 
 class Alone(NamedTuple):
-    """Effect of one candidate besides the required ones; σ of the position, m."""
+    """Effect of one candidate besides the required ones; error of the position, m."""
 
     sensor: str  #: or the machined parameters
     level: float | None  #: machined to this σ, with the levels that it needs; None for a sensor
     price: float
-    sigma: float  #: with it alone
+    error: float  #: with it alone
     without: float  #: with all others
 
 
@@ -51,14 +52,18 @@ class SensorSelection(Shown):
     prices: dict[str, float]  #: of each candidate
     front: list[SensorSet]  #: sets that no other set dominates; cheapest first
     best: SensorSet | None  #: within the budget, or the cheapest that reaches the target
-    bound: float  #: lower bound of all sets: of σ, m, within the budget; of the price for a target
+    bound: float
+    #: lower bound of all sets: of the error, m, within the budget; of the price for a target
     compared: int  #: number of sets
     over: Array  #: (T, c) poses
     budget: float | None = None  #: as given
-    target: float | None = None  #: requested σ, m
-    state: str = "as built"  #: of the robot, to which σ applies
+    target: float | None = None  #: requested error, m
+    criterion: Criterion = field(default_factory=Criterion)  #: of the error
+    state: str = "as built"  #: of the robot, to which the error applies
     levels: list[list[Level]] = field(default_factory=list)  #: machining tolerances, by group
     alone: list[Alone] = field(default_factory=list)  #: each candidate separately
+    steps: dict[str, SensorSet] = field(default_factory=dict)
+    #: best set after further steps, by state; for a target only where one reaches it
     exact: bool = True  #: whether the front is proven; else greedy, better sets may exist
 
     @property
@@ -71,15 +76,21 @@ class SensorSelection(Shown):
         """Largest possible relative improvement over the best set; 0 if it is proven."""
         if self.best is None:
             return 0.0
-        reached = self.best.price if self.target is not None else self.best.sigma
+        reached = self.best.price if self.target is not None else self.best.error
         return 0.0 if self.bound >= reached * (1 - 1e-9) else 1 - self.bound / reached
+
+    @property
+    def label(self) -> str:
+        """The criterion and its printed unit."""
+        total = summed(self.robot)
+        return f"{self.criterion.said(total.name)} ({PRINT[total.unit][1]})"
 
     def table(self) -> Table:
         """Return a table with one row per set of the front, cheapest first."""
         total = summed(self.robot)
-        sizes = {total.label: [total.factor * choice.sigma for choice in self.front]}
+        sizes = {total.label: [total.factor * choice.error for choice in self.front]}
         what = "Sensors and machining" if self.levels else "Sensors"
-        title = f"{what}, {self.state}: σ of the {total.name}, and price"
+        title = f"{what}, {self.state}: {self.criterion.said(total.name)}; price"
         if self.exact:
             return sets_table(self, "design", title, sizes)
         table = sets_table(self, "design", f"{title} (greedy choices, not proven)", sizes)
@@ -89,27 +100,27 @@ class SensorSelection(Shown):
     def _draw(self, figure: Any) -> None:
         robot, total = self.robot, summed(self.robot)
         price = [choice.price for choice in self.front]
-        sigma = [total.factor * choice.sigma for choice in self.front]
+        error = [total.factor * choice.error for choice in self.front]
         shown = [0]  # sets with labels
         for k, choice in enumerate(self.front[1:], 1):
             last = self.front[shown[-1]]
             far = choice.price - last.price > _APART * max(price)
-            if far or choice.sigma < 0.8 * last.sigma or choice == self.best:
+            if far or choice.error < 0.8 * last.error or choice == self.best:
                 shown.append(k)
         height = 0.14 * len(shown) + 0.15
         figure.set_size_inches(6.4, 4.4 + height)
         upper, lower = figure.subfigures(2, 1, height_ratios=(4.4, height))
         axes, lines = upper.subplots(), []
         style, proven = ("-", "proven") if self.exact else ("--", "greedy, not proven")
-        axes.step(price, sigma, style, where="post", color="C0")
-        axes.plot(price, sigma, "o", color="C0", ms=4, label=f"front ({proven})")
+        axes.step(price, error, style, where="post", color="C0")
+        axes.plot(price, error, "o", color="C0", ms=4, label=f"front ({proven})")
         for k in shown:
             place = {"xytext": (3, 4), "textcoords": "offset points"}
-            axes.annotate(str(k + 1), (price[k], sigma[k]), fontsize=8, **place)
+            axes.annotate(str(k + 1), (price[k], error[k]), fontsize=8, **place)
             lines.append(f"{k + 1}  {described(robot, self.front[k])}")
         lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
         if self.best is not None:
-            there = self.best.price, total.factor * self.best.sigma
+            there = self.best.price, total.factor * self.best.error
             axes.plot(*there, "o", color="C3", ms=9, mfc="none", label="best")
         title = f"{robot.name}, {self.state}"
         if self.target is not None:
@@ -118,10 +129,10 @@ class SensorSelection(Shown):
         if self.budget is not None:
             title += f", budget {self.budget:g}"
             axes.axvline(self.budget, color="C3", lw=0.9, ls=":", label="budget")
-        axes.set(xlabel="price (currency of the prices given)", ylabel=f"σ of the {total.label}")
+        axes.set(xlabel="price (currency of the prices given)", ylabel=self.label)
         axes.set_title(title, fontsize=10, parse_math=False)
         axes.margins(x=0.08)
-        if min(sigma) < 0.1 * max(sigma):
+        if min(error) < 0.1 * max(error):
             axes.set_yscale("log", subs=(2, 5))
             axes.yaxis.set_major_formatter("{x:g}")
             axes.yaxis.set_minor_formatter("{x:g}")
@@ -175,11 +186,11 @@ def page(
     """
     total = summed(found.robot)
     series: dict[str, dict[str, Array]] = {"with it alone": {}, "with all others": {}}
-    for one in sorted(found.alone, key=lambda one: one.sigma):
-        for what, sigma in zip(series, (one.sigma, one.without), strict=True):
+    for one in sorted(found.alone, key=lambda one: one.error):
+        for what, error in zip(series, (one.error, one.without), strict=True):
             name = candidate(found.robot, one)
-            series[what][name] = total.factor * np.array([0, sigma, sigma])
-    panels = {f"σ of the {total.label}": series}
+            series[what][name] = total.factor * np.array([0, error, error])
+    panels = {found.label: series}
     figures = {"front": found.plot(), "each": figure_of(lambda f: ranges(f, panels, "candidate"))}
     return render(
         "design.html.j2",

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, finite, positive, require
 from truepose.calibration.bound import reference_sigmas, state_of
-from truepose.design.candidates import given_poses, reachable
+from truepose.design.candidates import drawn, given_poses, reachable
+from truepose.design.criterion import SIGMA, Criterion, Measure
 from truepose.design.machining import Curve, Level, levels_of
 from truepose.design.relaxation import Relaxation
 from truepose.design.search import Search, Set
-from truepose.design.selection import Alone, SensorSelection, SensorSet
+from truepose.design.selection import Alone, SensorSelection, SensorSet, described
 from truepose.design.worth import Worth
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
@@ -25,6 +28,8 @@ from truepose.show.units import printed
 
 #: Default number of workspace poses over which sets are compared.
 POSES = 32
+#: Poses of a self-calibration in states that were not asked for.
+OTHERWISE = 10
 
 
 def select_sensors(
@@ -34,6 +39,8 @@ def select_sensors(
     price_steps: Mapping[str, Curve] | None = None,
     budget: float | None = None,
     target: float | None = None,
+    confidence: float | None = 0.95,
+    measure: Measure = "rms",
     must: Sequence[str] = (),
     calibrated_on: ArrayLike | None = None,
     reference_pose: ArrayLike | None = None,
@@ -43,8 +50,9 @@ def select_sensors(
 ) -> SensorSelection:
     """Choose sensors and tolerances by accuracy and cost.
 
-    The criterion is the bound of :func:`truepose.accuracy` at the robot's highest level. A further
-    sensor never raises it, so all affordable candidates together bound the sets among them: branch
+    The criterion is the position error that a share of all robots within the tolerances keeps, by
+    the bound of :func:`truepose.accuracy` at the robot's highest level. A further sensor never
+    raises it, so all affordable candidates together bound the sets among them: branch
     and bound proves the best set without comparing most sets. With too many candidates a convex
     relaxation bounds the possible improvement.
 
@@ -60,7 +68,11 @@ def select_sensors(
     budget : float, optional
         Largest total price; finds the most accurate set.
     target : float, optional
-        Requested σ of the position, m; finds the cheapest set.
+        Requested position error, m; finds the cheapest set.
+    confidence : float, optional
+        Share of the robots that keep the error; None: σ, the rms of all robots.
+    measure : {"rms", "worst", "AP", "RP"}
+        Over the poses; at the worst pose; there the pose accuracy or repeatability of ISO 9283.
     must : sequence of str
         Sensors that every set contains, at their price.
     calibrated_on, reference_pose, reference_sigma
@@ -104,61 +116,117 @@ def select_sensors(
     for what, value in (("budget", budget), ("target", target)):
         if value is not None:
             positive(what, value)
-    over = asked_poses(robot, poses)
+    asked = _Asked(
+        robot, named, ladders, must, survives, asked_poses(robot, poses),
+        Criterion(measure, confidence), reference_sigmas(robot, reference_sigma), budget, target,
+    )  # fmt: skip
     visited = given_poses(robot, calibrated_on, "calibrated_on")
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
-    sigma = reference_sigmas(robot, reference_sigma)
-    levels = [level for own in ladders for level in own]
-    finer = [level.information for level in levels]
-    worth = Worth(robot, names, over, visited, touched, sigma, finer)
-    needed = [names.index(name) for name in must]
-    search = searched(worth, [*named.values()], ladders, needed, survives)
+    search = asked.search(visited, touched)
     best, bound = None, np.nan
     if budget is not None:
         _fits(search, budget, names, must)
-        best, variance = search.most_accurate(budget)
-        bound = variance**0.5
+        best, squared = search.most_accurate(budget)
+        bound = squared**0.5
     elif target is not None:
-        _reached(robot, search, target, names, bool(levels), survives)
+        if search.cost(range(len(search.prices))) > target**2:
+            raise InputError(_unreached(asked, search, visited, touched))
         best, bound = search.cheapest(target**2)
     exact = search.look_round()
 
-    every: list[tuple[str, float | None]] = [(name, None) for name in names]
-    every += [(level.group, level.sigma) for level in levels]
-
-    def choice(own: Set) -> SensorSet:
-        sensors = tuple(names[k] for k in own if k < len(names))
-        reached = {x.group: x.sigma for k, x in enumerate(levels, len(names)) if k in own}
-        sigma = search.cost(own) ** 0.5
-        return SensorSet(sensors, search.spent(own), sigma, tuple(reached.items()))
-
     def alone(k: int) -> Alone:
         own = [j for j in search.with_one([], k) if j not in search.must or j == k]
-        sets = search.with_one(search.must, k), search.without_one(range(len(every)), k)
-        sigma, without = (search.cost(of) ** 0.5 for of in sets)
-        return Alone(*every[k], search.spent(own), sigma, without)
+        sets = search.with_one(search.must, k), search.without_one(range(len(asked.every)), k)
+        error, without = (search.cost(of) ** 0.5 for of in sets)
+        return Alone(*asked.every[k], search.spent(own), error, without)
 
     return SensorSelection(
         robot=robot,
         prices=named,
-        front=[choice(own) for own in search.front()],
-        best=None if best is None else choice(best),
+        front=[asked.choice(search, own) for own in search.front()],
+        best=None if best is None else asked.choice(search, best),
         bound=bound,
         compared=len(search.known),
-        over=over,
+        over=asked.over,
         budget=budget,
         target=target,
+        criterion=asked.by,
         state=state_of(calibrated_on, reference_pose, survives),
         levels=ladders,
-        alone=[alone(k) for k in range(len(every))],
+        alone=[alone(k) for k in range(len(asked.every))],
         exact=exact,
+        steps={} if best is None else dict(asked.further(visited, touched)),
     )
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A selection's question, for any state of the robot."""
+
+    robot: Robot
+    prices: dict[str, float]
+    ladders: list[list[Level]]
+    must: Sequence[str]
+    survives: bool
+    over: Array  #: (T, c)
+    by: Criterion
+    reference_sigma: Sequence[float]
+    budget: float | None
+    target: float | None
+
+    @property
+    def levels(self) -> list[Level]:
+        return [level for own in self.ladders for level in own]
+
+    @property
+    def every(self) -> list[tuple[str, float | None]]:
+        """Every candidate: a sensor, or parameters and their σ."""
+        return [(name, None) for name in self.prices] + [(x.group, x.sigma) for x in self.levels]
+
+    def search(self, visited: Array, touched: Array) -> Search:
+        names, finer = list(self.prices), [level.information for level in self.levels]
+        sigma = self.reference_sigma
+        worth = Worth(self.robot, names, self.over, visited, touched, sigma, finer)
+        needed = [names.index(name) for name in self.must]
+        prices = [*self.prices.values()]
+        return searched(worth, prices, self.ladders, needed, self.survives, self.by)
+
+    def choice(self, search: Search, own: Set) -> SensorSet:
+        sensors = tuple(name for k, name in enumerate(self.prices) if k in own)
+        levels = enumerate(self.levels, len(self.prices))
+        machined = tuple({x.group: x.sigma for k, x in levels if k in own}.items())
+        return SensorSet(sensors, search.spent(own), search.cost(own) ** 0.5, machined)
+
+    def further(self, visited: Array, touched: Array) -> Iterator[tuple[str, SensorSet]]:
+        """Yield states after further steps, and the best set there; none where none reaches it."""
+        poses, home = practice(self.robot, OTHERWISE), self.robot.home[None]
+        for calibrated, referenced in itertools.product((False, True), repeat=2):
+            done = (calibrated and len(visited)) or (referenced and len(touched))
+            if done or not (calibrated or referenced):
+                continue
+            said = [f"self-calibrated on {len(poses)} poses"] * calibrated
+            said += ["referenced at home"] * referenced
+            own = poses if calibrated else visited, home if referenced else touched
+            search, squared = self.search(*own), (self.target or 0.0) ** 2
+            if self.budget is not None:
+                best, _ = search.most_accurate(self.budget)
+            elif search.cost(range(len(search.prices))) <= squared:
+                best, _ = search.cheapest(squared)
+            else:
+                continue
+            yield " and ".join(said), self.choice(search, best)
+
+
+def practice(robot: Robot, count: int) -> Array:
+    """Return poses of a self-calibration, spread over the workspace."""
+    x = drawn(robot, 4 * count, 0)
+    return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
 
 
 def in_other_states(
     found: SensorSelection, calibrated_on: Array, reference_pose: Array
 ) -> dict[str, Array]:
-    """σ of the front's sets (m) as built, referenced at a pose, self-calibrated, and both."""
+    """Return the front's errors (m) as built, referenced at a pose, self-calibrated, and both."""
     robot, names = found.robot, list(found.prices)
     levels = [level for own in found.levels for level in own]
     sets = []
@@ -171,7 +239,7 @@ def in_other_states(
     cases = itertools.product((calibrated_on[:0], calibrated_on), (0, 1))
     for state, (visited, count) in zip(states, cases, strict=True):
         worth = Worth(robot, names, found.over, visited, reference_pose[None][:count], sigma, finer)
-        result[state] = np.sqrt([worth.variance(own) for own in sets])
+        result[state] = np.sqrt([worth.squared(own, found.criterion) for own in sets])
     return result
 
 
@@ -181,6 +249,7 @@ def searched(
     ladders: Sequence[Sequence[Level]] = (),
     must: Sequence[int] = (),
     survives: bool = False,
+    by: Criterion = SIGMA,
 ) -> Search:
     """Return the search over sensors 0, 1, …, followed by the levels of tolerances."""
     whole, numbered = list(prices), []
@@ -188,8 +257,9 @@ def searched(
         numbered.append(range(len(whole), len(whole) + len(own)))
         whole += [level.price for level in own]
     fail = range(len(prices)) if survives else ()
-    relaxation = Relaxation(worth.relaxed, whole, must, numbered, fail)
-    return Search(worth.variance, whole, tuple(must), survives, numbered, relaxation)
+    relaxation = Relaxation(worth.relaxed, whole, must, numbered, fail) if by.convex else None
+    cost = functools.partial(worth.squared, by=by)
+    return Search(cost, whole, tuple(must), survives, numbered, relaxation)
 
 
 def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
@@ -202,19 +272,21 @@ def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[st
         raise InputError(f"budget {budget:g}: too small: the cheapest, {what}, costs {least:g}")
 
 
-def _reached(
-    robot: Robot, search: Search, target: float, names: Sequence[str], levels: bool, survives: bool
-) -> None:
-    """Raise InputError where all candidates together do not reach a target."""
-    floor = search.cost(range(len(search.prices))) ** 0.5
-    if floor <= target:
-        return
+def _unreached(asked: _Asked, search: Search, visited: Array, touched: Array) -> str:
+    """Return a message: what all candidates together reach, and the cheapest step that helps."""
+    names, survives = asked.prices, asked.survives
     together = f"all {len(names)} sensors together" if names else "all levels"
-    added = ["all parts machined to the smallest σ"] * bool(names and levels)
+    added = ["all parts machined to the smallest σ"] * bool(names and asked.levels)
     added += ["after the worst failure of one"] * bool(names and survives)
     together += f", {', '.join(added)}," if added else ""
-    asked, least = (printed(value, summed(robot).unit, ".4g") for value in (target, floor))
-    raise InputError(f"target {asked}: {together} reach {least}")
+    errors = asked.target, search.cost(range(len(search.prices))) ** 0.5
+    wanted, least = (printed(value or 0.0, summed(asked.robot).unit, ".4g") for value in errors)
+    steps = sorted(asked.further(visited, touched), key=lambda step: step[1].price)
+    helps = [
+        f"{described(asked.robot, best)} ({best.price:g}) would, once {state}"
+        for state, best in steps
+    ]
+    return "; ".join([f"target {wanted}: {together} reach {least}", *helps[:1]])
 
 
 def _priced(

@@ -17,6 +17,7 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
+from truepose.design.criterion import SIGMA, Criterion
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
@@ -25,7 +26,7 @@ from truepose.robot.units import summed
 class _Left(NamedTuple):
     """What shares of the candidates leave: of p unknowns, position errors and T poses."""
 
-    variance: float  #: of the position, mean over the poses, m²
+    covariance: Array  #: (T, c, c) of the position
     G: Array  #: (p, p) root of the unknowns' covariance after earlier readings
     position: Array  #: (T, c, p) rows of the position error after the readings there
     across: Array  #: (T, c, S) covariance of position and sensor values after these readings
@@ -34,7 +35,7 @@ class _Left(NamedTuple):
 
 @dataclass(eq=False)
 class Worth:
-    """Mean variance of the position as a function of the sensor set."""
+    """Accuracy of the position as a function of the sensor set."""
 
     robot: Robot
     names: Sequence[str]  #: candidate sensors
@@ -103,11 +104,17 @@ class Worth:
         rows = np.concatenate([E[:, self._linear] @ B[:, :n], B[:, n:] - A @ B[:, :n]], axis=1)
         return rows, by_motors @ by_motors.swapaxes(1, 2)
 
-    def variance(self, chosen: Sequence[int]) -> float:
-        """Return the mean variance of the position, m², with these sensors and tolerances."""
+    def squared(self, chosen: Sequence[int], by: Criterion) -> float:
+        """Return a criterion of the position, squared, m², with these sensors and tolerances."""
         shares = np.zeros(len(self.names) + len(self._finer))
         shares[list(chosen)] = 1.0
-        return self._left(shares, [k for k in chosen if k < len(self.names)]).variance
+        left = self._left(shares, [k for k in chosen if k < len(self.names)])
+        L = left.position
+        return by.squared(L, left.covariance - L @ L.swapaxes(1, 2))
+
+    def variance(self, chosen: Sequence[int]) -> float:
+        """Return the mean variance of the position, m²."""
+        return self.squared(chosen, SIGMA)
 
     def _left(self, shares: Array, own: Sequence[int]) -> _Left:
         """Return what the sensors `own` and the tolerances leave with these shares."""
@@ -129,8 +136,8 @@ class Worth:
         across, told = P[:, size:, :size], P[:, size:, size:]
         by = (d * np.linalg.solve(eye + d * told * d.T, d * across)).swapaxes(1, 2)
         left = across.swapaxes(1, 2) - by @ told
-        mean = (P[:, :size, :size] - by @ across).trace(axis1=1, axis2=2).mean()
-        return _Left(float(mean), G, F[:, :size] - by @ F[:, size:], left, d * solved)
+        covariance, position = P[:, :size, :size] - by @ across, F[:, :size] - by @ F[:, size:]
+        return _Left(covariance, G, position, left, d * solved)
 
     def relaxed(self, shares: Array) -> tuple[float, Array]:
         """Return the mean variance with shares (N,), 0 to 1, of the information; its gradient."""
@@ -142,4 +149,5 @@ class Worth:
         C = (self._R - self._noise @ left.solved) @ left.G
         by_sensors = (left.across**2).sum(axis=1).mean(axis=0) + ((C @ middle) * C).sum(axis=(0, 2))
         by_levels = np.tensordot(self._finer, left.G @ middle @ left.G.T)
-        return left.variance, -np.concatenate([by_sensors, by_levels])
+        mean = float(left.covariance.trace(axis1=1, axis2=2).mean())
+        return mean, -np.concatenate([by_sensors, by_levels])

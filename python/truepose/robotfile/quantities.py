@@ -1,4 +1,4 @@
-"""Values with a unit in a robot file: "260 mm", "30 deg", converted to m and rad."""
+"""Units in a robot file: "260 mm", or `units` for all its numbers, converted to m and rad."""
 
 from __future__ import annotations
 
@@ -31,30 +31,59 @@ _TABLES: dict[str, type[Section]] = {
 _LISTS: dict[str, type[Section]] = {"chain": Chain, "bar": Bar, "passive_axis": PassiveAxis}
 
 
-def in_si(data: dict) -> dict:
-    """Return a robot file's data with quantities in m and rad.
+def in_si(data: dict, context: dict) -> dict:
+    """Return a robot file's data in m and rad, without the key `units`.
 
-    The arguments of a RobotFileError are those of a ``Problem``.
+    `context` is the same laid over the robot that it is based on: there, a key's unit is found. The
+    arguments of a RobotFileError are those of a ``Problem``.
     """
+    bare = _bare(data.get("units", []))
 
     def converted(value: Any, path: tuple) -> Any:
         if isinstance(value, dict):
             return {key: converted(of, (*path, key)) for key, of in value.items()}
         if isinstance(value, list):
             return [converted(of, (*path, k)) for k, of in enumerate(value)]
+        where = ".".join(str(p + 1) if isinstance(p, int) else str(p) for p in path)
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            factors = {bare[unit] for unit in _units(context, path)} if bare else set()
+            if len(factors) > 1:
+                said = f"{where} = {value}: lengths and angles: name them apart, each in its unit"
+                raise RobotFileError(path, said)
+            return value * factors.pop() if factors else value
         found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-        units = set(_units(data, path)) if found else set()
+        units = set(_units(context, path)) if found else set()
         if found is None or not units:  # a name, or the schema says what it must be
             return value
         unit, factor = WRITTEN.get(found[2], ("", 0.0))
         if units != {unit}:
             known = [name for name, (of, _) in WRITTEN.items() if units == {of}]
             must = f"must be in {', '.join(known)}" if known else "must be a number, m or rad"
-            where = ".".join(str(p + 1) if isinstance(p, int) else str(p) for p in path)
             raise RobotFileError(path, f"{where} = '{value}': {must}")
         return factor * float(found[1])
 
-    return {key: converted(value, (key,)) for key, value in data.items()}
+    return {key: converted(value, (key,)) for key, value in data.items() if key != "units"}
+
+
+def _bare(names: object) -> dict[str, float]:
+    """Return the factor of numbers without a unit, by their SI unit; empty without `units`."""
+    listed = names if isinstance(names, list) else [None]
+    known = [WRITTEN.get(name) if isinstance(name, str) else None for name in listed]
+    bare = dict(each for each in known if each)
+    if len(bare) < len(known):
+        must = f'must be one length and one angle of {", ".join(WRITTEN)}, as ["mm", "deg"]'
+        raise RobotFileError(("units",), f"units = {names!r}: {must}")
+    return {"m": 1.0, "rad": 1.0} | bare if bare else {}
+
+
+def stated(data: dict, value: Any, path: tuple) -> Any:
+    """Return a value in m or rad with that unit, for a file in which `units` says another one."""
+    if isinstance(value, dict):
+        return {key: stated(data, of, (*path, key)) for key, of in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [stated(data, of, (*path, k)) for k, of in enumerate(value)]
+    units = set(_units(data, path)) if isinstance(value, float) else set()
+    return f"{float(value)!r} {units.pop()}" if len(units) == 1 else value
 
 
 def _units(data: dict, path: tuple) -> Iterator[str]:
@@ -77,7 +106,7 @@ def _units(data: dict, path: tuple) -> Iterator[str]:
         yield from _of_field(_TABLES[top], rest[0], _coordinate(data, rest))
     elif top == "home":
         yield _coordinate(data, path)
-    elif top in ("tolerances", "parameters") and rest:
+    elif top in ("tolerances", "parameters") and rest and path[-1] != "price":
         yield from _of_parameter(data, str(rest[0]))
 
 

@@ -47,6 +47,8 @@ _SECTIONS: dict[str, type[Section]] = {
 SHORTHAND = {
     "based_on": "the shipped robot that this file changes: its tables are laid over that robot's, "
     "its lists replace that robot's",
+    "units": 'units of lengths and angles without one, as ["mm", "deg"]; default ["m", "rad"]. '
+    "Other quantities, and [calibration], are in SI units",
     "chain_defaults": "keys of 'chain' that all chains share; a chain's own key wins",
 }
 #: Keys that determine a robot's motion, then those of a chain.
@@ -251,10 +253,9 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
 
     The arguments of a RobotFileError are those of a Problem.
     """
-    data = dict(data)
-    if "based_on" in data:
-        data = _based_on(data)
-    data = in_si(data)
+    own = dict(data)
+    base = _base(own.pop("based_on")) if "based_on" in own else {}
+    data = _over(base, in_si(own, _over(base, own)))
     shared = data.pop("chain_defaults", {})
     if not isinstance(shared, dict):
         raise RobotFileError(("chain_defaults",), "chain_defaults: must be a table")
@@ -270,13 +271,17 @@ def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
     return data, len(chains), problems
 
 
-def _based_on(data: dict) -> dict:
-    """Merge a file into the shipped robot it is based on: tables by key, the rest whole."""
+def _base(name: object) -> dict:
+    """Return the data of the shipped robot that a file is based on."""
     robots = shipped()
-    name = data.pop("based_on")
     if not isinstance(name, str) or name not in robots:
         raise RobotFileError(("based_on",), "based_on: " + choose("robot", name, robots))
-    result = tomllib.loads(robots[name].read_text(encoding="utf-8"))
+    return tomllib.loads(robots[name].read_text(encoding="utf-8"))
+
+
+def _over(base: dict, data: dict) -> dict:
+    """Lay a file's data over those of its base: tables by key, the rest whole."""
+    result = dict(base)
     for key, value in data.items():
         both = isinstance(result.get(key), dict) and isinstance(value, dict)
         result[key] = result[key] | value if both else value

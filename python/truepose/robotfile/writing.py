@@ -1,10 +1,12 @@
 """Writer of robot files that keeps order and comments."""
 
 from pathlib import Path
+from typing import Any
 
 import tomlkit
 
 from truepose.files import Output
+from truepose.robotfile import quantities
 from truepose.robotfile.reading import parse
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import drawn
@@ -40,7 +42,9 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
             document["calibration"] = table
     told = {n: v for n, v in values.items() if v != nominal[n] or n in spec.parameters}
     if told:
-        document.setdefault("parameters", tomlkit.table()).update(told)
+        document.setdefault("parameters", tomlkit.table()).update(
+            _stated(document, before, told, "parameters")
+        )
     return document.as_string()
 
 
@@ -53,11 +57,20 @@ def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -
         if sensor.name in known and getattr(sensor, key) != getattr(known[sensor.name], key)
     ]
     if moved and "sensor" not in document:  # inherited by based_on
-        document["sensor"] = _written_out(before)["sensor"]
-    tables = {table["name"]: table for table in document.get("sensor", [])}
+        written = _written_out(before)["sensor"].unwrap()
+        document["sensor"] = _stated(document, before, written, "sensor")
+    tables = {table["name"]: (k, table) for k, table in enumerate(document.get("sensor", []))}
     for name, key, place in moved:
-        tables[name][key] = list(place)
-        tables[name][key].comment(f"was {list(getattr(known[name], key))}")
+        at, table = tables[name]
+        table[key] = _stated(document, before, list(place), "sensor", at, key)
+        table[key].comment(f"was {list(getattr(known[name], key))}")
+
+
+def _stated(document: tomlkit.TOMLDocument, spec: RobotFile, value: Any, *path: str | int) -> Any:
+    """Return a value as the document has it: where `units` is a key, in a stated unit."""
+    if "units" not in document:
+        return value
+    return quantities.stated(spec.model_dump(mode="json"), value, path)
 
 
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:

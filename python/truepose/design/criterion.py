@@ -1,0 +1,125 @@
+"""Criteria of a pose error: what a share of all robots keeps, over the poses or at each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.exceptions import InputError, choose
+
+Measure = Literal["rms", "worst", "AP", "RP"]
+#: Cycles at a pose, for AP and RP (ISO 9283:1998, 7.2).
+CYCLES = 30
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One number for the pose errors of all robots within the tolerances.
+
+    Measures:
+
+    rms
+        root mean square over the poses
+    worst
+        at the pose where it is largest
+    AP
+        ISO 9283 pose accuracy: of the mean of 30 cycles, at the worst pose
+    RP
+        ISO 9283 pose repeatability l̄ + 3 S of 30 cycles, at the worst pose; the same for all robots
+    """
+
+    measure: Measure = "rms"
+    confidence: float | None = 0.95  #: share of the robots that keep it; None: σ, the rms of all
+
+    def __post_init__(self) -> None:
+        if self.measure not in get_args(Measure):
+            raise InputError(choose("measure", self.measure, get_args(Measure)))
+        if self.confidence is not None and not 0.5 <= self.confidence < 1:
+            raise InputError(f"confidence = {self.confidence:g}: must be at least 0.5, less than 1")
+
+    @property
+    def convex(self) -> bool:
+        """Whether it is σ over the poses, which a convex relaxation bounds."""
+        return self.measure == "rms" and self.confidence is None
+
+    def said(self, name: str) -> str:
+        """Return it as text, of the position or the turn."""
+        iso = f"{self.measure} (ISO 9283) at the worst pose"
+        error = {"rms": f"{name} error", "worst": f"{name} error at the worst pose"}
+        what = error.get(self.measure, iso)
+        if self.measure == "RP":
+            return what
+        if self.confidence is None:
+            return f"σ of the {name}" if self.measure == "rms" else f"σ of the {what}"
+        return f"{what} kept by {100 * self.confidence:.4g} % of robots"
+
+    def squared(self, L: Array, N: Array) -> float:
+        """Return its square: of errors L u + ε, u standard normal, (T, c, p), ε of cov (T, c, c).
+
+        u belongs to a robot, ε to each pose and cycle.
+        """
+        if self.measure == "RP":
+            return float(_repeatability((1 - 1 / CYCLES) * N).max() ** 2)
+        if self.measure == "AP":
+            N = N / CYCLES
+        if self.measure != "rms":
+            return float(self._kept(L @ L.swapaxes(1, 2) + N).max())
+        if self.confidence is None:
+            return float((np.vdot(L, L) + np.einsum("tii->", N)) / len(L))
+        T, c, p = L.shape
+        flat = L.reshape(T * c, p)
+        V = flat @ flat.T
+        at = np.arange(T)
+        V.reshape(T, c, T, c)[at, :, at] += N
+        return float(self._kept(V / T))
+
+    def _kept(self, V: Array) -> Array:
+        """Return the quantile of |e|², e normal with covariance V (…, m, m).
+
+        By its first three cumulants: Buckley and Eagleson (1988), An approximation to the
+        distribution of quadratic forms in normal random variables, Aust. J. Statist. 30A.
+        """
+        from scipy.special import chdtri
+
+        first = np.trace(V, axis1=-2, axis2=-1)
+        if self.confidence is None:
+            return np.asarray(first)
+        W = V @ V
+        second, third = np.trace(W, axis1=-2, axis2=-1), (W * V).sum(axis=(-2, -1))
+        freedom = second**3 / third**2
+        off = chdtri(freedom, 1 - self.confidence) - freedom
+        return np.asarray(first + np.sqrt(second / freedom) * off)
+
+    def of_errors(self, e: Array) -> tuple[Array, Array]:
+        """Return each robot's value, (R,) or at each pose (R, T), and (…) the quantile of all.
+
+        `e` are errors of R robots at T poses in k cycles, (R, k, T, c).
+        """
+        centre = e.mean(axis=1)
+        if self.measure == "RP":
+            l = np.linalg.norm(e - centre[:, None], axis=-1)
+            each = l.mean(axis=1) + 3 * l.std(axis=1, ddof=1)
+        else:
+            each = np.linalg.norm(centre, axis=-1)
+        if self.measure == "rms":
+            each = np.sqrt((each**2).mean(axis=-1))
+        if self.confidence is None:
+            return each, np.sqrt((each**2).mean(axis=0))
+        return each, np.quantile(each, self.confidence, axis=0)
+
+
+#: σ over the poses.
+SIGMA = Criterion(confidence=None)
+
+
+def _repeatability(N: Array) -> Array:
+    """Return l̄ + 3 S of the distance l, errors with covariance N (T, c, c); to 3 %."""
+    from scipy.special import gammaln
+
+    first, second = np.trace(N, axis1=1, axis2=2), np.trace(N @ N, axis1=1, axis2=2)
+    shape = first**2 / (2 * second)  # l² as a gamma of the same mean and variance
+    mean = np.sqrt(first / shape) * np.exp(gammaln(shape + 0.5) - gammaln(shape))
+    return np.asarray(mean + 3 * np.sqrt(np.maximum(first - mean**2, 0.0)))

@@ -1,0 +1,219 @@
+"""Error budget: what each tolerance and each reading contributes to the error of a pose.
+
+With m readings of σ 1, y = H_x dx + B u + ε, u the parameters in units of their σ. Q spans what H_x
+does not reach; Qᵀy of a self-calibration's poses v leaves u an information J = I + Σ BᵀQQᵀB, and
+
+    u - û = J⁻¹ u - J⁻¹ Σ BᵀQQᵀ ε_v,     dx̂ - dx = K (B (u - û) + ε),
+
+K by weighted least squares. Both are linear in independent errors: the contributions' squares are
+the variance (GUM: JCGM 100:2008, 5.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, require
+from truepose.calibration.bound import reference_sigmas, state_of
+from truepose.design.candidates import given_poses
+from truepose.design.criterion import Criterion, Measure
+from truepose.design.sensors import asked_poses
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units, summed, unit_of
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT
+
+#: The source of parameters that a calibration identified: their errors are correlated.
+CALIBRATION = "calibration"
+
+
+class Contribution(NamedTuple):
+    """The contribution of one source to the position error."""
+
+    source: str  #: entry of [tolerances], or name of a reading
+    sigma: float | None  #: of each of its errors: m, rad, 1/N or without unit; None: they differ
+    unit: str
+    error: float  #: standard deviation, rms over the poses, m
+    share: float  #: of the variance
+    halved: float  #: the position error by the criterion, with half of this source's σ, m
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorBudget(Shown):
+    """Contributions to the position error, largest first."""
+
+    robot: Robot
+    state: str
+    criterion: Criterion
+    error: float  #: position error by the criterion, m
+    sigma: float  #: standard deviation, rms over the poses, m
+    contributions: list[Contribution]
+    over: Array  #: (T, n) poses
+
+    def table(self) -> Table:
+        """Return a table with one row per source."""
+        total, rows = summed(self.robot), []
+        for one in self.contributions:
+            factor, unit = PRINT[one.unit]
+            stated = None if one.sigma is None else factor * one.sigma
+            sizes = total.factor * one.error, 100 * one.share, total.factor * one.halved
+            name = Cell(f"{one.source} ({unit})" if unit else one.source, one.source)
+            rows.append([name, number(stated), *map(number, sizes)])
+        unit = PRINT[total.unit][1]
+        title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
+        header = [
+            "source",
+            "its σ",
+            f"contribution ({unit})",
+            "share (%)",
+            f"error with half ({unit})",
+        ]
+        return Table("budget", title, header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        total, shown = summed(self.robot), self.contributions[:20]
+        figure.set_size_inches(6.4, 1.2 + 0.28 * len(shown))
+        axes = figure.subplots()
+        names = [one.source for one in shown]
+        axes.barh(names, [total.factor * one.error for one in shown], color="C0")
+        axes.invert_yaxis()
+        axes.set(xlabel=f"contribution to σ of the {total.label}")
+        axes.set_title(f"{self.robot.name}, {self.state}", fontsize=10, parse_math=False)
+        axes.grid(axis="x", color="0.92")
+        axes.set_axisbelow(True)
+
+
+def error_budget(
+    robot: Robot,
+    *,
+    calibrated_on: ArrayLike | None = None,
+    reference_pose: ArrayLike | None = None,
+    reference_sigma: ArrayLike | float = 0.0,
+    poses: ArrayLike | None = None,
+    confidence: float | None = 0.95,
+    measure: Measure = "rms",
+) -> ErrorBudget:
+    """Return what every tolerance and reading contributes to the position error of an estimate.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    calibrated_on, reference_pose, reference_sigma
+        As for :func:`truepose.accuracy`.
+    poses : array_like, shape (T, n), optional
+        Poses where the accuracy counts; by default 32 over the workspace.
+    confidence, measure
+        Criterion of the error with half of a source, as for :func:`truepose.select_sensors`.
+
+    Returns
+    -------
+    ErrorBudget
+
+    Raises
+    ------
+    InputError
+        No parameter is uncertain, or a pose is out of reach.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> budget = tp.design.error_budget(tp.load("h4"))
+    >>> [(one.source, round(one.share, 2)) for one in budget.contributions[:2]]
+    [('chain*.rod', 0.98), ('chain*.encoder_offset', 0.01)]
+    >>> round(sum(one.share for one in budget.contributions), 12)
+    1.0
+    """
+    require(robot, Robot, "robot", "truepose.load(name)")
+    over = asked_poses(robot, poses)
+    visited = given_poses(robot, calibrated_on, "calibrated_on")
+    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
+    model = _Linear(robot, over, visited, touched, reference_sigmas(robot, reference_sigma))
+    by, every = Criterion(measure, confidence), np.ones(len(model.sources))
+    variances, L, N = model.errors(every)
+    whole, found = float(variances.sum()), []
+    for key in dict.fromkeys(source for source, _, _ in model.sources):
+        own = np.array([source == key for source, _, _ in model.sources])
+        variance = float(variances[own].sum())
+        if variance > 0:
+            _, *halved = model.errors(np.where(own, 0.5, 1.0))
+            stated = {(sigma, unit) for source, sigma, unit in model.sources if source == key}
+            sigma, unit = stated.pop() if len(stated) == 1 else (None, "")
+            error, share = variance**0.5, variance / whole
+            found.append(Contribution(key, sigma, unit, error, share, by.squared(*halved) ** 0.5))
+    found.sort(key=lambda one: -one.share)
+    state = state_of(calibrated_on, reference_pose)
+    return ErrorBudget(robot, state, by, by.squared(L, N) ** 0.5, whole**0.5, found, over)
+
+
+class _Linear:
+    """Errors of estimates at poses as linear functions of independent errors of σ 1."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        over: Array,
+        visited: Array,
+        touched: Array,
+        reference_sigma: Sequence[float],
+    ):
+        names = knowledge.require_uncertain(robot)
+        model, level, n = robot.expected(), robot.highest_level, robot.n * len(touched)
+        stated = knowledge.stated_sigma(robot, None)
+        root = np.pad(knowledge.root(robot, names), ((0, 0), (0, n)))
+
+        def rows(x: Array) -> tuple[Array, Array]:
+            H, B = knowledge.linearized(model, x, names, level=level)
+            return H / stated[:, None], (B / stated[:, None]) @ root
+
+        self.H, self.B = rows(over)
+        H, B = rows(visited)
+        if n:  # its pose is known, or among the unknowns
+            there, own = rows(touched)
+            own[0, :, -n:] += there[0] * np.asarray(reference_sigma)
+            H, B = np.concatenate([H, 0 * there]), np.concatenate([B, own])
+        self.earlier = H, B
+        self.columns = summed(robot).columns
+        #: Of every error: its source, σ and unit. Parameters, the touched pose, readings.
+        self.sources = [_parameter(robot, name) for name in names]
+        self.sources += [("reference pose", None, "")] * n
+        motors = ["motors"] * robot.n + list(robot.sensors)
+        self.sources += [*zip(motors, stated.tolist(), reading_units(robot), strict=True)]
+
+    def errors(self, scale: Array) -> tuple[Array, Array, Array]:
+        """Return the position's variance by each error, then L and N of a :class:`Criterion`.
+
+        Each error's σ is multiplied by `scale`.
+        """
+        p = self.B.shape[-1]
+        of_u, of_readings = scale[:p], scale[p:, None]
+        H, B = self.H / of_readings, self.B * of_u / of_readings
+        before, earlier = self.earlier[0] / of_readings, self.earlier[1] * of_u / of_readings
+        seen = earlier - before @ (np.linalg.pinv(before) @ earlier)
+        J = np.eye(p) + np.einsum("vmp,vmk->pk", earlier, seen)
+        G = np.linalg.inv(np.linalg.cholesky(J)).T
+        L = B @ G
+        weighted = np.linalg.solve(L @ L.swapaxes(1, 2) + np.eye(len(of_readings)), H)
+        weighted = weighted.swapaxes(1, 2)
+        K = np.linalg.solve(weighted @ H, weighted)[:, self.columns]
+        L = K @ L
+        by_u = L @ G.T  # (T, c, p): J⁻¹ = G Gᵀ
+        by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
+        parts = (by_u**2).sum(axis=(0, 1)), by_readings.sum(axis=(0, 1))
+        return np.concatenate(parts) / len(H), L, K @ K.swapaxes(1, 2)
+
+
+def _parameter(robot: Robot, name: str) -> tuple[str, float | None, str]:
+    """Return the source of a parameter's error, its σ and unit."""
+    learnt, own = robot.spec.calibration, robot.spec.tolerance(name)
+    if learnt is not None:
+        return CALIBRATION, None, ""
+    entry = next(glob for glob, entry in robot.spec.tolerances.items() if entry is own)
+    return entry, robot.parameters[name].sigma, unit_of(robot, name)

@@ -1,0 +1,109 @@
+"""Verification of a selected sensor set on robots sampled from the tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import check_seed
+from truepose.calibration.calibrate import calibrate
+from truepose.design.candidates import given_poses
+from truepose.design.criterion import CYCLES
+from truepose.design.selection import SensorSelection
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+from truepose.robotfile.schema import Tolerance
+
+#: Default number of simulated robots.
+ROBOTS = 400
+
+
+class Verification(NamedTuple):
+    """Share of simulated robots whose error is at most a limit."""
+
+    robots: int
+    limit: float  #: m
+    share: float  #: at the worst pose, unless the criterion is over the poses
+    interval: tuple[float, float]  #: Wilson's, 95 %
+    error: float  #: kept by the criterion's confidence, m
+
+
+def _unwatched(**_: object) -> None:
+    """Show no progress."""
+
+
+def verify(
+    found: SensorSelection,
+    *,
+    calibrated_on: ArrayLike | None = None,
+    reference_pose: ArrayLike | None = None,
+    robots: int = ROBOTS,
+    seed: int = 0,
+    watch: Callable[..., None] = _unwatched,
+) -> Verification:
+    """Simulate robots within the tolerances with the best set, calibrate each, estimate its poses.
+
+    The limit is the target, else the predicted error. The state is as for the selection. `watch` is
+    called after each robot, with advance=1.
+
+    Raises
+    ------
+    InputError
+        No best set; the criterion is RP, which is the same for all robots.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.design.verification import verify
+    >>> found = tp.select_sensors(tp.load("h4"), {"theta": 90, "wire1": 250}, budget=300)
+    >>> by = verify(found, robots=200)
+    >>> 0.93 < by.share < 1, by.error < found.best.error
+    (True, True)
+    """
+    from scipy.stats import binomtest
+
+    if found.best is None or found.criterion.measure == "RP":
+        raise InputError("verify: needs a best set, by a criterion that differs between robots")
+    robot = machined(found).with_sensors(*found.best.sensors)
+    over, columns = found.over, summed(robot).columns
+    cycles = CYCLES if found.criterion.measure == "AP" else 1
+    visited = given_poses(robot, calibrated_on, "calibrated_on")
+    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
+    x, errors = np.tile(over, (cycles, 1)), []
+    for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
+        true, noise = robot.sample(own), own.generate_state(3).tolist()
+        known = robot.expected()
+        if len(visited) or len(touched):
+            readings = true.read(visited, noise[0]) if len(visited) else None
+            at = (true.read(touched, noise[1]), touched) if len(touched) else None
+            known = calibrate(robot, readings, known_pose=at, cause="ignore").robot
+        estimate = known.estimate(true.read(x, noise[2]), guess=x)
+        watch(advance=1)
+        errors.append((estimate.x - x)[:, columns].reshape(cycles, len(over), -1))
+    each, kept = found.criterion.of_errors(np.array(errors))
+    if each.ndim > 1:  # at the pose where the most robots exceed the limit
+        worst = int(np.argmax(kept))
+        each, kept = each[:, worst], kept[worst]
+    limit = found.target if found.target is not None else found.best.error
+    within = int((each <= limit).sum())
+    interval = binomtest(within, robots).proportion_ci(method="wilson")
+    return Verification(robots, limit, within / robots, (interval.low, interval.high), float(kept))
+
+
+def machined(found: SensorSelection) -> Robot:
+    """Return the robot with the tolerances of the best set."""
+    robot, finer = found.robot, dict(found.best.machined if found.best else ())
+    tolerances = {}
+    for level in (level for own in found.levels for level in own):
+        if level.sigma >= finer.get(level.group, np.inf):
+            for name in level.information:
+                own = robot.spec.tolerance(name)
+                mean, half = own.mean if own else 0.0, math.sqrt(3) * level.sigma
+                tolerances[name] = Tolerance(interval=(mean - half, mean + half))
+    spec = robot.spec.model_copy(update={"tolerances": tolerances | robot.spec.tolerances})
+    return type(robot)(spec, {name: p.value for name, p in robot.parameters.items()})
