@@ -40,7 +40,7 @@ class Workbench {
       "Undo");
     place.replaceChildren(h("div", { className: "columns" },
       h("figure", {}, this.picture, h("figcaption", {},
-        "Dashed: desired. Solid: true, its error drawn 10 times larger. Drag the platform; drag elsewhere to turn the view.")),
+        "Dashed: desired. Solid: true, its error drawn 20 times larger. Drag the platform; drag elsewhere to turn the view.")),
       h("div", {},
         h("h3", {}, "Desired pose"), this.sliders.map(({ row }) => row),
         h("h3", {}, "Error of the true robot"), h("div", { className: "row" }, this.choice,
@@ -142,7 +142,7 @@ class Workbench {
       return svg("polygon", { class: kind, points: [...all].sort((a, b) => turn(a) - turn(b)).map((p) => flat(p).join()).join(" ") });
     };
     let shown;
-    for (const times of [10, 1, 0]) // the exaggerated pose may be out of reach
+    for (const times of [20, 1, 0]) // the exaggerated pose may be out of reach
       try { shown = this.points(this.desired.map((value, k) => value + times * off[k])); break; } catch { /* the next */ }
     if (!shown) return;
     this.picture.replaceChildren(
@@ -155,7 +155,7 @@ class Workbench {
     const all = this.points(this.of.home).flatMap(({ base, elbow, anchor }) => [base, elbow, anchor]);
     const bounds = [0, 1, 2].map((k) => all.map((p) => p[k])).map((v) => [Math.min(...v), Math.max(...v)]);
     const diagonal = Math.hypot(...bounds.map(([low, high]) => high - low));
-    return { centre: bounds.map(([low, high]) => (low + high) / 2), scale: 520 / diagonal };
+    return { centre: bounds.map(([low, high]) => (low + high) / 2), scale: 470 / diagonal };
   }
 
   drag(event) {

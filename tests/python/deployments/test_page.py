@@ -13,6 +13,7 @@ from browsing import browser  # noqa: F401 – a fixture
 from compiling import told, wheels_eigen
 
 import truepose as tp
+from truepose import _core
 from truepose.deploy.json_export import to_json
 
 SOURCE = Path(__file__).parents[3]
@@ -134,6 +135,88 @@ def test_a_log_as_simulate_log_writes_it_is_calibrated_as_in_python(opened, tmp_
 
 
 REAL = PRINTERS / "phnxdrgn536.cfg"
+SESSION = """\
+echo: M665 L345.000000 R162.500000 H418.500000 A0.0 B0.3 C-0.2 X0.1 Y-0.1 Z0.0
+M666 X0.0 Y-0.2 Z-0.4
+"""
+SESSION += "".join(
+    f"Recv: Bed X: {100 * np.cos(k):.3f} Y: {100 * np.sin(k):.3f} Z: {0.1 * np.sin(2 * k):.4f}\n"
+    for k in range(12)
+)
+
+
+def log_of(text: str, lines: int) -> str:
+    """Return klippy.log with a configuration, the saved part included, among lines with markup."""
+    main, saved = text.split("#*# <", 1)
+    kept = (line[4:] for line in saved.splitlines()[1:] if line.startswith("#*# "))
+    told = "Stats 1.0: <img src=x onerror=alert(1)> heater_bed: target=60 temp=60.0 pwm=0.123\n"
+    body = main + "\n".join(line for line in kept if "DO NOT EDIT" not in line)
+    start = "Start printer at Thu Jan  8 03:18:32 2026\n===== Config file =====\n"
+    return told * lines + start + body + "\n=======================\n" + told * lines
+
+
+def real(name: str) -> str:
+    """Return a real printer's file."""
+    return (PRINTERS / f"{name}.cfg").read_text(encoding="utf-8")
+
+
+TEXTS = {path.stem: real(path.stem) for path in sorted(PRINTERS.glob("*.cfg"))} | {
+    "session of Marlin": SESSION,
+    "klippy.log": log_of(real("phnxdrgn536"), 100),
+    "with includes": "[include macros.cfg]\n" + real("phnxdrgn536"),
+    "truncated": real("phnxdrgn536")[:900],
+}
+
+
+def require_same(one, other, place=""):
+    """Compare two JSON values, numbers to 1e-9."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys(), place
+        for key, value in one.items():
+            require_same(value, other[key], f"{place}.{key}")
+    elif isinstance(one, list):
+        assert len(one) == len(other), place
+        for k, value in enumerate(one):
+            require_same(value, other[k], f"{place}[{k}]")
+    elif isinstance(one, float):
+        assert one == pytest.approx(other, rel=WITHIN, abs=WITHIN), place
+    else:
+        assert one == other, place
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_printers_answer_has_all_numbers_of_python(name, opened):
+    text = TEXTS[name]
+    answer = opened.tab.evaluate("text => truepose.printerAnswer(text, [0, 0, 5])", text)
+    require_same(answer, json.loads(_core.printer(text, next=5)))
+
+
+def test_a_log_of_ten_megabytes_is_read_and_its_markup_stays_text(opened):
+    text = log_of(real("phnxdrgn536"), 60_000)
+    assert len(text) > 1e7
+    assert "endstop_a" in opened.drop("klippy.log", text)
+    assert opened.tab.locator("#results img").count() == 0
+
+
+def test_several_files_at_once_have_a_result_each(opened):
+    names = ("phnxdrgn536", "fzechert")
+    opened.tab.set_input_files("#file", [PRINTERS / f"{name}.cfg" for name in names])
+    cards = opened.tab.locator("#results > article")
+    cards.nth(1).wait_for()
+    assert [card.split("\n")[0] for card in cards.all_inner_texts()] == [
+        f"{name}.cfg" for name in reversed(names)
+    ]
+
+
+def test_the_new_configuration_is_saved_as_a_file(opened):
+    opened.drop("printer.cfg", REAL.read_bytes())
+    with opened.tab.expect_download() as saved:
+        opened.tab.get_by_text("Save the new printer.cfg").click()
+    assert saved.value.suggested_filename == "printer-new.cfg"
+    text = Path(saved.value.path()).read_text(encoding="utf-8")
+    assert text == json.loads(_core.printer(REAL.read_text(encoding="utf-8"), next=5))["config"]
+
+
 BAD = {
     "empty": ("", "is empty"),
     "binary": (b"PK\x03\x04\x00\x00", "not a text file"),
