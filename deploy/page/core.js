@@ -134,6 +134,7 @@ class Robot {
   }
   // Identified from rows of readings; NaN: not read.
   calibrate(rows, loss = 0) {
+    if (this.width === this.n) throw new Error("no sensor is in use; export the robot with --sensors");
     const p = this.of.parameters.length, { n, width } = this;
     return core.within((put, room) => {
       const log = room(8), fit = room(7), out = room(1), count = rows.length, readings = put(rows.flat());

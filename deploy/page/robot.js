@@ -6,7 +6,9 @@ class Workbench {
     this.of = of;
     this.drawn = new Robot(of); // nominal, of which a calibration makes others
     this.start = this.model = this.drawn.with(Object.fromEntries(of.parameters.map(({ name, value }) => [name, value])));
-    this.errors = of.parameters.some(({ name }) => name === "chain3.rod") ? { "chain3.rod": -0.003 } : {};
+    const rods = of.parameters.filter(({ name }) => name.endsWith(".rod"));
+    const { name, unit } = rods.find((each) => each.name === "chain3.rod") ?? rods[0] ?? of.parameters[0];
+    this.errors = { [name]: unit === "m" ? -0.003 : 0.01 };
     this.desired = [...of.home];
     this.law = "joint";
     this.view = { azimuth: -0.9, elevation: 0.45 };
@@ -27,7 +29,7 @@ class Workbench {
       () => this.desired[k], (value) => { this.desired[k] = value; this.show(); }));
     this.choice = h("select", { ariaLabel: "Parameter in error", onchange: () => this.breakIt() },
       of.parameters.map(({ name }) => h("option", { value: name }, name)));
-    this.choice.value = Object.keys(this.errors)[0] ?? of.parameters[0].name;
+    this.choice.value = Object.keys(this.errors)[0];
     this.wrong = h("div");
     this.broken = h("span");
     this.laws = h("select", { ariaLabel: "Control law", onchange: () => { this.law = this.laws.value; this.show(); } },
@@ -155,7 +157,7 @@ class Workbench {
     const all = this.points(this.of.home).flatMap(({ base, elbow, anchor }) => [base, elbow, anchor]);
     const bounds = [0, 1, 2].map((k) => all.map((p) => p[k])).map((v) => [Math.min(...v), Math.max(...v)]);
     const diagonal = Math.hypot(...bounds.map(([low, high]) => high - low));
-    return { centre: bounds.map(([low, high]) => (low + high) / 2), scale: 470 / diagonal };
+    return { centre: bounds.map(([low, high]) => (low + high) / 2), scale: Math.min(470 / diagonal, 360 / (bounds[2][1] - bounds[2][0])) };
   }
 
   drag(event) {
@@ -187,7 +189,7 @@ class Workbench {
     const { uniform } = generator(seed), poses = [];
     for (let tries = 0; poses.length < count && tries < 50 * count; ++tries) {
       const x = this.box.map(([low, high]) => low + (high - low) * uniform());
-      try { this.truth.fkm(this.start.ikm(x), x); poses.push(x); } catch { /* out of reach */ }
+      try { this.truth.readings(x); this.truth.fkm(this.start.ikm(x), x); poses.push(x); } catch { /* out of reach */ }
     }
     return poses;
   }
@@ -198,8 +200,11 @@ class Workbench {
   // The rms error of the platform's position, m (rad without a position), over random poses under the law.
   accuracy(model) {
     const length = this.of.coordinates.map(({ unit }) => unit === "m"), counts = length.some(Boolean) ? length : length.map(() => true);
-    const squares = this.random(60, 7).map((x) => model.settle(this.truth, x, this.law).x
-      .reduce((sum, value, k) => sum + (counts[k] ? (value - x[k]) ** 2 : 0), 0));
+    const squares = this.random(60, 7).flatMap((x) => {
+      try {
+        return model.settle(this.truth, x, this.law).x.reduce((sum, value, k) => sum + (counts[k] ? (value - x[k]) ** 2 : 0), 0);
+      } catch { return []; } // out of this model's reach
+    });
     return [Math.sqrt(squares.reduce((a, b) => a + b, 0) / squares.length), length.some(Boolean) ? "m" : "rad"];
   }
 
@@ -237,7 +242,13 @@ class Workbench {
 
   // Calibration by a log: rows of this robot's readings, as CSV.
   readLog(text) {
-    const rows = logOf(text, this.of), fit = this.drawn.calibrate(rows);
+    const rows = logOf(text, this.of);
+    let fit;
+    try {
+      fit = this.drawn.calibrate(rows);
+    } catch (error) {
+      throw new Error(`${rows.length} rows: ${error.message}; are the readings in m and rad, and of this robot?`);
+    }
     this.use(fit);
     this.show();
     this.lastFit = { rows, fit };

@@ -232,7 +232,7 @@ BAD = {
     ),
     "log in degrees and mm": (
         "q1,q2,q3,q4,theta,z_telemeter\n" + "23.6,23.6,23.6,23.6,0,400\n" * 3,
-        "",
+        "are the readings in m and rad",
     ),
 }
 
