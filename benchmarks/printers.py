@@ -10,10 +10,9 @@ printers.py [--printers 400] [--seed 0] [--built 1] [--noise 0.01 0.1]     # som
 import argparse
 
 import numpy as np
-from printer_trials import trials
+from printer_trials import ASSUMED, trials
 
-from truepose.integrations.klipper.estimate import Assumed
-from truepose.integrations.klipper.printer import MM
+from truepose.integrations.klipper.assessment import MM
 
 KINDS = {
     ("delta", False, 0): "linear, 7 heights",
@@ -34,7 +33,9 @@ HEADER = (
 )
 
 
-def row(kind: tuple[str, bool, int], count: int, seed: int, assumed: Assumed, noise) -> str:
+def row(
+    kind: tuple[str, bool, int], count: int, seed: int, assumed: dict[str, float], noise
+) -> str:
     kinematics, distances, more = kind
     ran = list(trials(kinematics, count, seed, distances, assumed, noise, more))
     done = [trial for trial in ran if trial is not None]
@@ -63,8 +64,8 @@ def main() -> None:
     parser.add_argument("--built", type=float, default=1.0, help="share of building tolerances")
     parser.add_argument("--noise", type=float, nargs=2, default=(0.01, 0.1), help="between, mm")
     options = parser.parse_args()
-    usual, parts = Assumed(), ("arm", "angle", "radius", "endstop")
-    assumed = Assumed(**{name: options.built * getattr(usual, name) for name in parts})
+    parts = ("arm", "angle", "radius", "endstop")
+    assumed = ASSUMED | {name: options.built * ASSUMED[name] for name in parts}
     noise = tuple(MM * value for value in options.noise)
     print(f"| {' | '.join(HEADER)} |")
     print("| --- |" + " ---: |" * (len(HEADER) - 1))

@@ -9,7 +9,7 @@
 
 namespace truepose::python {
 namespace {
-using Rows = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
 std::string printer(std::string_view text, double arm, double probe_radius, int next,
                     const std::vector<double>& sigma) {
@@ -17,13 +17,14 @@ std::string printer(std::string_view text, double arm, double probe_radius, int 
   printers::Assumed& of = request.assumed;
   double* const each[] = {&of.arm,    &of.angle,    &of.radius,    &of.endstop,
                           &of.height, &of.distance, &of.shrinkage, &of.width};
-  for (std::size_t k = 0; k < sigma.size() && k < 8; ++k) *each[k] = sigma[k];
+  for (std::size_t k = 0; k < sigma.size() && k < 8; ++k)
+    if (sigma[k] > 0) *each[k] = sigma[k];
   nb::gil_scoped_release release;
   return printers::answer(text, request);
 }
 
-Rows each(const Rows& rows, auto&& function) {
-  Rows result(rows.rows(), 3);
+Points each(const Points& rows, auto&& function) {
+  Points result(rows.rows(), 3);
   for (Eigen::Index k = 0; k < rows.rows(); ++k)
     result.row(k) = function(printers::Vector3(rows.row(k).transpose())).transpose();
   return result;
@@ -42,13 +43,13 @@ void bind_printer(nb::module_& m) {
           "rotary"_a, "step"_a)
       .def(
           "positions",
-          [](const Delta& of, const Vector& p, const Rows& steps) {
+          [](const Delta& of, const Vector& p, const Points& steps) {
             return each(steps, [&](const Vector3& at) { return of.position(p, at); });
           },
           "p"_a, "steps"_a)
       .def(
           "steps",
-          [](const Delta& of, const Vector& p, const Rows& x) {
+          [](const Delta& of, const Vector& p, const Points& x) {
             return each(x, [&](const Vector3& at) { return of.steps(p, at); });
           },
           "p"_a, "x"_a)
@@ -61,9 +62,6 @@ void bind_printer(nb::module_& m) {
       .def(
           "slopes",
           [](const Delta& of, const Vector& p, const Vector3& x) { return of.slopes(p, x); }, "p"_a,
-          "x"_a)
-      .def(
-          "homed_slopes", [](const Delta& of, const Vector& p) { return of.homed_slopes(p); },
-          "p"_a);
+          "x"_a);
 }
 }  // namespace truepose::python

@@ -9,11 +9,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
+from truepose.integrations.klipper.config import Config
 
 import truepose as tp
 from truepose.integrations.klipper import assessment
 from truepose.integrations.klipper import figures as of_printer
-from truepose.integrations.klipper.config import Config
 from truepose.paper import article, faulty, figures, following, with_paper_errors
 from truepose.robot.parts import COLOURS
 from truepose.show.plotted import plotted

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from rows import Row, table, worst
-
 from truepose.integrations.klipper.config import Config
 from truepose.integrations.klipper.criterion import cost, errors, klipper, rms
 from truepose.integrations.klipper.model import Model

@@ -69,6 +69,7 @@ inline void write_fit(Json& json, const Assessment& of) {
         .member("residual_mm", of.fits[2].off[at] / kMm);
     json.member("left_out_mm", of.judged.off[at] / kMm)
         .member("left_out_sigma_mm", of.judged.scale[at] / kMm);
+    json.member("detectable_mm", of.judged.shows[at] / kMm);
     json.member("outlier", of.judged.wrong == int(k)).key("steps").open('[').value(reading.at[0]);
     if (reading.distance) json.value(reading.at[1]);
     json.close(']').close('}');

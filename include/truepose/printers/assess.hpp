@@ -272,7 +272,7 @@ inline Assessment assess(std::string_view text, const Request& request) {
       said += (heights ? "; " : ". And ") + gap;
     const std::string arms = unlike_arms(delta, of.printer.p);
     if (!heights && !arms.empty()) said += ". And " + arms;
-    config.fail(where + said);
+    config.fail("[" + std::string(kSection) + "]: " + said);
     return of;
   }
   of.prior = prior(of.printer, config, assumed, request.arm);

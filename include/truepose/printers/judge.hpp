@@ -146,6 +146,7 @@ inline double median(std::vector<double> values) {
 struct Judged {
   Noise noise;
   Vector off, scale, dof;  ///< reading − prediction from the others, m; scale of it, of Student's t
+  Vector shows;            ///< error of the reading that is rejected in 90 % of cases, m
   int wrong = -1;          ///< the reading rejected by the test, or -1
   double least = 0;        ///< error detectable in half of the heights, m
   bool scattered = false;  ///< the heights' noise exceeds that of a possible first layer, at 99.5 %
@@ -155,7 +156,7 @@ inline Judged judge(const Linear& of, const Assumed& assumed) {
   const int count = int(of.kind.size());
   Judged judged;
   judged.noise = noise_of(of, centre, centre);
-  judged.off = judged.scale = judged.dof = Vector(count);
+  judged.off = judged.scale = judged.dof = judged.shows = Vector(count);
   double least_chance = kFalseAlarm / count;
   std::vector<double> shows;
   for (int k = 0; k < count; ++k) {
@@ -170,7 +171,8 @@ inline Judged judge(const Linear& of, const Assumed& assumed) {
       least_chance = chance;
       judged.wrong = k;
     }
-    if (kind == 0) shows.push_back(detectable(judged.scale[k], judged.dof[k], count));
+    judged.shows[k] = detectable(judged.scale[k], judged.dof[k], count);
+    if (kind == 0) shows.push_back(judged.shows[k]);
   }
   judged.least = median(shows);
   const double dof = judged.noise.dof[0], over = judged.noise.sigma[0] / kLayer;

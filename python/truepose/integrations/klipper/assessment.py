@@ -1,153 +1,206 @@
-"""Assessment of a printer: fits, estimate, held-out errors."""
+"""Assessment of a delta printer: the core's answer to the text of its firmware.
+
+Parsing, fits and judgement are the core's (include/truepose/printers): Klipper's printer.cfg and
+klippy.log, sessions of Marlin and RepRapFirmware. A *stable position*, Klipper's term, is the
+number of steps of each motor down from its endstop.
+"""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
+import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from truepose import _core, files
 from truepose.arguments import Array
 from truepose.calibration.learnt import Learnt
-from truepose.exceptions import InputError, RobotFileError
-from truepose.integrations.klipper import doubts, held_out
-from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.criterion import cost, errors, klipper
-from truepose.integrations.klipper.estimate import (
-    Assumed,
-    Estimate,
-    Prior,
-    UnfitError,
-    estimate,
-    prior,
-)
-from truepose.integrations.klipper.held_out import Residuals
-from truepose.integrations.klipper.model import Model
-from truepose.integrations.klipper.noise import Judged, fitted
-from truepose.integrations.klipper.printer import HEIGHTS, MM, TOWERS, Printer, gaps, printer_of
-from truepose.integrations.klipper.prints import Bed, over_the_bed
-from truepose.show.table import Table
+from truepose.exceptions import InputError
 
-#: Relative drop of the squared error by a refit above which the file's parameters are not the fit.
-_REFIT = 0.98
-#: Tolerance of exactly met readings, by the decimals in the file, m.
-_NOTHING = 1e-6
-#: Largest difference from the estimate by writing it into a file, m and rad.
-_THE_SAME = 1e-6
-#: Least number of heights that Klipper accepts.
-FEWEST = 3
+MM, DEGREE = 1e-3, math.pi / 180
+TOWERS = "abc"
+#: Largest file, bytes: a klippy.log.
+MOST_LOG = 100_000_000
+#: Assumed σ of build and measurements that a caller can change, in the core's order; m, rad.
+SIGMA = ("arm", "angle", "radius", "endstop", "height", "distance", "shrinkage", "width")
+#: Names of the firmwares with lines to send.
+FIRMWARES = {"marlin": "Marlin", "rrf": "RepRapFirmware"}
+ESTIMATE, MEAN = "estimate with tolerances", "plain mean"
+#: SI values of the answer's units, and their names.
+UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
+
+
+class Residuals(NamedTuple):
+    """Errors of one set of parameters or calibration method; NaN: no prediction."""
+
+    name: str
+    heights: Array  #: (H,) predicted − read, m
+    distances: Array  #: (D,)
+
+
+class Bed(NamedTuple):
+    """Predicted errors over the bed for the parameters in use; value and σ of its shape."""
+
+    error: Array  #: (N, 3) expected root mean square error at :attr:`Assessment.points`, m
+    rms: Array  #: (3,) of x, y, z, m
+    scale: tuple[float, float]  #: of the nozzle's path, relative
+    print_scale: tuple[float, float]  #: of a printed part, with shrinkage
+    stretch: tuple[float, float]  #: of x against y, relative
+    skew: tuple[float, float]  #: of the angle between x and y, rad
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """Assessment of a printer."""
+    """A printer's text and the core's answer to it (docs/guides/delta-printer.md)."""
 
-    printer: Printer
-    model: Model
-    prior: Prior
-    assumed: Assumed
-    klipper: Array  #: parameters by Klipper's criterion
-    estimate: Estimate
-    judged: Judged
-    fits: tuple[Residuals, ...]  #: the file's, Klipper's, the estimate's
-    held_out: tuple[Residuals, ...]  #: empty if there are too few readings
-    before: Bed  #: with the file's parameters
-    after: Bed  #: with the estimate's
-    scale: Learnt  #: scale; prior: from nominal arms and the heights alone
-    notes: tuple[str, ...]
-    to_read: Table | None = None  #: next readings, if requested
+    path: str
+    answer: dict[str, Any]
+
+    @cached_property
+    def delta(self) -> _core.Delta:
+        """The printer's kinematics."""
+        return _core.Delta(self.answer["kinematics"] != "delta", np.array(self.answer["step"]))
+
+    @property
+    def step(self) -> Array:
+        """Motion of carriage or arm per step, (3,), m or rad."""
+        return np.array(self.answer["step"])
+
+    @property
+    def values(self) -> Array:
+        """Klipper's parameters in the file, m and rad."""
+        return np.array(self.answer["p"])
+
+    @property
+    def p(self) -> Array:
+        """Estimated parameters, m and rad."""
+        return np.array(self.answer["theta"][:-2])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the estimated parameters, then of shrinkage κ and width b."""
+        return np.array(self.answer["covariance"])
+
+    @property
+    def radius(self) -> float:
+        """Radius of the printed or probed bed, m."""
+        return MM * self.answer["radius_mm"]
+
+    def readings(self, distance: bool = False) -> list[dict[str, Any]]:
+        """Return the heights, or the distances."""
+        return [reading for reading in self.answer["readings"] if reading["distance"] == distance]
 
     @property
     def extended(self) -> bool:
         """Whether the readings include distances."""
-        return len(self.printer.readings.distances) > 0
+        return bool(self.readings(distance=True))
 
-    @property
-    def as_klipper_would(self) -> bool:
-        """Whether the file's parameters minimise Klipper's criterion on the file's readings."""
-        of_file, of_klipper = (
-            cost(self.model, p, self.printer.readings) for p in (self.printer.values, self.klipper)
-        )
-        return of_klipper >= _REFIT * of_file - _NOTHING**2
+    def _residuals(self, name: str, off: list[float | None]) -> Residuals:
+        count = len(self.readings())
+        values = MM * np.array(off, dtype=float)
+        return Residuals(name, values[:count], values[count:])
 
-    @property
-    def holds_estimate(self) -> bool:
-        """Whether the file's parameters are the estimate, written into the file before."""
-        return bool(np.max(np.abs(self.estimate.p - self.printer.values)) < _THE_SAME)
+    @cached_property
+    def fits(self) -> list[Residuals]:
+        """Residuals of the file's parameters, of Klipper's criterion's, of the estimate's."""
+        names = ("the file's parameters", "Klipper's criterion", ESTIMATE)
+        keys = ("residual_now_mm", "residual_klipper_mm", "residual_mm")
+        read = self.answer["readings"]
+        return [
+            self._residuals(name, [reading[key] for reading in read])
+            for name, key in zip(names, keys, strict=True)
+        ]
+
+    @cached_property
+    def held_out(self) -> list[Residuals]:
+        """Errors of every calibration method at left-out readings; empty: too few readings."""
+        return [self._residuals(name, of["off"]) for name, of in self.answer["held_out_mm"].items()]
+
+    def bed(self, key: str) -> Bed:
+        """Return the errors with the file's parameters ("now") or the estimate ("after")."""
+        of = self.answer["bed"][key]
+        shape = (tuple(np.array(of[name], dtype=float).tolist()) for name in Bed._fields[2:])
+        error = MM * np.array(of["error_mm"], dtype=float).reshape(-1, 3)
+        return Bed(error, MM * np.array(of["rms_mm"], dtype=float), *shape)
+
+    @cached_property
+    def points(self) -> Array:
+        """Points over the bed, (N, 2), m."""
+        return MM * np.array([point[:2] for point in self.answer["bed"]["points"]])
+
+    @cached_property
+    def learnt(self) -> dict[str, Learnt]:
+        """Every free parameter before and after, m, rad; κ and b last, for distances."""
+        return {
+            row["name"]: Learnt(*(UNITS[row["unit"]][0] * row[key] for key in _LEARNT))
+            for row in self.answer["parameters"]
+            if row["prior_sigma"] is not None
+        }
+
+    def noise(self, kind: str) -> float:
+        """Return the standard deviation of Student's t of "heights" or "distances", m."""
+        of, dof = self.answer["noise"], self.answer["noise"][f"{kind}_dof"]
+        return MM * of[f"{kind}_mm"] * math.sqrt(dof / (dof - 2))
 
 
-@contextlib.contextmanager
-def fitting(config: Config, where: str, arm: float | None) -> Iterator[None]:
-    """Add the file, and the given arm length in m, to the message of an UnfitError."""
-    try:
-        yield
-    except (UnfitError, RobotFileError) as error:
-        given = "" if arm is None else f" (or is --arm {arm / MM:g} wrong?)"
-        raise InputError(f"{config.path}: {where}{error}{given}") from None
+_LEARNT = ("prior", "prior_sigma", "estimate", "sigma")
 
 
-def drawn_of(printer: Printer) -> Model:
-    """Return a printer's kinematics; InputError if its arms cannot reach their endstops."""
-    config = printer.config
-    try:
-        model = Model(printer)
-    except RobotFileError as error:
-        raise InputError(f"{config.path}: no such printer can be: {error}") from None
-    if not (reached := np.isfinite(model.xi(printer.values))).all():
-        section = f"stepper_{TOWERS[int(np.argmin(reached)) // len(model.keys)]}"
-        raise config.error(section, "position_endstop", "the arm does not reach the middle there")
-    return model
+def assess(
+    text: str,
+    path: str | Path = "printer.cfg",
+    *,
+    arm: float | None = None,
+    probe_radius: float | None = None,
+    plan: int = 0,
+    sigma: Mapping[str, float] | None = None,
+) -> Assessment:
+    """Assess a printer from its firmware's text.
 
+    Parameters
+    ----------
+    text, path : str
+        Text of a printer.cfg, klippy.log or session, and its name for messages.
+    arm : float, optional
+        Nominal length of the arms, m; default as in the file.
+    probe_radius : float, optional
+        Radius of the points of Marlin's G33, mm.
+    plan : int
+        Number of next readings to plan; without saved readings the answer is that plan alone.
+    sigma : mapping, optional
+        Assumed σ by their names in :data:`SIGMA`, m, rad; others as documented.
 
-def assess(config: Config, arm: float | None = None, assumed: Assumed | None = None) -> Assessment:
-    """Assess a printer from its file; InputError (one line) names the error in it or its readings.
+    Raises
+    ------
+    InputError
+        One line names the error in the text or its readings.
 
-    `arm` is the nominal length of the arms, m, default the file's; `assumed` are σ of build and
-    measurements.
+    Examples
+    --------
+    >>> from truepose.integrations.klipper.assessment import assess
+    >>> assess("[printer]")
+    Traceback (most recent call last):
+    ...
+    truepose.exceptions.InputError: printer.cfg: [printer] kinematics: is missing
     """
-    printer, assumed = printer_of(config), assumed or Assumed()
-    readings = printer.readings
-    if len(readings.heights) < FEWEST:
-        count = f"{len(readings.heights)} heights: Klipper probes {FEWEST} at least"
-        said = "; ".join([count, *gaps(config, HEIGHTS)])
-        raise InputError(f"{config.path}: [delta_calibrate]: {said}")
-    with fitting(config, "[delta_calibrate] ", arm):
-        model = drawn_of(printer)
-        known = prior(model, printer, assumed, arm)
-        with doubts.caused(model, readings, known, assumed):
-            doubts.refuse(model, printer, known, assumed)
-            found, judged = fitted(model, readings, known, assumed)
-        start = printer.values
-        if not np.isfinite(np.concatenate(errors(model, start, readings)[:2])).all():
-            start = known.mean  # the file's parameters cannot reach the readings' poses
-        by_klipper = klipper(model, start, readings)
-        used = {"the file's parameters": printer.values, "Klipper's criterion": by_klipper}
-        fits = [Residuals(name, *errors(model, p, readings)[:2]) for name, p in used.items()]
-        e = errors(model, found.p, readings)
-        off = found.expected(e.lengths) - readings.distances
-        fits.append(Residuals(held_out.ESTIMATE, e.heights, off))
-        with doubts.caused(model, readings, known, assumed):
-            doubts.refuse_unfit(fits[-1])
-        ways = held_out.ways(model, by_klipper, readings, known.mean)
-        heights_alone = readings.heights_only()
-        as_drawn = klipper(model, known.mean, heights_alone)
-        scale, before = (
-            over_the_bed(model, as_drawn, by, printer.radius).shape.scale
-            for by in (found, estimate(model, heights_alone, known, found.assumed))
-        )
-        return Assessment(
-            printer,
-            model,
-            known,
-            assumed,
-            by_klipper,
-            found,
-            judged,
-            tuple(fits),
-            tuple(held_out.leave_one_out(model, readings, ways, judged)),
-            over_the_bed(model, printer.values, found, printer.radius),
-            over_the_bed(model, found.p, found, printer.radius),
-            Learnt(*before, *scale),
-            (*printer.notes, *doubts.notes(printer, found, judged)),
-        )
+    given = [(sigma or {}).get(name, 0.0) for name in SIGMA]
+    answer = json.loads(_core.printer(text, arm or 0.0, probe_radius or 0.0, plan, given))
+    if "error" in answer:
+        raise InputError(f"{path}: {answer['error']}")
+    return Assessment(str(path), answer)
+
+
+def read(path: str | Path, **options: Any) -> Assessment:
+    """Assess a printer from its file; `options` as for :func:`assess`."""
+    return assess(files.text(Path(path), MOST_LOG), path, **options)
+
+
+def rms(values: Array) -> float:
+    """Return the root mean square of the finite values; NaN of none."""
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan

@@ -9,7 +9,7 @@ import numpy as np
 
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError
-from truepose.integrations.klipper.assessment import Assessment
+from truepose.integrations.klipper.assessment import MM, Assessment
 from truepose.integrations.klipper.review import mm
 from truepose.show.table import Cell, Table
 
@@ -33,16 +33,17 @@ def predict(by: Assessment, of: Assessment) -> Prediction:
     The carriages' travels from the endstops are those of the file; endstops and a probe's offset
     that moved alike only shift the heights. χ² of the residuals has one degree of freedom less.
     """
-    model, readings = by.model, of.printer.readings
-    x = model.positions(by.estimate.p, readings.height_steps * (of.model.step / model.step))
-    names = by.printer.config.path, of.printer.config.path
+    names = by.path, of.path
+    heights = of.readings()
+    steps = np.array([reading["steps"][0] for reading in heights]) * (of.step / by.step)
+    x = by.delta.positions(by.p, steps)
     if not np.isfinite(x).all():
         return Prediction(*names, np.inf, np.nan, False)
-    J = model.position_jacobian(by.estimate.p, x)[:, 2]
-    noise = of.estimate.assumed.height**2 * np.eye(len(x))
+    J = np.array([by.delta.slopes(by.p, at)[2] for at in x])
+    noise = of.noise("heights") ** 2 * np.eye(len(x))
     center = np.eye(len(x)) - 1 / len(x)
-    off = center @ (readings.heights - x[:, 2])
-    V = center @ (J @ by.estimate.covariance_p @ J.T + noise) @ center
+    off = center @ (MM * np.array([reading["value_mm"] for reading in heights]) - x[:, 2])
+    V = center @ (J @ by.covariance[:-2, :-2] @ J.T + noise) @ center
     chi2 = float(off @ np.linalg.pinv(V, hermitian=True) @ off)
     count = len(x) - 1
     rms, sigma = np.sqrt([off @ off / count, V.trace() / count]).tolist()
@@ -51,12 +52,11 @@ def predict(by: Assessment, of: Assessment) -> Prediction:
 
 def judged(found: Sequence[Assessment]) -> tuple[Table, str]:
     """Return a table with a row per pair of files, and the verdict."""
-    first = found[0].printer
-    for other in (each.printer for each in found[1:]):
-        if other.kinematics != first.kinematics:
+    kinds = [each.answer["kinematics"] for each in found]
+    for other, kind in zip(found, kinds, strict=True):
+        if kind != kinds[0]:
             raise InputError(
-                f"{other.config.path}: is a {other.kinematics}, {first.config.path} a "
-                f"{first.kinematics}: not the same printer"
+                f"{other.path}: is a {kind}, {found[0].path} a {kinds[0]}: not the same printer"
             )
     every = [predict(by, of) for by in found for of in found if by is not of]
     rows = [
@@ -65,7 +65,7 @@ def judged(found: Sequence[Assessment]) -> tuple[Table, str]:
     ]
     header = ["estimate from", "predicts", "rms (mm)", "σ (mm)", "agrees"]
     table = Table("backups", "Heights predicted by the estimate from another file", header, rows)
-    names = [each.printer.config.path for each in found]
+    names = [each.path for each in found]
     strange = [n for n in names if not any(p.agrees for p in every if n in (p.by, p.of))]
     if all(p.agrees for p in every):
         return table, "The files agree: one printer, unchanged but for a shift of all heights"

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from truepose import files, robotfile
 from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
-from truepose.integrations.klipper import backups, gcode, output, review, to_read
-from truepose.integrations.klipper.assessment import Assessment, assess
-from truepose.integrations.klipper.printer import MM, has_readings
+from truepose.integrations.klipper import backups, output, review
+from truepose.integrations.klipper.assessment import FIRMWARES, MM, Assessment, read
 from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
 
@@ -84,24 +82,17 @@ def command(
 
     Example: **truepose klipper printer.cfg --report printer.html --write new.cfg**
     """
-    nominal = None if arm is None else MM * arm
     if points and next_readings is None:
         raise InputError("--points: writes the heights of --plan N: give that too")
-    planned = None if points is None else files.Output(points, "points", "--points")
-    if next_readings is not None and not (write or robot or report):
-        unread = gcode.read(config, probe_radius)
-        if not has_readings(unread):
-            table, assumed = to_read.first_readings(unread, next_readings, nominal)
-            _first(table, [f"{line}." for line in assumed], config, planned, how, force)
-            return
+    options: dict[str, Any] = {"arm": MM * (arm or 0), "probe_radius": probe_radius}
     outputs: dict[files.Output, Callable[[Assessment], str]] = {}
     if write:
         new = files.Output(write, "printer.cfg", "--write")
         if os.path.lexists(write):
             raise InputError(f"{new}: is there already: give the name of a new file")
-        outputs[new] = output.config_text
-    if planned:
-        outputs[planned] = lambda found: to_read.points_text(found.to_read, found)
+        outputs[new] = _config_text
+    if points:
+        outputs[files.Output(points, "points", "--points")] = review.points_text
     if robot:
         outputs[robotfile.output(robot, "--robot")] = output.robot_text
     if report:
@@ -111,41 +102,33 @@ def command(
             figures.page, source=config.name
         )
     files.check(outputs, [config], force)
-    read = gcode.read(config, probe_radius)
-    found = assess(read, nominal)
-    if next_readings is not None:
-        found = replace(found, to_read=to_read.next_readings(found, next_readings))
+    found = read(config, plan=next_readings or 0, **options)
+    if "readings" not in found.answer and (write or robot or report or backup):
+        read(config, **options)  # the error of a file without readings
     files.write({file: text(found) for file, text in outputs.items()}, [config], force)
-    for note in found.notes:
+    answer = found.answer
+    for note in answer["notes"]:
         say(f"{config}: {note}", err=True)
-    tables = review.tables(found)
-    further = [] if found.to_read is None else [found.to_read]
-    agreed: list[str] = []
+    further = [review.plan(found)] if answer["plan"] else []
+    tables = review.tables(found) if "readings" in answer else []
+    words = [*answer.get("words", ()), *answer["assumptions"]]
+    if answer["kind"] in FIRMWARES and "lines" in answer:
+        words.insert(0, f"Lines for {FIRMWARES[answer['kind']]}: {' | '.join(answer['lines'])}")
     if backup:
-        others = [assess(gcode.read(other, probe_radius), nominal) for other in backup]
-        table, verdict = backups.judged([found, *others])
-        further, agreed = [table, *further], [verdict]
-    if read.kind in gcode.FIRMWARES:
-        agreed += [f"Lines for {read.kind}: {' | '.join(gcode.lines_of(found))}"]
-    answer = (*agreed, *review.words(found), *review.assumptions(found.prior, found.assumed))
-    shown = [*further, *(narrow(tables) if how is Format.table else tables)]
-    show(shown, how, [f"{line}." for line in answer])
+        table, verdict = backups.judged([found, *(read(other, **options) for other in backup)])
+        further.insert(0, table)
+        words.insert(0, verdict)
+    shown = [*further, *(narrow(tables) if how is Format.table and tables else tables)]
+    show(shown, how, [f"{line}." for line in words])
     wrote(how, write, robot, report, points)
 
 
-def _first(
-    table: Table,
-    said: list[str],
-    config: Path,
-    planned: files.Output | None,
-    how: Format,
-    force: bool,
-) -> None:
-    """Print and write the readings to take first."""
-    if planned:
-        files.check([planned], [config], force)
-        files.write({planned: to_read.points_text(table, None)}, [config], force)
-    show([table], how, said, written=(planned.path if planned else None,))
+def _config_text(found: Assessment) -> str:
+    """Return the printer's file with the estimate, as SAVE_CONFIG would write it."""
+    if "config" not in found.answer:
+        kind = FIRMWARES.get(found.answer["kind"], "klippy.log")
+        raise InputError(f"--write: {found.path} is no printer.cfg ({kind}): give that")
+    return str(found.answer["config"])
 
 
 def narrow(tables: list[Table]) -> list[Table]:

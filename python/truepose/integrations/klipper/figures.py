@@ -15,9 +15,15 @@ from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.exceptions import one_line
 from truepose.files import picture
 from truepose.integrations.klipper import review
-from truepose.integrations.klipper.assessment import Assessment
-from truepose.integrations.klipper.held_out import ESTIMATE, MEAN, Residuals
-from truepose.integrations.klipper.printer import MM, TOWERS, probe_offset
+from truepose.integrations.klipper.assessment import (
+    DEGREE,
+    ESTIMATE,
+    MEAN,
+    MM,
+    TOWERS,
+    Assessment,
+    Residuals,
+)
 from truepose.show.page import as_uri, render, versions
 from truepose.show.results import figure_of
 
@@ -28,22 +34,20 @@ _KLIPPER = "#e08214"
 
 def page(found: Assessment, source: str) -> str:
     """Return the assessment of a printer as one self-contained HTML page."""
-    probe = probe_offset(found.printer.config)
+    linear = found.answer["kinematics"] == "delta"
     return render(
         "klipper.html.j2",
         source=one_line(source),
         found=found,
-        kinematics=found.printer.kinematics,
-        counts=(len(found.printer.readings.heights), len(found.printer.readings.distances)),
-        steps=", ".join(f"{value:.6g}" for value in found.printer.step / found.printer.step_unit),
-        step_unit="mm" if found.printer.kinematics == "delta" else "°",
-        probe=None if probe is None else (probe[0], [f"{v / MM:g}" for v in probe[1]]),
-        words=review.words(found),
-        assumptions=review.assumptions(found.prior, found.assumed),
+        kinematics=found.answer["kinematics"],
+        counts=(len(found.readings()), len(found.readings(distance=True))),
+        steps=", ".join(f"{value / (MM if linear else DEGREE):.6g}" for value in found.step),
+        step_unit="mm" if linear else "°",
+        answer=found.answer,
         identified=IDENTIFIED,
         barely=BARELY,
         tables={table.name: table for table in review.tables(found)},
-        to_read=found.to_read,
+        to_read=review.plan(found) if found.answer["plan"] else None,
         images={
             draw.__name__: as_uri(picture(draw(found), ".svg"))
             for draw in (bed, readings, *[held_out] * bool(found.held_out), parameters)
@@ -57,14 +61,14 @@ def bed(found: Assessment) -> Figure:
     figure = Figure(figsize=(8.4, 6.2))  # manual layout takes an eighth of the time
     figure.subplots_adjust(0.1, 0.22, 0.97, 0.99, 0.1, 0.06)
     grid = figure.subplots(2, 3, sharex=True, sharey=True)
-    rows = (("the file's parameters", found.before), ("the estimate", found.after))
+    rows = (("the file's parameters", found.bed("now")), ("the estimate", found.bed("after")))
     for k, name in enumerate("xyz"):
         top = max(float(part.error[:, k].max(initial=0.0)) for _, part in rows) / MM
         levels = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(0, top)
         for axes, (_, part) in zip(grid[:, k], rows, strict=True):
             _towers(axes, found)
-            if len(part.points):
-                x, y = (part.points / MM).T
+            if len(part.error) == len(found.points):
+                x, y = (found.points / MM).T
                 error = part.error[:, k] / MM
                 filled = axes.tricontourf(x, y, error, levels=levels, cmap="viridis_r")
         left, _, width, _ = grid[1, k].get_position().bounds
@@ -80,9 +84,10 @@ def bed(found: Assessment) -> Figure:
 
 def _towers(axes: Axes, found: Assessment) -> None:
     """Mark the towers, or shoulders, at the edge of the bed."""
-    edge = found.printer.radius / MM
+    edge = found.radius / MM
+    angles = {of["name"]: of["now"] for of in found.answer["parameters"]}
     for tower in TOWERS:
-        angle = found.printer.parameters[f"angle_{tower}"]
+        angle = DEGREE * angles[f"angle_{tower}"]
         x, y = 1.12 * edge * np.cos(angle), 1.12 * edge * np.sin(angle)
         axes.text(x, y, tower, ha="center", va="center", fontsize=10, color="0.3")
     axes.set(aspect="equal", xlim=(-1.25 * edge, 1.25 * edge), ylim=(-1.25 * edge, 1.25 * edge))
@@ -101,7 +106,7 @@ def held_out(found: Assessment) -> Figure:
 def _bars(found: Assessment, rows: Sequence[Residuals], label: str) -> Figure:
     figure = Figure(figsize=(8.4, 3.4))
     figure.subplots_adjust(0.11, 0.08, 0.99, 0.78 if len(rows) > 3 else 0.83, 0.2)
-    names = [found.printer.readings.height_names, found.printer.readings.distance_names]
+    names = [[of["name"] for of in found.readings(distance)] for distance in (False, True)]
     wide = [max(len(part), 4) for part in names[: 1 + found.extended]]
     panels = figure.subplots(1, len(wide), squeeze=False, width_ratios=wide)[0]
     for k, (axes, of) in enumerate(zip(panels, names, strict=False)):
@@ -122,5 +127,5 @@ def _bars(found: Assessment, rows: Sequence[Residuals], label: str) -> Figure:
 
 def parameters(found: Assessment) -> Figure:
     """Plot every parameter relative to its nominal value, in units of its assumed σ."""
-    values = found.estimate.learnt(found.model.names)
+    values = found.learnt
     return figure_of(lambda figure: learnt.draw(figure, values))

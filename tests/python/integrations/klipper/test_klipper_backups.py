@@ -1,31 +1,26 @@
 """Several files of one printer, and of others."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from printer_files import made_printer, text_of
 
 from truepose.exceptions import InputError
 from truepose.integrations.klipper import backups
-from truepose.integrations.klipper.assessment import assess
-from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.printer import MM
+from truepose.integrations.klipper.assessment import MM, assess
 
 SESSIONS = 40
 
 
 def session(kinematics, truth_seed, seed, name, endstop=0.0):
     """Assess heights of one made printer, read anew, perhaps with another nozzle."""
-    printer, model, truth = made_printer(kinematics, truth_seed)
+    printer, truth = made_printer(kinematics, truth_seed)
     p = truth.p.copy()
-    for k, parameter in enumerate(model.names):
-        p[k] += endstop * parameter.startswith("endstop")
-    touched = np.round(model.positions(truth.p, truth.readings.height_steps), 6)
-    touched[:, 2] = 0.04 * MM * np.random.default_rng(seed).standard_normal(len(touched))
+    p[-3:] += endstop
     heights = truth.readings.heights_only()
-    read = dataclasses.replace(heights, height_steps=np.round(model.steps(p, touched)))
-    return assess(Config.parse(text_of(printer, read), name))
+    touched = np.round(printer.delta.positions(truth.p, heights.height_steps), 6)
+    touched[:, 2] = 0.04 * MM * np.random.default_rng(seed).standard_normal(len(touched))
+    steps = np.round(printer.delta.steps(p, touched))
+    return assess(text_of(printer, heights._replace(height_steps=steps)), name)
 
 
 def test_sessions_of_one_printer_agree_though_its_nozzle_was_changed():
