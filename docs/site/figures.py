@@ -9,7 +9,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
-from truepose.integrations.klipper.config import Config
 
 import truepose as tp
 from truepose.integrations.klipper import assessment
@@ -124,7 +123,7 @@ def fault_consequences() -> Figure:
 @functools.cache
 def _printer() -> assessment.Assessment:
     """Return a real printer as its owner's file has it."""
-    return assessment.assess(Config.read(PRINTER))
+    return assessment.read(PRINTER)
 
 
 def klipper_bed() -> Figure:

@@ -2,43 +2,50 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 from rows import Row, table, worst
-from truepose.integrations.klipper.config import Config
-from truepose.integrations.klipper.criterion import cost, errors, klipper, rms
-from truepose.integrations.klipper.model import Model
-from truepose.integrations.klipper.printer import options, printer_of
+
+from truepose.integrations.klipper.assessment import MM, Residuals, assess, rms
 
 HERE = Path(__file__).parent
 #: The printers' files; their heads name repository, commit and licence (CC0-1.0).
 FILES = HERE.parents[1] / "tests" / "python" / "integrations" / "klipper" / "data"
-MM = 1e-3
+#: What the search begins with: not Klipper's result, mm.
+BEGIN = {"delta_radius": 2.0, "position_endstop": -1.0}
+
+
+def cost(of: Residuals) -> float:
+    """Return Klipper's criterion, m²."""
+    weight = len(of.distances) / (0.5 * len(of.heights)) or 1.0
+    return float(weight * (of.heights**2).sum() + (of.distances**2).sum())
 
 
 def compared(name: str, saved: dict[str, float]) -> list[Row]:
     """Compare the minimum of Klipper's criterion with the parameters in a printer's file."""
-    printer = printer_of(Config.parse((FILES / f"{name}.cfg").read_text(encoding="utf-8")))
-    model = Model(printer)
-    scale = np.array([option.scale for option in options("delta").values()])
-    file = np.array([saved[parameter] for parameter in model.names]) * scale
-    begun = file.copy()  # not from Klipper's result
-    begun[0] += 2 * MM
-    begun[-3:] -= 1 * MM
-    found = klipper(model, begun, printer.readings)
-    left = rms(errors(model, found, printer.readings).heights) / MM
-    before = rms(errors(model, file, printer.readings).heights) / MM
-    gain = (cost(model, file, printer.readings) - cost(model, found, printer.readings)) / MM**2
+    text = (FILES / f"{name}.cfg").read_text(encoding="utf-8")
+    begun = text
+    for option, off in BEGIN.items():
+        line = re.compile(rf"^((?:#\*# )?{option}\s*[:=]\s*)(\S+)", re.MULTILINE)
+        begun = line.sub(lambda m, off=off: f"{m[1]}{float(m[2]) + off}", begun)
+    answer = assess(begun, name).answer["parameters"]
+    names = [row["name"] for row in answer if row["now"] is not None]
+    file = np.array([saved[parameter] for parameter in names])
+    found = np.array([row["klipper"] for row in answer if row["now"] is not None])
+    of_file, of_found = assess(text).fits[0], assess(begun).fits[1]
+    left, before = rms(of_found.heights) / MM, rms(of_file.heights) / MM
+    gain = (cost(of_file) - cost(of_found)) / MM**2
     if name == "danorder-v400":
-        ends = [k for k, parameter in enumerate(model.names) if parameter.startswith("endstop")]
+        ends = [k for k, parameter in enumerate(names) if parameter.startswith("endstop")]
         reason = (
             "The file's radius and angles are no result of its readings: all are round numbers, "
             f"and leave z {before:.2f} mm rms; the minimum leaves {left:.3f} mm."
         )
         return [
-            worst(f"{name}: endstops", (file / scale)[ends], (found / scale)[ends], 2e-5, "mm"),
-            worst(f"{name}: all parameters", file / scale, found / scale, 5e-7, "mm, °",
+            worst(f"{name}: endstops", file[ends], found[ends], 2e-5, "mm"),
+            worst(f"{name}: all parameters", file, found, 5e-7, "mm, °",
                   explained=reason, bound=0.5),
         ]  # fmt: skip
     reason = (
@@ -46,7 +53,7 @@ def compared(name: str, saved: dict[str, float]) -> list[Row]:
         f"mathutil.py). The sum of squares here is {gain:.0e} mm² lower."
     )
     return [
-        worst(f"{name}: parameters", file / scale, found / scale, 5e-7, "mm, °",
+        worst(f"{name}: parameters", file, found, 5e-7, "mm, °",
               explained=reason, bound=2e-4 if gain > 0 else 0.0),
         Row(f"{name}: z rms", before, left, 1e-6, "mm"),
     ]  # fmt: skip
