@@ -18,12 +18,12 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
+.PHONY: help reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers page \
         mutants random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs twin linuxcnc clean"
+	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs page twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce --force $(ARGS)
@@ -84,6 +84,10 @@ realtime: $(VENV)/tools
 	  cmake --build --preset realtime --target test_nonblocking test_realtime && \
 	  ctest --preset realtime -R 'nonblocking|realtime'; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
+
+# Calibration in a browser, one file that loads nothing: build/page/truepose.html.
+page: $(VENV)/installed
+	$(MAKE) --no-print-directory -C deploy/page EIGEN="$$(cmeel cmake)/include/eigen3"
 
 # By the system's compilers; C++ projects by clang++-22 as well.
 deployments: $(VENV)/developing

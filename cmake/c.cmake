@@ -28,6 +28,19 @@ foreach(kind static shared)
     OUTPUT_NAME truepose EXPORT_NAME ${kind} LINKER_LANGUAGE C
     VERSION ${abi}.${PROJECT_VERSION} SOVERSION ${abi})
 endforeach()
+set(TRUEPOSE_C_LIBRARIES truepose_c_static truepose_c_shared)
+# Calibration, for computers without a deadline: it allocates and needs the C++ library, so that it is a library apart.
+if(NOT TRUEPOSE_MOBILITY AND NOT TRUEPOSE_SINGLE)
+  add_library(truepose_c_offline STATIC src/c/calibrate.cpp src/c/printer.cpp)
+  add_library(truepose::offline ALIAS truepose_c_offline)
+  target_link_libraries(truepose_c_offline PRIVATE $<BUILD_INTERFACE:truepose_core> PUBLIC truepose_c_static)
+  target_compile_definitions(truepose_c_offline PRIVATE TRUEPOSE_BUILDS_SHARED NDEBUG)
+  target_compile_options(truepose_c_offline PRIVATE ${TRUEPOSE_WARNINGS} ${TRUEPOSE_THIN} ${TRUEPOSE_BARE}
+    "SHELL:-include ${PROJECT_SOURCE_DIR}/include/truepose/kernels.hpp")
+  set_target_properties(truepose_c_offline PROPERTIES OUTPUT_NAME truepose-offline EXPORT_NAME offline
+    POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  list(APPEND TRUEPOSE_C_LIBRARIES truepose_c_offline)
+endif()
 add_library(truepose::truepose ALIAS truepose_c_static)
 if(CMAKE_SYSTEM_NAME STREQUAL "Linux")  # whatever else it needed would be an error of the linker
   target_link_options(truepose_c_shared PRIVATE -Wl,-z,defs -Wl,--gc-sections)

@@ -19,7 +19,7 @@ install(EXPORT truepose NAMESPACE truepose:: FILE trueposeTargets.cmake DESTINAT
 
 # Without a build there is no C library to install, and the C++ package is whole all the same.
 if(TRUEPOSE_C)
-  install(TARGETS truepose_c_static truepose_c_shared EXPORT truepose_c OPTIONAL
+  install(TARGETS ${TRUEPOSE_C_LIBRARIES} EXPORT truepose_c OPTIONAL
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   install(EXPORT truepose_c NAMESPACE truepose:: FILE trueposeCTargets.cmake DESTINATION ${config})
 endif()

@@ -161,6 +161,9 @@ def main(folder: str = "build/docs", staged: str = "build/site", cpp: bool = Tru
     command += ["-c", SITE, "-d", work / "doctrees", source, folder]
     command += ["-D", f"breathe_projects.truepose={work / 'doxygen' / 'xml'}"]
     status = subprocess.run(command, check=False).returncode
+    page = ROOT / "build/page/truepose.html"  # by `make page`
+    if page.is_file():
+        shutil.copy(page, folder)
     for wrong in from_network(Path(folder)):
         print(f"docs: {wrong}: is not loaded from the site itself")
         status = 1

@@ -261,3 +261,66 @@ def test_a_slow_sensor_has_its_times_in_the_tables(language, tmp_path):
 def test_any_name_makes_an_identifier(name):
     assert re.fullmatch(r"[a-z]\w*", identifier(name), re.ASCII)
     assert identifier(name) != "double"
+
+
+CALIBRATES = """
+#include <stdio.h>
+#include "h4.h"
+#include "log.h"
+#include "truepose/calibrate.h"
+static truepose_model drawn, changed;
+static double value[P], covariance[P * P], x[ROWS * 4], chi2[ROWS];
+static int32_t status[ROWS];
+int main(void) {
+  truepose_log log = {ROWS, TRUEPOSE_LOSS_SQUARES, readings, 0, {0}};
+  truepose_calibration fit = {{0, 0}, 0, 0, 0, 0, value, covariance, x, chi2, status};
+  int32_t wrong = 10000;
+  truepose_load(&drawn, sizeof drawn, &h4_finest);
+  if (truepose_with_parameters(&drawn, 1, &wrong, value, &changed, sizeof changed).status !=
+      TRUEPOSE_NO_SUCH_PART) return 1;
+  log.rows = 0;
+  if (truepose_calibrate(&drawn, &h4_knowledge, mean, &log, &fit).status != TRUEPOSE_NO_SUCH_PART)
+    return 2;
+  log.rows = ROWS;
+  if (truepose_calibrate(&drawn, &h4_knowledge, mean, &log, &fit).status != TRUEPOSE_OK) return 3;
+  truepose_with_parameters(&drawn, P, h4_column, value, &changed, sizeof changed);
+  truepose_real q[TRUEPOSE_FREEDOMS];
+  truepose_ikm(&changed, h4_finest.home, q);
+  printf("%d %.17g\\n", (int)fit.used, fit.rms);
+  for (int k = 0; k < P; ++k) printf("%.17g\\n", value[k]);
+  for (int k = 0; k < P * P; ++k) printf("%.17g\\n", covariance[k]);
+  for (int k = 0; k < ROWS * 4; ++k) printf("%.17g\\n", x[k]);
+  for (int k = 0; k < 4; ++k) printf("%.17g\\n", q[k]);
+  return 0;
+}
+"""
+
+
+def test_a_calibration_in_c_finds_the_geometry_sigmas_and_poses_of_python(prefix, tmp_path):
+    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+    box = h4.spec.workspace
+    poses = np.random.default_rng(1).uniform(box.minimum, box.maximum, (40, h4.n))
+    log = h4.replace({"chain3.rod": 0.483}).read(poses, seed=2)
+    log[3, 4] = np.nan  # a sensor that was not read
+    fit = tp.calibrate(h4, log, cause="ignore")
+    array = "static const double {}[] = {{{}}};\n".format
+    rows = ", ".join(map(repr, log.ravel().tolist())).replace("nan", "NAN")
+    means = ", ".join(repr(h4.parameters[name].mean) for name in fit.names)
+    sizes = f"enum {{ P = {len(fit.names)}, ROWS = {len(log)} }};\n"
+    (tmp_path / "log.h").write_text(
+        "#include <math.h>\n" + sizes + array("readings", rows) + array("mean", means)
+    )
+    (tmp_path / "h4.h").write_text(tables(h4), encoding="utf-8")
+    (tmp_path / "user.c").write_text(CALIBRATES)
+    (offline,) = prefix.glob("lib*/**/libtruepose-offline.a")
+    words = (tmp_path / "user.c", offline)
+    libraries = (offline.with_name("libtruepose.a"), "-lstdc++", "-lm")
+    program = tmp_path / "program"
+    include = (f"-I{prefix / 'include'}", f"-I{tmp_path}")
+    told(CC, *STRICT, *include, *words, *libraries, "-o", program)
+    used, rms, *numbers = map(float, told(program).split())
+    expected = [fit.parameters[name].value for name in fit.names]
+    parts = (expected, fit.covariance.ravel(), fit.x.ravel(), fit.robot.ikm(h4.home))
+    np.testing.assert_allclose(numbers, np.concatenate(parts), rtol=0, atol=1e-9)
+    assert used == 40
+    assert rms == pytest.approx(np.sqrt(fit.chi2.sum() / fit.redundancy.sum()), abs=1e-9)

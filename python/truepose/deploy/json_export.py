@@ -1,0 +1,62 @@
+"""A robot as JSON for the page deploy/page: description, priors, names, and shape of its chains."""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import Any
+
+import numpy as np
+
+from truepose import _core, files
+from truepose.calibration.learnt import mean_of
+from truepose.robot.knowledge import knowledge, require_uncertain
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units, unit_of
+
+#: Kind of file, for :func:`truepose.files.mark`.
+KIND = "robot for a browser"
+#: Properties of a chain that a drawing needs.
+_SHAPE = ("base", "axis", "zero", "pivot", "anchor", "arm", "encoder_offset", "encoder_gain")
+
+
+def to_json(robot: Robot) -> str:
+    """Write what :func:`truepose.calibrate` needs of a robot at its highest level; m and rad.
+
+    ``description`` is a ``truepose_description`` of ``truepose.h`` in base64, little-endian;
+    ``root`` has the lower triangular root of the prior covariance by rows. Raises InputError for a
+    robot without tolerances.
+    """
+    names = require_uncertain(robot)
+    finest = robot.at_highest_level
+    columns, root, sigma = _core.c_knowledge(knowledge(finest, error=False).core)
+    mean, box = mean_of(robot)[list(columns)], robot.spec.workspace
+    places = robot.spec.home if box is None else (box.minimum, box.maximum)
+    low, high = np.broadcast_to(places, (2, robot.n)).tolist()
+    readings = zip(robot.readings, reading_units(robot), strict=True)
+    shapes = [
+        (dict(rows), whole) for whole, rows in _core.c_description(finest.core_drawn)["chain"]
+    ]
+    content: dict[str, Any] = {
+        "format": files.mark(KIND),
+        "abi": _core.c_abi,
+        "name": robot.name,
+        "title": robot.spec.title,
+        "coordinates": [{"name": name, "unit": unit} for name, unit in robot.coordinates],
+        "readings": [{"name": name, "unit": unit} for name, unit in readings],
+        "home": list(robot.spec.home),
+        "workspace": {"minimum": low, "maximum": high},
+        "chains": [
+            {"actuator": whole[0], "bar": whole[2]} | {name: of[name] for name in _SHAPE}
+            for of, whole in shapes
+        ],
+        "parameters": [
+            {"name": name, "unit": unit_of(robot, name), "column": column, "mean": expected}
+            | {"value": robot.parameters[name].value}
+            for name, column, expected in zip(names, columns, mean.tolist(), strict=True)
+        ],
+        "root": [row[: k + 1] for k, row in enumerate(np.asarray(root).tolist())],
+        "sigma": list(sigma[: robot.n + robot.r]),
+        "description": base64.b64encode(_core.c_description_bytes(finest.core_drawn)).decode(),
+    }
+    return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,101 @@
+// Batch calibration for C: offline, unlike the rest of src/c.
+#include "truepose/offline/calibrate.hpp"
+
+#include "model.hpp"
+#include "truepose/calibrate.h"
+
+using namespace truepose;
+
+namespace truepose::c {
+namespace {
+/// Python's tuning of each loss.
+constexpr double kTuning[] = {0, 1, 4};
+
+Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepose_log& log) {
+  if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_STUDENT)
+    return {Status::no_such_part, -1};
+  for (int k = 0; log.measured && k < robot.motors; ++k)
+    if (!(log.measured_sigma[k] > 0)) return {Status::no_such_value, k};
+  for (int k = 0; k < robot.motors + robot.r; ++k)
+    if (!(prior.sigma[k] > 0)) return {Status::no_such_value, k};
+  return columns_exist(robot, prior, 1);
+}
+
+void fill(double* to, const auto& from) {
+  if (to) std::copy(from.begin(), from.end(), to);
+}
+
+Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const double* mean,
+                  const truepose_log& log, truepose_calibration& result) {
+  const int n = drawn.motors, p = prior.count;
+  if (const Outcome outcome = sound(drawn, prior, log); !outcome) return outcome;
+  std::vector<double> xi(parameter_count(drawn)), sigma;
+  if (const Outcome outcome = drawn_parameters(drawn, xi.data()); !outcome) return outcome;
+  for (int k = 0; mean && k < p; ++k) xi[prior.column[k]] = mean[k];
+  const Knowledge known{p, prior.column, prior.root, values<Extended>(prior.sigma)};
+  ReadingLog readings;
+  readings.count = log.rows, readings.q_e = log.readings;
+  if (log.measured) {
+    for (int k = 0; k < log.rows; ++k)
+      sigma.insert(sigma.end(), log.measured_sigma, log.measured_sigma + n);
+    readings.measured = log.measured, readings.measured_sigma = sigma.data();
+  }
+  CalibrationSettings settings;
+  settings.loss = static_cast<Loss>(log.loss), settings.tuning = kTuning[log.loss];
+  const Kernels model = kernels(drawn.mobility, drawn.rod_by_rod());
+  const CalibrationResult fit = Calibrator(drawn, model, known, xi, readings, settings).run();
+  if (!fit.outcome) return fit.outcome;
+  int redundancy = 0;
+  double chi2 = 0;
+  for (int k = 0; k < log.rows; ++k)
+    if (fit.redundancy[k] > 0) redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
+  if (redundancy == 0) return {Status::not_measured, -1};
+  result.iterations = fit.iterations, result.cost = fit.cost;
+  result.rms = std::sqrt(chi2 / redundancy);
+  result.used = static_cast<int>(std::count(fit.status.begin(), fit.status.end(), Status::ok));
+  for (int k = 0; result.value && k < p; ++k) result.value[k] = fit.xi[prior.column[k]];
+  if (result.covariance) std::copy_n(fit.covariance.data(), p * p, result.covariance);
+  fill(result.chi2, fit.chi2);
+  for (int k = 0; k < log.rows; ++k) {
+    const bool found = fit.status[k] == Status::ok;
+    if (result.status) result.status[k] = static_cast<std::int32_t>(fit.status[k]);
+    if (!result.x) continue;
+    Coordinates x;
+    x.fill(NAN);
+    if (found) x = to_coordinates(drawn.mobility, fit.pose[k]);
+    std::copy_n(x.begin(), n, result.x + k * n);
+  }
+  return fit.outcome;
+}
+}  // namespace
+}  // namespace truepose::c
+
+extern "C" {
+truepose_outcome truepose_calibrate(const truepose_model* drawn, const truepose_knowledge* prior,
+                                    const double* mean, const truepose_log* log,
+                                    truepose_calibration* result) {
+  result->outcome = c::asked(
+      drawn, [&](const Robot& robot) { return c::calibrate(robot, *prior, mean, *log, *result); });
+  return result->outcome;
+}
+
+truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t count,
+                                          const int32_t* column, const double* value,
+                                          truepose_model* model, size_t size) {
+  return c::asked(drawn, [&](const Robot& robot) -> Outcome {
+    std::vector<double> xi(parameter_count(robot));
+    if (const Outcome outcome = drawn_parameters(robot, xi.data()); !outcome) return outcome;
+    for (int k = 0; k < count; ++k) {
+      if (column[k] < 0 || column[k] >= static_cast<int>(xi.size()))
+        return {Status::no_such_part, k};
+      xi[column[k]] = value[k];
+    }
+    Robot changed = robot;
+    if (const Outcome outcome = set_parameters(robot, xi.data(), changed); !outcome) return outcome;
+    c::Model* made = c::Model::make(model, size);
+    if (made == nullptr) return {Status::too_small, -1};
+    made->robot = changed;
+    return {};
+  });
+}
+}
