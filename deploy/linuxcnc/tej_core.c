@@ -310,10 +310,8 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
   truepose_fkm(&tej->commanded, seen, kCap, tej->pose);
 }
 
-/** Limits of the shell. Drives follow a velocity: there is no torque, and their position loops are
- * assumed as exported. Motion has the soft limits. */
-static truepose_safety_limits limits_of(const truepose_corrector* tej,
-                                        const truepose_corrector_input* input) {
+truepose_safety_limits truepose_corrector_limits(const truepose_corrector* tej,
+                                                 const truepose_corrector_input* input) {
   enum { kLoop = 50 }; /* 1/s */
   truepose_safety_limits limits = {.size = sizeof limits,
                                    .window = 8,
@@ -356,7 +354,7 @@ static void guard(truepose_corrector* tej, const truepose_corrector_input* input
   }
   const int fault = safe->state == TRUEPOSE_SAFETY_FAULT;
   if (tej->guarding ? starts && !fault : !fault || input->reset) {
-    const truepose_safety_limits limits = limits_of(tej, input);
+    const truepose_safety_limits limits = truepose_corrector_limits(tej, input);
     const truepose_outcome outcome =
         truepose_safety_shell_init(&tej->shell, sizeof tej->shell, &tej->model, &limits);
     tej->guarding = outcome.status <= TRUEPOSE_OK;
@@ -376,7 +374,7 @@ static void guard(truepose_corrector* tej, const truepose_corrector_input* input
     truepose_safety_marks marks = {.counter = input->frame,
                                    .counter_given = input->frame_known,
                                    .known = 1,
-                                   .start = input->enable && !stands,
+                                   .start = input->enable && !stands && input->proven,
                                    .stop = !input->enable && safe->follows};
     tej->acknowledging = input->reset || (input->enable && stands && !tej->acknowledging);
     marks.acknowledge = tej->acknowledging;

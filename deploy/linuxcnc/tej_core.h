@@ -30,6 +30,7 @@ typedef struct truepose_corrector_input {
   int32_t law;         /**< a truepose_law */
   int32_t monitor;     /**< enables the fault monitor, if configured in the table */
   int32_t safety;      /**< enables the safety shell */
+  int32_t proven;      /**< 1: the shell may start; 0: its start-up test has not passed */
   int32_t frame_known; /**< 1: `frame` counts the frames of readings */
   uint32_t frame;      /**< it may wrap */
   int32_t reset;       /**< clears faults, acknowledges inconsistency after homing, and the shell */
@@ -104,6 +105,11 @@ truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
                                           truepose_real period);
 /** Runs one cycle. Outputs are finite for any input. */
 void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input);
+
+/** Limits of the safety shell. Drives follow a velocity: there is no torque, and their position
+ * loops are assumed as exported. Motion has the soft limits. */
+truepose_safety_limits truepose_corrector_limits(const truepose_corrector* tej,
+                                                 const truepose_corrector_input* input);
 
 /** Referencing of a sensor that counts from power-on, by its encoder's index at a known reading. */
 typedef struct truepose_index {

@@ -804,8 +804,8 @@ TRUEPOSE_API truepose_outcome truepose_guard(const truepose_model* model,
 
 /** Constant during a test: truepose_start_defaults(), then adapted. */
 typedef struct truepose_start_settings {
-  uint32_t size;             /**< sizeof(truepose_start_settings); see the controller's */
-  int32_t pairs;             /**< of opposite pulses of each motor, beyond those that find T */
+  uint32_t size; /**< sizeof(truepose_start_settings); see the controller's */
+  int32_t pairs; /**< of opposite pulses of each motor, beyond those that find T; 0: only at rest */
   truepose_real motion;      /**< of the platform by two opposite pulses, m; twice that in all */
   truepose_real radius;      /**< at which the platform's turns count as motion, m */
   truepose_real pulse;       /**< wanted time for which a brake is open, s */
