@@ -37,6 +37,9 @@ static struct tej_pins {
   hal_u32_t *frame, *safety_causes;
   hal_s32_t *safety_state, *safety_cause, *safety_motor;
   hal_float_t *safe_speed[6], *safe_error[6];
+  hal_bit_t* observe;
+  hal_s32_t *disturbance, *disturbance_motor;
+  hal_float_t *torque_fb[6], *disturbance_size, *disturbance_sigma, *disturbance_chi2;
   hal_bit_t *start_test, *start_active;
   hal_s32_t *start_level, *start_reached, *start_state, *start_finding, *start_part, *start_other;
   hal_u32_t* start_candidates;
@@ -49,6 +52,7 @@ static truepose_index seen[TRUEPOSE_SENSORS];
 static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
 static uint32_t told_causes; /* of the safety shell, in the log */
 static int32_t told, waits;  /* fault in the log; whether "waiting for an index" is in the log */
+static int32_t disturbed;    /* disturbance in the log */
 static int32_t unproven;     /* whether "has not passed" is in the log */
 static uint32_t told_failed; /* failed readings in the log */
 
@@ -93,6 +97,7 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
       "readings contradict each other: home again, or acknowledge "
       "by the pin reset",
       "the safety shell stops the robot: acknowledge by the pin reset"};
+  static const char* const forces[] = {"", "payload (kg)", "friction (N·m or N)", "contact (N)"};
   const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !index_known;
   const uint32_t fails = tej.left_out & ~told_failed;
   if (waiting && !waits)
@@ -109,6 +114,11 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: safety: %s%s\n", truepose_stop_cause_text(c),
                       name_of(c == tej.safe.cause ? tej.safe.part : -1, name, sizeof name));
   told_causes = tej.safe.causes;
+  if (tej.disturbance.kind != disturbed && tej.disturbance.kind != TRUEPOSE_NO_DISTURBANCE)
+    rtapi_print_msg(RTAPI_MSG_INFO, "truepose_tej: %s of %.3g%s\n", forces[tej.disturbance.kind],
+                    (double)tej.disturbance.size,
+                    name_of(tej.disturbance.motor, name, sizeof name));
+  disturbed = tej.disturbance.kind;
   if (tej.fault == told) return;
   told = tej.fault;
   if (told != 0)
@@ -175,6 +185,7 @@ static void cycle(void* unused, long period) {
   in.law = *pins->law;
   in.monitor = *pins->monitor;
   in.reset = *pins->reset;
+  in.observe = *pins->observe;
   in.safety = *pins->safety;
   in.proven = !starter.running && starter.reached >= *pins->start_level;
   in.frame = *pins->frame;
@@ -186,6 +197,7 @@ static void cycle(void* unused, long period) {
   in.blend = *pins->blend;
   in.chi2 = *pins->largest_chi2;
   for (int i = 0; i < tej.motors; ++i) {
+    in.torque[i] = *pins->torque_fb[i];
     in.q_d[i] = (*pins->command[i] - *pins->offset[i]) * scale[i];
     in.q_e[i] = (*pins->motor_fb[i] - *pins->offset[i]) * scale[i];
     in.zero[i] = *pins->offset[i] * scale[i];
@@ -227,6 +239,11 @@ static void cycle(void* unused, long period) {
   *pins->left_out = (hal_u32_t)tej.pupil.left_out;
   *pins->learner_status = tej.pupil.outcome.status;
   for (int k = 0; k < tej.motors; ++k) *pins->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
+  *pins->disturbance = tej.disturbance.kind;
+  *pins->disturbance_motor = tej.disturbance.motor;
+  *pins->disturbance_size = tej.disturbance.size;
+  *pins->disturbance_sigma = tej.disturbance.sigma;
+  *pins->disturbance_chi2 = tej.disturbance.chi2;
   tell(&in, index_known);
   start_cycle(&in);
 }
@@ -242,6 +259,7 @@ static int make_pins(void) {
     bad |= new_float(&pins->pid_fb[i], HAL_OUT, 0, "truepose_tej.%d.pid-fb", i);
     bad |= new_float(&pins->correction[i], HAL_OUT, 0, "truepose_tej.%d.correction", i);
     bad |= new_float(&pins->e_q[i], HAL_OUT, 0, "truepose_tej.%d.e-q", i);
+    bad |= new_float(&pins->torque_fb[i], HAL_IN, 0, "truepose_tej.%d.torque-fb", i);
     bad |= new_float(&pins->torque[i], HAL_OUT, 0, "truepose_tej.%d.torque", i);
   }
   for (int k = 0; k < tej.sensors; ++k) {
@@ -280,6 +298,12 @@ static int make_pins(void) {
   bad |= new_s32(&pins->safety_cause, HAL_OUT, 0, "truepose_tej.safety-cause");
   bad |= new_s32(&pins->safety_motor, HAL_OUT, -1, "truepose_tej.safety-motor");
   bad |= new_u32(&pins->safety_causes, HAL_OUT, 0, "truepose_tej.safety-causes");
+  bad |= new_bit(&pins->observe, HAL_IN, 0, "truepose_tej.observe");
+  bad |= new_s32(&pins->disturbance, HAL_OUT, 0, "truepose_tej.disturbance");
+  bad |= new_s32(&pins->disturbance_motor, HAL_OUT, -1, "truepose_tej.disturbance-motor");
+  bad |= new_float(&pins->disturbance_size, HAL_OUT, 0, "truepose_tej.disturbance-size");
+  bad |= new_float(&pins->disturbance_sigma, HAL_OUT, 0, "truepose_tej.disturbance-sigma");
+  bad |= new_float(&pins->disturbance_chi2, HAL_OUT, 0, "truepose_tej.disturbance-chi2");
   bad |= new_bit(&pins->start_test, HAL_IN, 0, "truepose_tej.start-test");
   bad |= new_s32(&pins->start_level, HAL_IN, 0, "truepose_tej.start-level");
   bad |= new_float(&pins->brake_closes, HAL_IN, 0.02, "truepose_tej.brake-closes");

@@ -150,3 +150,31 @@ TEST("a request while the machine is on begins nothing, and robots without torqu
   machine.request.request = 1;
   CHECK(machine.cycle() == 1 && machine.starter->report.finding == 1 && !machine.starter->running);
 }
+
+TEST("a payload is observed from the torques that the drives measure, and gone without them") {
+  Machine machine(h4_with_elbow());
+  StartBench<kFour>& bench = machine.bench;
+  truepose_table& table = machine.tej->table;
+  for (int i = 0; i < 4; ++i) table.known.sigma[i] = bench.robot.chain[i].encoder_step;
+  c::describe(FaultTolerantSettings{}, table.monitor);
+  const ControlSettings drives = settings_for(bench.robot, Law::joint);
+  ControlState state;
+  bench.plant.disturb({.kind = Disturbance::payload, .size = 2});
+  Setpoint home;
+  home.x = bench.robot.home;
+  machine.in.enable = machine.in.monitor = machine.in.observe = 1;
+  for (int k = 0; k < 1000; ++k) {
+    const Extended q_e = bench.read({});
+    std::copy_n(q_e.begin(), kMaxReadings, machine.in.q_e);
+    std::copy_n(state.torque.begin(), 6, machine.in.torque);
+    truepose_corrector_cycle(machine.tej.get(), &machine.in);
+    CHECK(bool(control<kFour>(bench.robot, drives, home, q_e, state)));
+    bench.plant.work_brakes(0, 1e-3);
+    CHECK(bool(bench.plant.advance(state.torque, 1e-3, 2)));
+  }
+  const truepose_disturbance& seen = machine.tej->disturbance;
+  CHECK(seen.kind == TRUEPOSE_PAYLOAD && std::fabs(seen.size - 2) < 0.3);
+  machine.in.observe = 0;
+  truepose_corrector_cycle(machine.tej.get(), &machine.in);
+  CHECK(seen.kind == TRUEPOSE_NO_DISTURBANCE);
+}
