@@ -11,6 +11,7 @@
 #include "for_rows.hpp"
 #include "truepose/kernels.hpp"
 #include "truepose/offline/fastest.hpp"
+#include "truepose/offline/momentum_defaults.hpp"
 
 namespace truepose::python {
 namespace {
@@ -74,6 +75,11 @@ void bind_fault_monitor(nb::module_& m) {
       .def(nb::init<const Robot&, const Known&, const FaultTolerantSettings&,
                     const std::optional<MultirateSettings>&>(),
            "robot"_a, "known"_a, "settings"_a, "late"_a.none());
+  m.def("default_momentum", [](const Robot& robot, const ControlSettings& of) {
+    MomentumSettings derived;
+    const Outcome outcome = default_momentum(robot, of, derived);
+    return answered(outcome, derived);
+  });
   m.def("review", &review, "fault_setup"_a, "desired"_a, "q_e"_a);
   m.def("fastest", &batch_fastest);
   m.attr("symptoms") =

@@ -4,7 +4,10 @@
 #include <math.h>
 #include <string.h>
 
-enum { kCap = 12 }; /* maximum steps of the forward model: commands move little per cycle */
+enum {
+  kCap = 12, /* maximum steps of the forward model: commands move little per cycle */
+  kLoop = 50 /* 1/s, of the drives' position loops, as exported */
+};
 
 /** Factor on the sigma of a failed sensor. */
 static const truepose_real kDisbelieved = 1e4;
@@ -60,6 +63,31 @@ static int weighs(int32_t law) {
   return law == TRUEPOSE_LAW_WEIGHTED || law == TRUEPOSE_LAW_ESTIMATED;
 }
 
+/** Observes external forces from the drives' torques; off where the robot has no torque limits. */
+static void observe(truepose_corrector* tej, const truepose_corrector_input* input) {
+  memset(&tej->disturbance, 0, sizeof tej->disturbance);
+  tej->disturbance.motor = -1;
+  if (!input->observe || !tej->monitoring) {
+    tej->observing = 0;
+    return;
+  }
+  if (!tej->observing) {
+    truepose_control_settings settings;
+    truepose_momentum_settings momentum;
+    truepose_control_defaults(&settings);
+    settings.period = tej->period;
+    tej->observing =
+        truepose_place_poles(&tej->model, tej->table.robot.home, kLoop, 1, &settings).status <=
+            TRUEPOSE_OK &&
+        truepose_momentum_defaults(&tej->model, &settings, &momentum).status <= TRUEPOSE_OK &&
+        truepose_fault_monitor_momentum(&tej->monitor, &momentum).status <= TRUEPOSE_OK;
+    if (!tej->observing) return;
+  }
+  if (truepose_fault_monitor_observe(&tej->model, &tej->monitor, input->torque).status <=
+      TRUEPOSE_OK)
+    truepose_fault_monitor_disturbance(&tej->monitor, &tej->disturbance);
+}
+
 /** Substitutes readings that are not valid. */
 static void monitored(truepose_corrector* tej, const truepose_corrector_input* input,
                       truepose_real* q_e) {
@@ -68,11 +96,13 @@ static void monitored(truepose_corrector* tej, const truepose_corrector_input* i
   if (!tej->monitoring) {
     outcome = truepose_fault_monitor_init(&tej->monitor, sizeof tej->monitor, &tej->table.monitor);
     tej->monitoring = outcome.status <= TRUEPOSE_OK;
+    tej->observing = 0;
   }
   if (tej->monitoring)
     outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->monitor, input->q_d, q_e,
                                           &tej->table.known, tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
+  observe(tej, input);
   if (outcome.status > TRUEPOSE_OK) return; /* no result: use the readings as they are */
   if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
   tej->stop = tej->report.stops;
@@ -271,6 +301,8 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->changed |= tej->doubted != 0;
     tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
+    memset(&tej->disturbance, 0, sizeof tej->disturbance);
+    tej->disturbance.motor = -1;
   }
   if (untold != 0) {
     fails(tej, TRUEPOSE_TEJ_COMMAND, TRUEPOSE_NOT_FINITE, first(untold));
@@ -310,11 +342,8 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
   truepose_fkm(&tej->commanded, seen, kCap, tej->pose);
 }
 
-/** Limits of the shell. Drives follow a velocity: there is no torque, and their position loops are
- * assumed as exported. Motion has the soft limits. */
-static truepose_safety_limits limits_of(const truepose_corrector* tej,
-                                        const truepose_corrector_input* input) {
-  enum { kLoop = 50 }; /* 1/s */
+truepose_safety_limits truepose_corrector_limits(const truepose_corrector* tej,
+                                                 const truepose_corrector_input* input) {
   truepose_safety_limits limits = {.size = sizeof limits,
                                    .window = 8,
                                    .age = tej->period <= 0.005 ? 2 : 1,
@@ -356,7 +385,7 @@ static void guard(truepose_corrector* tej, const truepose_corrector_input* input
   }
   const int fault = safe->state == TRUEPOSE_SAFETY_FAULT;
   if (tej->guarding ? starts && !fault : !fault || input->reset) {
-    const truepose_safety_limits limits = limits_of(tej, input);
+    const truepose_safety_limits limits = truepose_corrector_limits(tej, input);
     const truepose_outcome outcome =
         truepose_safety_shell_init(&tej->shell, sizeof tej->shell, &tej->model, &limits);
     tej->guarding = outcome.status <= TRUEPOSE_OK;
@@ -376,7 +405,7 @@ static void guard(truepose_corrector* tej, const truepose_corrector_input* input
     truepose_safety_marks marks = {.counter = input->frame,
                                    .counter_given = input->frame_known,
                                    .known = 1,
-                                   .start = input->enable && !stands,
+                                   .start = input->enable && !stands && input->proven,
                                    .stop = !input->enable && safe->follows};
     tej->acknowledging = input->reset || (input->enable && stands && !tej->acknowledging);
     marks.acknowledge = tej->acknowledging;

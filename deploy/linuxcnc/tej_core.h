@@ -30,8 +30,10 @@ typedef struct truepose_corrector_input {
   int32_t law;         /**< a truepose_law */
   int32_t monitor;     /**< enables the fault monitor, if configured in the table */
   int32_t safety;      /**< enables the safety shell */
+  int32_t proven;      /**< 1: the shell may start; 0: its start-up test has not passed */
   int32_t frame_known; /**< 1: `frame` counts the frames of readings */
   uint32_t frame;      /**< it may wrap */
+  int32_t observe;     /**< 1: external forces are observed, by `torque`; needs `monitor` */
   int32_t reset;       /**< clears faults, acknowledges inconsistency after homing, and the shell */
   int32_t referenced;  /**< every sensor's and motor's zero is known */
   int32_t learn;       /**< identifies at rest, with every reading valid */
@@ -43,8 +45,9 @@ typedef struct truepose_corrector_input {
   truepose_real largest[6];     /**< largest accepted correction, rad or m */
   truepose_real speed[6];       /**< shell: largest of a motor, rad/s or m/s; 0: any */
   truepose_real error_limit[6]; /**< shell: largest motor error, rad or m */
-  truepose_real zero[6]; /**< motion's motor offsets; a change means that the motor was homed */
-  truepose_real q_d[6];  /**< commands */
+  truepose_real zero[6];   /**< motion's motor offsets; a change means that the motor was homed */
+  truepose_real q_d[6];    /**< commands */
+  truepose_real torque[6]; /**< of the motors, as the drives measure it, N·m or N */
   truepose_real q_e[TRUEPOSE_READINGS];
 } truepose_corrector_input;
 
@@ -64,7 +67,7 @@ typedef struct truepose_corrector {
   int32_t begun;
   truepose_real band;
   truepose_real work[TRUEPOSE_TEJ_WORK];
-  int32_t monitoring, enabled;
+  int32_t monitoring, enabled, observing;
   truepose_safety_shell shell;
   int32_t guarding, acknowledging;
   truepose_real x_d[6];               /**< pose of the commands */
@@ -91,9 +94,10 @@ typedef struct truepose_corrector {
   truepose_real chi2;                 /**< of the readings at their last test */
   truepose_real pose[6];              /**< estimated by the law in effect; held while off */
   truepose_fault_report report;
-  truepose_safety_report safe; /**< of the shell; zeros without it */
-  uint32_t brakes;             /**< motors whose brakes must hold, as bits */
-  int32_t inhibit;             /**< 1: the path must not move, or must stop */
+  truepose_disturbance disturbance; /**< external force; kind 0 while it is not observed */
+  truepose_safety_report safe;      /**< of the shell; zeros without it */
+  uint32_t brakes;                  /**< motors whose brakes must hold, as bits */
+  int32_t inhibit;                  /**< 1: the path must not move, or must stop */
 } truepose_corrector;
 
 /** @param tej        with its table read
@@ -104,6 +108,11 @@ truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
                                           truepose_real period);
 /** Runs one cycle. Outputs are finite for any input. */
 void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input);
+
+/** Limits of the safety shell. Drives follow a velocity: there is no torque, and their position
+ * loops are assumed as exported. Motion has the soft limits. */
+truepose_safety_limits truepose_corrector_limits(const truepose_corrector* tej,
+                                                 const truepose_corrector_input* input);
 
 /** Referencing of a sensor that counts from power-on, by its encoder's index at a known reading. */
 typedef struct truepose_index {

@@ -6,7 +6,7 @@
 #define COMPONENT "truepose_tej"
 #include "component.h"
 
-#include "tej_core.h"
+#include "start_core.h"
 
 #include <stdio.h>
 
@@ -37,13 +37,23 @@ static struct tej_pins {
   hal_u32_t *frame, *safety_causes;
   hal_s32_t *safety_state, *safety_cause, *safety_motor;
   hal_float_t *safe_speed[6], *safe_error[6];
+  hal_bit_t* observe;
+  hal_s32_t *disturbance, *disturbance_motor;
+  hal_float_t *torque_fb[6], *disturbance_size, *disturbance_sigma, *disturbance_chi2;
+  hal_bit_t *start_test, *start_active;
+  hal_s32_t *start_level, *start_reached, *start_state, *start_finding, *start_part, *start_other;
+  hal_u32_t* start_candidates;
+  hal_float_t *brake_closes, *brake_opens, *start_motion, *torque[6];
 }* pins;
 
 static truepose_corrector tej;
+static truepose_starter starter;
 static truepose_index seen[TRUEPOSE_SENSORS];
 static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
 static uint32_t told_causes; /* of the safety shell, in the log */
 static int32_t told, waits;  /* fault in the log; whether "waiting for an index" is in the log */
+static int32_t disturbed;    /* disturbance in the log */
+static int32_t unproven;     /* whether "has not passed" is in the log */
 static uint32_t told_failed; /* failed readings in the log */
 
 /** Reads the sensors. @return 1: the zero of each is known */
@@ -87,6 +97,7 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
       "readings contradict each other: home again, or acknowledge "
       "by the pin reset",
       "the safety shell stops the robot: acknowledge by the pin reset"};
+  static const char* const forces[] = {"", "payload (kg)", "friction (N·m or N)", "contact (N)"};
   const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !index_known;
   const uint32_t fails = tej.left_out & ~told_failed;
   if (waiting && !waits)
@@ -103,12 +114,66 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: safety: %s%s\n", truepose_stop_cause_text(c),
                       name_of(c == tej.safe.cause ? tej.safe.part : -1, name, sizeof name));
   told_causes = tej.safe.causes;
+  if (tej.disturbance.kind != disturbed && tej.disturbance.kind != TRUEPOSE_NO_DISTURBANCE)
+    rtapi_print_msg(RTAPI_MSG_INFO, "truepose_tej: %s of %.3g%s\n", forces[tej.disturbance.kind],
+                    (double)tej.disturbance.size,
+                    name_of(tej.disturbance.motor, name, sizeof name));
+  disturbed = tej.disturbance.kind;
   if (tej.fault == told) return;
   told = tej.fault;
   if (told != 0)
     rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: fault %d: %s (%s%s)\n", told, why[told],
                     truepose_status_text(tej.reason.status),
                     name_of(tej.reason.part, name, sizeof name));
+}
+
+/** Logs the result of a start-up test, and a machine on without one. */
+static void tell_start(const truepose_corrector_input* in, int ended) {
+  const truepose_start_report* const report = &starter.report;
+  char part[32], other[32];
+  const int refused = in->enable && in->safety && !in->proven;
+  if (refused && !unproven)
+    rtapi_print_msg(RTAPI_MSG_ERR,
+                    "truepose_tej: brakes stay closed until a start-up test passes: "
+                    "machine off, then pin start-test\n");
+  unproven = refused;
+  if (!ended) return;
+  if (starter.reached)
+    rtapi_print_msg(RTAPI_MSG_INFO, "truepose_tej: start-up test passed, level %d\n",
+                    starter.reached);
+  else
+    rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: start-up test: %s%s%s\n",
+                    truepose_start_finding_text(report->finding),
+                    name_of(report->part, part, sizeof part),
+                    name_of(report->other, other, sizeof other));
+  for (int c = 0; c < tej.motors + tej.sensors; ++c)
+    if (report->candidates >> c & 1U)
+      rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: start-up test: may be miswired%s\n",
+                      name_of(c, part, sizeof part));
+}
+
+/** The start-up test's cycle. */
+static void start_cycle(const truepose_corrector_input* in) {
+  const truepose_starter_input wanted = {.request = *pins->start_test,
+                                         .level = *pins->start_level,
+                                         .brake = *pins->brake_closes,
+                                         .opens = *pins->brake_opens,
+                                         .motion = *pins->start_motion * truepose_unit(unit)};
+  const int ended = truepose_starter_cycle(&starter, &wanted, &tej, in);
+  for (int i = 0; i < tej.motors; ++i) {
+    *pins->torque[i] = starter.pulses ? starter.report.torque[i] : 0;
+    if (!starter.running) continue;
+    *pins->brake[i] = starter.report.brakes >> i & 1U;
+    *pins->amp_fault[i] = 1; /* the machine cannot go on */
+  }
+  *pins->start_active = starter.pulses;
+  *pins->start_reached = starter.reached;
+  *pins->start_state = starter.report.state;
+  *pins->start_finding = starter.report.finding;
+  *pins->start_part = starter.report.part;
+  *pins->start_other = starter.report.other;
+  *pins->start_candidates = starter.report.candidates;
+  tell_start(in, ended);
 }
 
 static void cycle(void* unused, long period) {
@@ -120,7 +185,9 @@ static void cycle(void* unused, long period) {
   in.law = *pins->law;
   in.monitor = *pins->monitor;
   in.reset = *pins->reset;
+  in.observe = *pins->observe;
   in.safety = *pins->safety;
+  in.proven = !starter.running && starter.reached >= *pins->start_level;
   in.frame = *pins->frame;
   in.frame_known = *pins->frame_known;
   in.learn = *pins->learn;
@@ -130,6 +197,7 @@ static void cycle(void* unused, long period) {
   in.blend = *pins->blend;
   in.chi2 = *pins->largest_chi2;
   for (int i = 0; i < tej.motors; ++i) {
+    in.torque[i] = *pins->torque_fb[i];
     in.q_d[i] = (*pins->command[i] - *pins->offset[i]) * scale[i];
     in.q_e[i] = (*pins->motor_fb[i] - *pins->offset[i]) * scale[i];
     in.zero[i] = *pins->offset[i] * scale[i];
@@ -171,7 +239,13 @@ static void cycle(void* unused, long period) {
   *pins->left_out = (hal_u32_t)tej.pupil.left_out;
   *pins->learner_status = tej.pupil.outcome.status;
   for (int k = 0; k < tej.motors; ++k) *pins->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
+  *pins->disturbance = tej.disturbance.kind;
+  *pins->disturbance_motor = tej.disturbance.motor;
+  *pins->disturbance_size = tej.disturbance.size;
+  *pins->disturbance_sigma = tej.disturbance.sigma;
+  *pins->disturbance_chi2 = tej.disturbance.chi2;
   tell(&in, index_known);
+  start_cycle(&in);
 }
 
 static int make_pins(void) {
@@ -185,6 +259,8 @@ static int make_pins(void) {
     bad |= new_float(&pins->pid_fb[i], HAL_OUT, 0, "truepose_tej.%d.pid-fb", i);
     bad |= new_float(&pins->correction[i], HAL_OUT, 0, "truepose_tej.%d.correction", i);
     bad |= new_float(&pins->e_q[i], HAL_OUT, 0, "truepose_tej.%d.e-q", i);
+    bad |= new_float(&pins->torque_fb[i], HAL_IN, 0, "truepose_tej.%d.torque-fb", i);
+    bad |= new_float(&pins->torque[i], HAL_OUT, 0, "truepose_tej.%d.torque", i);
   }
   for (int k = 0; k < tej.sensors; ++k) {
     bad |= new_float(&pins->position[k], HAL_IN, 0, "truepose_tej.sensor.%d.position", k);
@@ -222,6 +298,25 @@ static int make_pins(void) {
   bad |= new_s32(&pins->safety_cause, HAL_OUT, 0, "truepose_tej.safety-cause");
   bad |= new_s32(&pins->safety_motor, HAL_OUT, -1, "truepose_tej.safety-motor");
   bad |= new_u32(&pins->safety_causes, HAL_OUT, 0, "truepose_tej.safety-causes");
+  bad |= new_bit(&pins->observe, HAL_IN, 0, "truepose_tej.observe");
+  bad |= new_s32(&pins->disturbance, HAL_OUT, 0, "truepose_tej.disturbance");
+  bad |= new_s32(&pins->disturbance_motor, HAL_OUT, -1, "truepose_tej.disturbance-motor");
+  bad |= new_float(&pins->disturbance_size, HAL_OUT, 0, "truepose_tej.disturbance-size");
+  bad |= new_float(&pins->disturbance_sigma, HAL_OUT, 0, "truepose_tej.disturbance-sigma");
+  bad |= new_float(&pins->disturbance_chi2, HAL_OUT, 0, "truepose_tej.disturbance-chi2");
+  bad |= new_bit(&pins->start_test, HAL_IN, 0, "truepose_tej.start-test");
+  bad |= new_s32(&pins->start_level, HAL_IN, 0, "truepose_tej.start-level");
+  bad |= new_float(&pins->brake_closes, HAL_IN, 0.02, "truepose_tej.brake-closes");
+  bad |= new_float(&pins->brake_opens, HAL_IN, 0.02, "truepose_tej.brake-opens");
+  bad |= new_float(&pins->start_motion, HAL_IN, 0.5e-3 / truepose_unit(unit),
+                   "truepose_tej.start-motion");
+  bad |= new_bit(&pins->start_active, HAL_OUT, 0, "truepose_tej.start-active");
+  bad |= new_s32(&pins->start_reached, HAL_OUT, 0, "truepose_tej.start-reached");
+  bad |= new_s32(&pins->start_state, HAL_OUT, 0, "truepose_tej.start-state");
+  bad |= new_s32(&pins->start_finding, HAL_OUT, 0, "truepose_tej.start-finding");
+  bad |= new_s32(&pins->start_part, HAL_OUT, -1, "truepose_tej.start-part");
+  bad |= new_s32(&pins->start_other, HAL_OUT, -1, "truepose_tej.start-other");
+  bad |= new_u32(&pins->start_candidates, HAL_OUT, 0, "truepose_tej.start-candidates");
   bad |= new_bit(&pins->enable, HAL_IN, 0, "truepose_tej.enable");
   bad |= new_bit(&pins->monitor, HAL_IN, 0, "truepose_tej.monitor");
   bad |= new_bit(&pins->reset, HAL_IN, 0, "truepose_tej.reset");

@@ -51,6 +51,10 @@ void fields(auto& c, Like<FaultTolerantSettings> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, stop, stop_lost, held)
   TRUEPOSE_VISIT(c, core.monitor, fastest, moved, kp, kd, rests, shaken, low, high)
 }
+void fields(auto& c, Like<MomentumSettings> auto& core, auto&& f) {
+  TRUEPOSE_VISIT(c, core, carry, period, bandwidth, alarm, share, named, kept, window, over, sigma,
+                 give)
+}
 void fields(auto& c, Like<MultirateSettings> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, stamped, every, age, period, sensitivity)
 }

@@ -48,7 +48,7 @@ struct Loop {
     for (int c = 0; c < kMaxReadings; ++c) plant->absolute[c] = 1;
     std::copy_n(plant->q_e, kMaxReadings, plant->read);
     std::copy_n(q, 6, in.q_d);
-    in.enable = in.referenced = 1;
+    in.enable = in.referenced = in.proven = 1;
     in.blend = 0.2;
     std::fill_n(in.largest, 6, 0.2);
   }

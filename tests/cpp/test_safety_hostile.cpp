@@ -46,7 +46,7 @@ TEST("every state with every reading: healthy, implausible, missing, contradicto
     for (const Guarded<K>& state : states) {
       seen |= 1U << static_cast<int>(state.shell.machine.state);
       for (int reading = -1; reading <= n; ++reading)  // none, each motor's, all
-        for (int kind = 0; kind < 4; ++kind)
+        for (int kind = 0; kind < 5; ++kind)
           for (int requests = 0; requests < 8; ++requests) {
             Guarded<K> copy = state;
             const bool fault = copy.shell.machine.state == SafetyState::fault;
@@ -60,13 +60,15 @@ TEST("every state with every reading: healthy, implausible, missing, contradicto
                 if (kind == 3) cycle.suspected |= bit(i);
                 if (kind == 3) cycle.error[i] = -1.1 * copy.limits.tracking[i];
               }
+              cycle.disagree = kind == 4 && reading == n;  // of sensors: no motor is suspected
               const bool now = k == 5 || k == 20;
               cycle.request = {now && requests & 1, k >= 5 && requests & 2, now && requests & 4};
               copy.step(cycle);
               acknowledged = acknowledged || cycle.request.acknowledge;
               if (fault && !acknowledged) CHECK(copy.shell.machine.state == SafetyState::fault);
               const bool bad = reading >= 0 && kind > 0;
-              if (bad && k > 10) CHECK(!copy.shell.follows);
+              if (bad && kind < 4 && k > 10) CHECK(!copy.shell.follows);
+              if (cycle.disagree) CHECK(!copy.shell.follows || copy.shell.path_stop > 0);
             }
           }
     }

@@ -80,6 +80,36 @@ inline void acknowledge(FaultTolerantState& fault_state, int reading) {
 /// σ of an excluded reading, over its own.
 inline constexpr Real kDisbelieved = 1e4;
 
+/// Observes forces after monitor_faults(), while every motor is read and no brake acts.
+/// @param torque  applied in the last control period
+template <Mobility K>
+void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
+                    bool moves, const Joint& torque, FaultTolerantState& state) {
+  constexpr int n = kDof<K>;
+  FaultMonitor& monitor = state.monitor;
+  MomentumObserver& observer = state.observer;
+  bool observed = moves && !state.stops;
+  for (int i = 0; i < n; ++i)
+    observed =
+        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
+  if (!observed) {
+    observer = {};
+  } else {  // the observer takes several periods as one
+    const Real several = settings.momentum.period / period;
+    const int every = several > 1 && several < 100 ? static_cast<int>(several + Real(0.5)) : 1;
+    for (int i = 0; i < n; ++i) observer.sum[i] += torque[i] / static_cast<Real>(every);
+    if (++observer.waited >= every) {
+      const Joint mean = observer.sum;
+      observer.sum = {};
+      observer.waited = 0;
+      static_cast<void>(
+          observe_momentum<K>(robot, settings.momentum, monitor.pose, mean, observer));
+    }
+  }
+  for (int i = 0; i < n; ++i)
+    monitor.pushed[i] = std::fabs(observer.residual[i]) * settings.momentum.give[i];
+}
+
 /// Runs one cycle: control() with the readings monitored.
 ///
 /// A motor whose brake is requested follows its feed-forward: it slows down with the others while
@@ -100,29 +130,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   const Outcome monitored = monitor_faults<K>(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
       fault_state.asked ? fault_state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
-  // Forces are observed while every motor is read and no brake acts.
-  bool observed = monitored && state.started && !fault_state.stops;
-  for (int i = 0; i < n; ++i)
-    observed =
-        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
-  MomentumObserver& observer = fault_state.observer;
-  if (!observed) {
-    observer = {};
-  } else {  // the observer takes several periods as one
-    const Real several = fault_settings.momentum.period / settings.period;
-    const int every = several > 1 && several < 100 ? static_cast<int>(several + Real(0.5)) : 1;
-    for (int i = 0; i < n; ++i) observer.sum[i] += state.torque[i] / static_cast<Real>(every);
-    if (++observer.waited >= every) {
-      const Joint mean = observer.sum;
-      observer.sum = {};
-      observer.waited = 0;
-      static_cast<void>(
-          observe_momentum<K>(robot, fault_settings.momentum, monitor.pose, mean, observer));
-    }
-  }
-  for (int i = 0; i < n; ++i)
-    monitor.pushed[i] =
-        std::fabs(fault_state.observer.residual[i]) * fault_settings.momentum.give[i];
+  observe_forces<K>(robot, fault_settings, settings.period, monitored && state.started,
+                    state.torque, fault_state);
   constexpr std::uint32_t all = bit(n) - 1;
   const bool held = fault_state.brakes == all;
   fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;

@@ -54,7 +54,8 @@ struct StartSettings {
   Real motion = 0.5e-3;   ///< of the platform by two opposite pulses, m; at most twice that in all
   Real radius = 0.05;     ///< at which the platform's turns count as motion, m
   Real pulse = 0.006;     ///< wanted time for which a brake is open, s
-  int pairs = 4;          ///< of opposite pulses of each motor, beyond those that find its amount
+  int pairs = 4;          ///< of opposite pulses of each motor, beyond those that find its amount;
+                          ///< 0: the test ends at rest
   Real settle = 0.03;     ///< s, from a closed brake to rest
   Real brake_opens = -1;  ///< s; below 0: as it closes (SafetyLimits::brake)
   Real inertia = 2;       ///< factor by which a motor's may be smaller than the model's

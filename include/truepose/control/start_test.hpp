@@ -89,7 +89,7 @@ class StartCycle {
   bool check(bool known) {
     const bool sound = robot_.finished && consistent(limits_, n, n) && settings_.motion > 0 &&
                        settings_.pulse > 0 && settings_.inertia >= 1 && settings_.weight >= 0 &&
-                       settings_.radius >= 0 && settings_.pairs >= 1 && settings_.settle >= 0;
+                       settings_.radius >= 0 && settings_.pairs >= 0 && settings_.settle >= 0;
     if (!sound) return fail(StartFinding::contradictory_limits), false;
     if (!known) return fail(StartFinding::unknown_pose), false;
     bool numbers = true;
@@ -137,7 +137,8 @@ class StartCycle {
     test_.misfit.fill(INFINITY);
     Pose pose;
     test_.misfit[0] = rest_level<K>(robot_, limits_, weighing_, test_.begin, pose, outside);
-    if (test_.misfit[0] <= most(robot_.r)) return start(pose);
+    if (test_.misfit[0] <= most(robot_.r))
+      return settings_.pairs > 0 ? start(pose) : go(StartState::passed);
     if (robot_.r > 0 && weighing_) return go(StartState::explain);
     if (outside >= 0) return fail(StartFinding::out_of_range, outside);
     fail(StartFinding::unknown_pose);

@@ -40,10 +40,6 @@ _BEAR = 2
 _SHAKES = 0.2
 #: Torque rms in motion over its limit (assumed), for the arms' deflection.
 _TORQUE = 0.25
-#: Period of the momentum observer, s: several control periods, at about a quarter of the cost.
-_OBSERVATION = 0.004
-#: Bandwidth of the momentum observer, rad/s.
-_OBSERVED = 60.0
 #: Tolerance of a motor's reading beyond its stops, rad or m.
 _BEYOND = 0.05
 
@@ -146,15 +142,8 @@ class FaultMonitor:
 
     def _momentum(self, robot: Robot, controller: Controller) -> _core.MomentumSettings:
         """Return the settings of the momentum observer; it is off without torque limits."""
-        inertia = _inertia(robot, controller)
-        own = _STICKS * _limits(robot)
-        counts = inertia * _OBSERVED**2 * knowledge.reading_sigma(robot)[: robot.n]
-        momentum = _core.MomentumSettings()
-        several = max(1, round(_OBSERVATION / controller.period))
-        momentum.period = several * controller.period if (own > 0).all() else 0.0
-        momentum.bandwidth, momentum.carry = _OBSERVED, self.carry
-        momentum.sigma = padded(np.hypot(own, counts))
-        momentum.give = padded(1 / (controller.frequency**2 * inertia))
+        momentum, _, _ = _core.default_momentum(robot.core, controller.settings(robot, robot.home))
+        momentum.carry = self.carry
         return momentum
 
     def review(

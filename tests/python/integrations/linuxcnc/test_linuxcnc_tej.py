@@ -12,7 +12,8 @@ PINS = {"lines": ctypes.c_uint, "law": ctypes.c_int, "law-in-effect": ctypes.c_i
 PINS |= {"status": ctypes.c_int, "part": ctypes.c_int}
 PINS |= {"safety-state": ctypes.c_int, "safety-cause": ctypes.c_int, "safety-motor": ctypes.c_int}
 PINS |= {"safety-causes": ctypes.c_uint, "frame": ctypes.c_uint, "fault-code": ctypes.c_int}
-BITS = ("safety", "frame-known", "reset", "stop", "3.brake")
+PINS |= {f"start-{n}": ctypes.c_int for n in ("level", "reached", "state", "finding", "part")}
+BITS = ("start-test", "start-active", "safety", "frame-known", "reset", "stop", "3.brake")
 BITS += ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
 BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
@@ -158,6 +159,39 @@ def test_the_safety_shell_names_a_frozen_frame_and_waits_for_reset(tej, h4, capf
     module.set("enable")[0] = True
     run(60)
     assert shown() == (1, False, False)
+
+
+@pytest.mark.parametrize("wired", [True, False])
+def test_brakes_stay_closed_until_the_readings_at_rest_have_passed_the_start_up_test(
+    tej, h4, capfd, wired
+):
+    module = tej(h4)
+    module.set("start-level")[0] = 1
+    module.set("safety")[0] = module.set("sensor.0.absolute")[0] = True
+    if not wired:
+        module.set("3.motor-fb")[0] *= -1
+        module.set("3.command")[0] *= -1
+
+    def switched_on():
+        module.set("enable")[0] = True
+        module.run(60)
+        brake = module.set("3.brake")[0]
+        module.set("enable")[0] = False
+        module.run(60)
+        return not brake
+
+    assert not switched_on()
+    assert "brakes stay closed until a start-up test passes" in capfd.readouterr().err
+    module.set("start-test")[0] = True
+    module.run(1)
+    assert module.set("2.amp-fault")[0]  # the machine cannot go on
+    module.run(200)
+    assert not module.set("start-active")[0]
+    assert module.set("start-reached")[0] == wired
+    assert module.set("start-state")[0] == (7 if wired else 8)
+    assert switched_on() == wired
+    if not wired:
+        assert "start-up test: may be miswired, motor 3" in capfd.readouterr().err
 
 
 def test_a_motor_that_is_too_fast_is_named(tej, h4, capfd):

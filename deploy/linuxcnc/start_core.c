@@ -1,0 +1,68 @@
+/* Start-up test of a machine that is off. */
+#include "start_core.h"
+
+#include <string.h>
+
+/** Limits of level 2: the robot's own, at a natural frequency that only sets limits not used here.
+ * Level 1 has no torques, hence needs none. */
+static truepose_outcome limits_for(const truepose_corrector* tej, const truepose_model* robot,
+                                   int32_t level, truepose_safety_limits* limits) {
+  truepose_control_settings settings;
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
+  if (level < 2) return outcome;
+  truepose_control_defaults(&settings);
+  settings.period = tej->period;
+  outcome = truepose_place_poles(robot, tej->table.robot.home, 50, 1, &settings);
+  return outcome.status > TRUEPOSE_OK ? outcome
+                                      : truepose_safety_defaults(robot, &settings, limits);
+}
+
+static truepose_outcome begin(truepose_starter* starter, const truepose_starter_input* input,
+                              const truepose_corrector* tej, const truepose_corrector_input* in) {
+  const truepose_model* robot = &tej->pupil.drawn;
+  truepose_safety_limits limits = truepose_corrector_limits(tej, in);
+  truepose_start_settings settings;
+  const truepose_outcome outcome = limits_for(tej, robot, starter->level, &limits);
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  limits.brake = input->brake;
+  truepose_start_defaults(&settings);
+  settings.brake_opens = input->opens;
+  settings.motion = input->motion;
+  if (starter->level < 2) settings.pairs = 0;
+  return truepose_start_test_init(&starter->test, sizeof starter->test, robot, &settings, &limits);
+}
+
+int truepose_starter_cycle(truepose_starter* starter, const truepose_starter_input* input,
+                           truepose_corrector* tej, const truepose_corrector_input* in) {
+  truepose_start_report* const report = &starter->report;
+  const int begins = input->request && !starter->asked && !in->enable && !starter->running;
+  truepose_real q_e[TRUEPOSE_READINGS];
+  starter->asked = input->request;
+  enum { kContradictory = 1 }; /* finding: contradictory limits */
+  if (begins && input->level > 0) {
+    memset(report, 0, sizeof *report);
+    starter->level = input->level;
+    starter->reached = 0;
+    const truepose_outcome outcome = begin(starter, input, tej, in);
+    starter->running = outcome.status <= TRUEPOSE_OK;
+    report->part = outcome.part;
+    report->brakes = (1U << tej->motors) - 1;
+    if (!starter->running) {
+      report->state = TRUEPOSE_START_FAILED;
+      report->finding = kContradictory;
+      return 1;
+    }
+  }
+  if (!starter->running) return 0;
+  memcpy(q_e, in->q_e, sizeof q_e);
+  for (int i = 0; i < tej->motors; ++i) q_e[i] -= tej->homed_by[i];
+  truepose_start_test_cycle(&tej->pupil.drawn, &starter->test, q_e, in->referenced,
+                            tej->table.monitored ? &tej->table.known : NULL, tej->work, report);
+  starter->pulses = report->state > TRUEPOSE_START_EXPLAIN && starter->level >= 2;
+  int loaded = 0;
+  for (int i = 0; i < tej->motors; ++i) loaded |= report->torque[i] != 0;
+  if (report->state < TRUEPOSE_START_PASSED || loaded) return 0;
+  starter->running = starter->pulses = 0;
+  starter->reached = report->state == TRUEPOSE_START_PASSED ? starter->level : 0;
+  return 1;
+}

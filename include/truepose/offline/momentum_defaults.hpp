@@ -1,0 +1,39 @@
+// Settings of the momentum observer from a robot and its controller.
+#pragma once
+
+#include "truepose/control/momentum_observer.hpp"
+#include "truepose/offline/safety_defaults.hpp"
+
+namespace truepose {
+/// Settings for a robot whose motors all have a torque limit, at home (all assumed):
+///
+///     period     4 ms, in whole control periods: a quarter of the cost of 1 ms
+///     sigma      1 % of the torque limit, and the motor's own inertia times bandwidth² times one
+///                reading's σ
+///     give       1/kp
+///
+/// @return no_such_value and the motor without a torque limit or gain: no observer (period 0)
+inline Outcome default_momentum(const Robot& robot, const ControlSettings& settings,
+                                MomentumSettings& momentum) {
+  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
+    momentum = {};
+    momentum.period = 0;
+    safety_detail::AtHome<K> home;
+    const Outcome outcome = home.find(robot);
+    if (!outcome) return outcome;
+    for (int i = 0; i < kDof<K>; ++i) {
+      const Chain& chain = robot.chain[i];
+      const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
+      const Real kp = std::fabs(settings.kp[i]) * (settings.gains == Gains::inertia ? inertia : 1);
+      if (!(chain.torque_limit > 0 && kp > 0)) return Outcome{Status::no_such_value, i};
+      const Real counts = inertia * momentum.bandwidth * momentum.bandwidth *
+                          std::hypot(chain.encoder_noise, chain.encoder_step / std::sqrt(Real(12)));
+      momentum.sigma[i] = std::hypot(Real(0.01) * chain.torque_limit, counts);
+      momentum.give[i] = 1 / kp;
+    }
+    momentum.period =
+        std::max<Real>(1, std::round(Real(0.004) / settings.period)) * settings.period;
+    return outcome;
+  });
+}
+}  // namespace truepose

@@ -1,0 +1,89 @@
+// The momentum observer in C picks up a payload as the core does.
+#include "../../src/c/description.hpp"
+#include "safety_bench.hpp"
+#include "truepose/offline/momentum_defaults.hpp"
+#include "truepose/truepose.hpp"
+
+using namespace mechanisms;
+
+TEST("a payload in C has the core's size and torques, is fed forward, and drives may observe it") {
+  constexpr Mobility K = Mobility::schoenflies;
+  const Robot robot = limited_robot<K>(h4());
+  Prior prior(robot);
+  for (int i = 0; i < 4; ++i) prior.known().sigma[i] = robot.chain[i].encoder_step;
+  truepose_description table;
+  truepose_model model;
+  c::describe(robot, table);
+  CHECK(truepose_load(&model, sizeof model, &table).status == 0);
+  truepose_control_settings settings;
+  truepose_momentum_settings momentum{};
+  truepose_fault_monitor_settings monitored;
+  static truepose_controller controller;
+  static truepose_fault_monitor monitor, alone;
+  truepose_fault_report report;
+  const ControlSettings control_settings = settings_for(robot, Law::joint);
+  c::describe(control_settings, settings);
+  FaultTolerantSettings core;
+  prepare(core.monitor);
+  c::describe(core, monitored);
+  CHECK(truepose_controller_init(&controller, sizeof controller, &settings).status == 0);
+  CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == TRUEPOSE_UNFINISHED);
+  CHECK(truepose_fault_monitor_init(&monitor, sizeof monitor, &monitored).status == 0);
+  CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == TRUEPOSE_OTHER_VERSION);
+  CHECK(truepose_momentum_defaults(&model, &settings, &momentum).status == 0);
+  momentum.alarm = 0;
+  CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == TRUEPOSE_NO_SUCH_VALUE);
+  momentum.alarm = MomentumSettings{}.alarm;
+  momentum.carry = 1;
+  CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == 0);
+  alone = monitor;
+  CHECK(bool(default_momentum(robot, control_settings, core.momentum)));
+  core.momentum.carry = true;
+
+  truepose_knowledge known{};
+  const Knowledge& of = prior.known();
+  known.count = of.count;
+  known.column = of.column;
+  known.root = of.root;
+  std::copy_n(of.sigma.begin(), kMaxReadings, known.sigma);
+  std::vector<truepose_real> work(truepose_work(&model, known.count));
+  ControlState state;
+  FaultTolerantState fault_state;
+  Plant<K> plant(robot, {}, to_pose<K>(robot.home), 1);
+  CHECK(plant.rest());
+  plant.disturb({.kind = Disturbance::payload, .size = 2});
+  truepose_disturbance seen{}, by_drives{};
+  truepose_real torque[6] = {}, believed[kMaxReadings];
+  double sagged = 0, sag = 0;
+  for (int k = 0; k < 1500; ++k) {
+    Setpoint setpoint;
+    setpoint.x = robot.home;
+    truepose_setpoint to{};
+    std::copy_n(setpoint.x.begin(), 6, to.x);
+    Extended q_e{};
+    CHECK(plant.measure(q_e));
+    CHECK(truepose_fault_monitor_step(&model, &alone, state.q_d.data(), q_e.data(), &known,
+                                      work.data(), believed, &report)
+              .status <= 0);
+    if (state.started) CHECK(truepose_fault_monitor_observe(&model, &alone, torque).status == 0);
+    CHECK(truepose_control_fault_tolerant(&model, nullptr, &controller, &monitor, &to, q_e.data(),
+                                          &known, work.data(), torque, &report)
+              .status <= 0);
+    CHECK(bool(control_fault_tolerant<K>(robot, control_settings, core, setpoint, q_e, state,
+                                         prior.weighing(), fault_state)));
+    CHECK(std::equal(state.torque.begin(), state.torque.end(), torque));
+    CHECK(truepose_fault_monitor_disturbance(&monitor, &seen).status == 0);
+    CHECK(seen.size == fault_state.observer.size && seen.chi2 == fault_state.observer.chi2);
+    CHECK(plant.advance(state.torque, 1e-3, 2));
+    sag = std::fabs(plant.pose().D[2] - robot.home[2]);
+    sagged = std::max(sagged, sag);
+  }
+  CHECK(truepose_fault_monitor_disturbance(&alone, &by_drives).status == 0);
+  CHECK(seen.kind == TRUEPOSE_PAYLOAD && std::fabs(seen.size - 2) < 0.1 && !seen.refused);
+  CHECK(by_drives.kind == TRUEPOSE_PAYLOAD && std::fabs(by_drives.size - seen.size) < 1e-3);
+  CHECK(std::fabs(seen.force[2] + 2 * 9.81) < 1 && sag < 0.1 * sagged);
+  std::printf("  %.3f kg, sigma %.3f, sag %.2f mm, then %.2f mm\n", seen.size, seen.sigma,
+              1e3 * sagged, 1e3 * sag);
+  CHECK(truepose_fault_monitor_momentum(&monitor, nullptr).status == 0);
+  CHECK(truepose_fault_monitor_disturbance(&monitor, &seen).status == 0 && seen.kind == 0);
+}
