@@ -152,7 +152,7 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const int most = stands ? 2 * settings.coast : settings.coast * every;
   const bool noise = reading.noise.may_be_noisy() &&
                      (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
-  if (!noise && (reading.bridged > most || (often && !stands))) reading.health = Health::failed;
+  if (reading.bridged > most || (often && !stands && !noise)) reading.health = Health::failed;
 }
 }  // namespace fault_monitor_detail
 }  // namespace truepose
