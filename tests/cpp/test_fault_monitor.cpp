@@ -431,8 +431,7 @@ TEST("what the law sees changes in the cycle in which something else stands for 
         static_cast<void>(scene.cycle(k, q_e));
         const bool released =
             (held & ~scene.seen.held) != 0;  // a doubted motor, by its own reading
-        const bool stands =
-            scene.seen.reading[c].health == Health::failed && scene.believed[c] != q_e[c];
+        const bool stands = scene.seen.without & bit(c) && scene.believed[c] != q_e[c];
         CHECK(scene.seen.changed == (stands != stood || released));
         changes += stands != stood;
         undecided = undecided || scene.seen.undecided;

@@ -30,7 +30,7 @@ class Cycle : MonitoredCycle<K> {
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
   using Base::replaceable, Base::motors_valid;
   using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance;
-  using Base::symptomatic_, Base::without_, Base::held_, Base::kStill, Base::kStoodBy;
+  using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill, Base::kStoodBy;
 
  public:
   using Base::Base;
@@ -288,15 +288,8 @@ class Cycle : MonitoredCycle<K> {
     Coordinates step{};
     for (int c = 0; c < rows_; ++c) {
       if (!(without_ & bit(c))) continue;
-      if (monitor_.reading[c].health != Health::failed) {
-        // Extrapolated: a sensor follows the motors, a motor its setpoint.
-        believed_[c] = monitor_.reading[c].own.predicted(settings_.period);
-        if (c < n && std::isfinite(desired_[c])) believed_[c] = desired_[c] - behind(c);
-        if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
-          believed_[c] = parity_.read[c] - parity_.value[c - n] +
-                         monitor_.parity[c - n].predicted(settings_.period);
-        continue;
-      }
+      const bool failed = monitor_.reading[c].health == Health::failed;
+      const bool stands = monitor_.reading[c].stands;
       Reading g = parity_.signature(r_, c);
       Real score = 0, information = 0;
       if (regular) V.whiten(r_, g.data(), 1);
@@ -309,10 +302,19 @@ class Cycle : MonitoredCycle<K> {
       const Real b = unknown_[c] * score;
       // A lost motor stays lost: its brake is closing.
       const bool lost = monitor_.lost & bit(c);
-      if (good && number(b) && !lost && (c >= n || replaceable(c, left, g, V, own))) {
+      if ((failed || (stands && c < n)) && good && number(b) && !lost &&
+          (c >= n || replaceable(c, left, g, V, own))) {
+        replaced_ |= bit(c);
         believed_[c] -= b;
         if (c < n)
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
+      } else if (!failed) {
+        // Extrapolated: a sensor follows the motors, a motor its setpoint.
+        believed_[c] = monitor_.reading[c].own.predicted(settings_.period);
+        if (c < n && std::isfinite(desired_[c])) believed_[c] = desired_[c] - behind(c);
+        if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
+          believed_[c] = parity_.read[c] - parity_.value[c - n] +
+                         monitor_.parity[c - n].predicted(settings_.period);
       } else if (c < n) {
         monitor_.lost |= bit(c);
         believed_[c] = desired_[c];  // the motor's error is 0
@@ -370,7 +372,7 @@ class Cycle : MonitoredCycle<K> {
       reading.own.correct(settings_.period, kOwnPole, number(news) ? news : 0);
       if (monitor_.doubted & bit(c) && reading.health == Health::valid)
         reading.health = Health::suspect;
-      if (!believed && reading.health == Health::failed) without |= bit(c);
+      if (!believed && (reading.health == Health::failed || replaced_ & bit(c))) without |= bit(c);
       if (first < 0 && reading.health != Health::valid) first = c;
     }
     for (int k = 0; k < r_ && monitor_.placed; ++k) {

@@ -135,8 +135,9 @@ inline void acknowledge(FaultMonitor& monitor, int reading) {
 }
 
 namespace fault_monitor_detail {
-/// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed: not
-/// by its noise. One that stands still may be held between slow samples: it gets twice the time.
+/// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed. One
+/// that stands still may be held between slow samples, and one that jumps may become noisy: they
+/// get twice the time. A noisy reading never jumps too often.
 /// @param every  cycles per sample
 inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
                    int every, MonitoredReading& reading) {
@@ -149,10 +150,10 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   if (reading.bridged++ == 0 && !stands) spike(reading.spikes++) = cycle;
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  const int most = stands ? 2 * settings.coast : settings.coast * every;
   const bool noise = reading.noise.may_be_noisy() &&
                      (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
-  if (!noise && (reading.bridged > most || (often && !stands))) reading.health = Health::failed;
+  const int most = stands || noise ? 2 * settings.coast : settings.coast * every;
+  if (reading.bridged > most || (often && !stands && !noise)) reading.health = Health::failed;
 }
 }  // namespace fault_monitor_detail
 }  // namespace truepose

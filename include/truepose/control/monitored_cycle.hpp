@@ -30,7 +30,8 @@ struct MonitoredCycle {
   std::uint32_t symptomatic_ = 0;  ///< extrapolated readings,
   std::uint32_t standing_ = 0;     ///< those of them that stand still
   std::uint32_t still_ = 0;        ///< isolated by standing still
-  std::uint32_t without_ = 0;      ///< excluded readings
+  std::uint32_t without_ = 0;      ///< excluded readings,
+  std::uint32_t replaced_ = 0;     ///< those of them that the others give
   std::uint32_t held_ = 0;         ///< candidate motors held at their setpoints
 
   // Not an aggregate: that would be filled with zeros first.
