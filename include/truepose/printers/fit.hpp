@@ -312,7 +312,7 @@ inline Matrix slopes_of(const Errors& e, const Vector& theta, const Readings& re
     for (Eigen::Index j = 0; j < G.cols(); ++j) {
       const int at = free[std::size_t(j)];
       const double own = at < p    ? (distance ? 1 - theta[p] : 1) * e.slopes(k, at)
-                         : at == p ? (distance ? -e.lengths[k] : 0)
+                         : at == p ? (std::isfinite(e.lengths[k]) ? -e.lengths[k] : 0)
                                    : double(distance);
       G(k, j) = own * known.sigma[at];
     }
