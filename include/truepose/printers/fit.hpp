@@ -45,6 +45,13 @@ struct Assumed {
     sigma.tail<2>() << shrinkage, width;
     return sigma;
   }
+  /// All, in the order of truepose/printers.h; those not above 0 stay.
+  void set(const double* sigma) {
+    double* const each[] = {&arm,    &angle,    &radius,    &endstop,
+                            &height, &distance, &shrinkage, &width};
+    for (std::size_t k = 0; k < std::size(each); ++k)
+      if (sigma[k] > 0) *each[k] = sigma[k];
+  }
   double noise(const Reading& of) const { return of.distance ? distance : height; }
   std::string text() const {
     return format(
@@ -305,7 +312,7 @@ inline Matrix slopes_of(const Errors& e, const Vector& theta, const Readings& re
     for (Eigen::Index j = 0; j < G.cols(); ++j) {
       const int at = free[std::size_t(j)];
       const double own = at < p    ? (distance ? 1 - theta[p] : 1) * e.slopes(k, at)
-                         : at == p ? (distance ? -e.lengths[k] : 0)
+                         : at == p ? (std::isfinite(e.lengths[k]) ? -e.lengths[k] : 0)
                                    : double(distance);
       G(k, j) = own * known.sigma[at];
     }
