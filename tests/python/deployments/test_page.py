@@ -206,6 +206,8 @@ def test_several_files_at_once_have_a_result_each(opened):
     assert [card.split("\n")[0] for card in cards.all_inner_texts()] == [
         f"{name}.cfg" for name in reversed(names)
     ]
+    hidden = [card.count("not recommended") for card in cards.all_inner_texts()]
+    assert hidden == [1, 0]  # to keep the file's parameters is the decision on fzechert.cfg
 
 
 def test_the_new_configuration_is_saved_as_a_file(opened):
