@@ -257,9 +257,12 @@ def verified(found: SensorSelection, by: Verification) -> str:
     total = summed(found.robot)
     low, high = by.interval
     limit, error = (measured(value, total.unit) for value in (by.limit, by.error))
+    less = found.target is not None and high < (found.criterion.confidence or 0.0)
+    tighter = f"--target {number(total.factor * by.limit**2 / by.error)}{PRINT[total.unit][1]}"
     return (
-        f"Verified: {by.share:.1%} of {by.robots} simulated robots ({low:.1%} to {high:.1%}) keep "
-        f"{limit}; {found.criterion.said(total.name)}: {error}."
+        f"{'Not verified' if less else 'Verified'}: {by.share:.1%} of {by.robots} simulated robots "
+        f"({low:.1%} to {high:.1%}) keep {limit}; {found.criterion.said(total.name)}: {error}."
+        f"{f' {tighter} allows for that.' if less else ''}"
     )
 
 
