@@ -244,6 +244,43 @@ TEST("what is written is read again, and the same readings never count twice") {
   }
 }
 
+TEST("a height's weight is Klipper's: heights by hand do not count") {
+  Readings readings = made(false, 1, 7).printer.readings;
+  CHECK_NEAR(klipper_weight(readings), 12 / (0.5 * 7), 1e-12);
+  CHECK_NEAR(klipper_weight(heights_only(readings)), 1, 0);
+  readings[0].probed = readings[1].probed = false;
+  CHECK_NEAR(klipper_weight(readings), 12 / (0.5 * 5), 1e-12);
+}
+
+TEST("where a print is on the bed is no error, and has no σ") {
+  const Made of = made(false, 1);
+  const Assessment found = assess(text_of(of.printer), {});
+  Vector turned = found.estimate.p();
+  turned.segment<3>(found.printer.delta.angle()).array() += 0.001;
+  const Bed bed = over_the_bed(found.printer.delta, turned, found.estimate, found.printer.radius);
+  for (const Vector3& offset : bed.offset)
+    CHECK_NEAR(offset.norm(), 0, 1e-6 * found.printer.radius);
+  Estimate loose = found.estimate;  // little is known of a common turn of the towers
+  Vector turn = Vector::Zero(loose.theta.size());
+  turn.segment<3>(found.printer.delta.angle()).setConstant(0.01);
+  loose.covariance += turn * turn.transpose();
+  const Bed same =
+      over_the_bed(found.printer.delta, found.estimate.p(), loose, found.printer.radius);
+  for (std::size_t k = 0; k < same.points.size(); ++k)
+    CHECK_NEAR((same.sigma[k] - found.after.sigma[k]).norm(), 0, 1e-9);
+}
+
+TEST("a value of the file itself counts more than the saved one, and a note says so") {
+  const std::string text = text_of(made(false, 1).printer);
+  const Assessment found =
+      assess(replaced_in(text, "[stepper_b]\n", "[stepper_b]\nangle: 330.1\n"), {});
+  CHECK_NEAR(found.printer.p[2] / kDegree, 330.1, 1e-12);
+  CHECK(found.notes.size() == 1);
+  CHECK(
+      found.notes.front() ==
+      "[stepper_b] angle stands twice: 330.1 counts, as in Klipper, and not the saved 330.000000");
+}
+
 TEST("the lines to send level a Marlin or RepRapFirmware printer") {
   for (const bool marlin : {true, false}) {
     const Made of = made(false, 8, 7, false);
