@@ -1,8 +1,8 @@
 // Delta printers for Python: their answer as JSON, and their kinematics. No mathematics.
 #include <nanobind/eigen/dense.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
-#include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
 #include "truepose/printers/answer.hpp"
@@ -12,13 +12,9 @@ namespace {
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
 std::string printer(std::string_view text, double arm, double probe_radius, int next,
-                    const std::vector<double>& sigma) {
+                    const std::array<double, 8>& sigma) {
   printers::Request request{arm, probe_radius, next, {}};
-  printers::Assumed& of = request.assumed;
-  double* const each[] = {&of.arm,    &of.angle,    &of.radius,    &of.endstop,
-                          &of.height, &of.distance, &of.shrinkage, &of.width};
-  for (std::size_t k = 0; k < sigma.size() && k < 8; ++k)
-    if (sigma[k] > 0) *each[k] = sigma[k];
+  request.assumed.set(sigma.data());
   nb::gil_scoped_release release;
   return printers::answer(text, request);
 }
@@ -35,7 +31,7 @@ void bind_printer(nb::module_& m) {
   using namespace nb::literals;
   using printers::Delta, printers::Vector, printers::Vector3;
   m.def("printer", &printer, "text"_a, "arm"_a = 0.0, "probe_radius"_a = 0.0, "next"_a = 0,
-        "sigma"_a = std::vector<double>());
+        "sigma"_a = std::array<double, 8>{});
   nb::class_<Delta>(m, "Delta")
       .def(
           "__init__",

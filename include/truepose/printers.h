@@ -3,7 +3,11 @@
  * Calibration of delta printers from their own text, in C99: one call, text in, JSON out.
  *
  * The text is a Klipper printer.cfg or klippy.log (linear and rotary deltas), or a session of a
- * Marlin or RepRapFirmware printer: M665, M666, M92 and the answers to G30, G33 or G32. */
+ * Marlin or RepRapFirmware printer: M665, M666, M92 and the answers to G30, G33 or G32.
+ *
+ * Unlike truepose.h this allocates, takes up to seconds for hundreds of readings, and is linked
+ * from a library of its own, truepose_printers, which needs a C++ runtime. It keeps no state:
+ * threads may call it at once. */
 #ifndef TRUEPOSE_PRINTERS_H
 #define TRUEPOSE_PRINTERS_H
 
@@ -44,7 +48,7 @@ typedef struct truepose_printer_options {
  * object in UTF-8 without a final 0: `{"error": "one line"}`, or the fit, its judgement, the lines
  * to send and the new configuration (docs/guides/delta-printer.md lists its members).
  *
- * @return bytes of the answer; above `capacity` none was written: call again with that many. */
+ * @return bytes of the answer; above `capacity` none was written: call again with that many */
 TRUEPOSE_API int truepose_printer(const char* text, size_t length,
                                   const truepose_printer_options* options, char* json,
                                   size_t capacity);

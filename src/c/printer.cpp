@@ -13,14 +13,12 @@ int truepose_printer(const char* text, size_t length, const truepose_printer_opt
     request.arm = kMm * options->arm_mm;
     request.probe_radius = options->probe_radius_mm;
     request.next = options->next >= 1 ? int(std::min(options->next, 1000.0)) : 0;
-    Assumed& of = request.assumed;
-    double* const sigma[] = {&of.arm,    &of.angle,    &of.radius,    &of.endstop,
-                             &of.height, &of.distance, &of.shrinkage, &of.width};
+    double sigma[TRUEPOSE_PRINTER_SIGMAS];
     for (int k = 0; k < TRUEPOSE_PRINTER_SIGMAS; ++k)
-      if (const double value = options->sigma[k]; value > 0)
-        *sigma[k] = value * (k == TRUEPOSE_PRINTER_ANGLE       ? kDegree
-                             : k == TRUEPOSE_PRINTER_SHRINKAGE ? 0.01
-                                                               : kMm);
+      sigma[k] = options->sigma[k] * (k == TRUEPOSE_PRINTER_ANGLE       ? kDegree
+                                      : k == TRUEPOSE_PRINTER_SHRINKAGE ? 0.01
+                                                                        : kMm);
+    request.assumed.set(sigma);
   }
   const std::string answered = answer({text, length}, request);
   if (answered.size() <= capacity) std::memcpy(json, answered.data(), answered.size());

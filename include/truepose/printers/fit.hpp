@@ -45,6 +45,13 @@ struct Assumed {
     sigma.tail<2>() << shrinkage, width;
     return sigma;
   }
+  /// All, in the order of truepose/printers.h; those not above 0 stay.
+  void set(const double* sigma) {
+    double* const each[] = {&arm,    &angle,    &radius,    &endstop,
+                            &height, &distance, &shrinkage, &width};
+    for (std::size_t k = 0; k < std::size(each); ++k)
+      if (sigma[k] > 0) *each[k] = sigma[k];
+  }
   double noise(const Reading& of) const { return of.distance ? distance : height; }
   std::string text() const {
     return format(

@@ -173,6 +173,8 @@ inline Config read(std::string_view text, double probe_radius) {
         format("rods of %g mm must be longer than the radius, %g mm, and M92's steps "
                "greater than 0",
                shortest, p[0]));
+  if (of.bed.size() > kMostReadings)
+    failed.fail(format("%d probed heights: at most %d", int(of.bed.size()), kMostReadings));
   if (of.bed.empty())
     failed.fail(
         "no probed heights: Marlin's answers to G33 P3 V0 or G30 X… Y…, or RepRapFirmware's "
