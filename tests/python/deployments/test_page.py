@@ -214,7 +214,8 @@ def test_a_file_may_be_dropped_anywhere(opened):
     opened.tab.evaluate(
         "text => { const dataTransfer = new DataTransfer(), bubbles = true, cancelable = true; "
         "dataTransfer.items.add(new File([text], 'mine.cfg')); "
-        "document.body.dispatchEvent(new DragEvent('drop', { dataTransfer, bubbles, cancelable })); }",
+        "const drop = new DragEvent('drop', { dataTransfer, bubbles, cancelable }); "
+        "document.body.dispatchEvent(drop); }",
         real("fzechert"),
     )
     opened.tab.get_by_role("article", name="mine.cfg").get_by_text("endstop_a").wait_for()
