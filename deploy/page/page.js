@@ -31,7 +31,7 @@ function result(name, text) {
   if (!text.trim()) throw new Error("is empty");
   if (text.includes("\0")) throw new Error("is not a text file");
   if (text.trimStart().startsWith("{")) return robotResult(text);
-  const heads = text.split(/\r?\n/).find((line) => line.trim() && !line.startsWith("#")) ?? "";
+  const heads = /^(?!#).*\S.*$/m.exec(text)?.[0] ?? "";
   if (/^"?\w+"?([,;\t]"?\w+"?)+$/.test(heads.trim())) return [bench.readLog(text)];
   const value = (id) => find(id).valueAsNumber || 0;
   const answer = printerAnswer(text, [value("arm"), value("probe-radius"), value("next")]);

@@ -32,13 +32,19 @@ function printerResult(of, name) {
     h("h3", {}, "Parameters"), parametersOf(of),
     h("h3", {}, "Height of the nozzle over the bed"), bedMaps(of.bed),
     h("h3", {}, "Readings left over"), residualsOf(of),
-    h("h3", {}, of.kind === "klipper" ? "Lines for printer.cfg" : "Lines to send"),
-    h("pre", {}, of.lines.join("\n")),
-    h("div", { className: "row" }, copyButton(of.lines.join("\n")),
-      of.config ? download(name.replace(/(\.\w+)?$/, "-new.cfg"), of.config, "Save the new printer.cfg") : ""),
+    linesOf(of, name),
     of.plan.length > 1 ? [h("h3", {}, "What to measure next"), planOf(of)] : "",
     h("details", {}, h("summary", {}, "Assumptions"), list(of.assumptions)),
   ].flat();
+}
+
+// What to paste or send; open where the decision recommends it.
+function linesOf(of, name) {
+  const recommended = of.verdict.startsWith("Use"), text = of.lines.join("\n");
+  const title = of.kind === "klipper" ? "Lines for printer.cfg" : "Lines to send";
+  return h("details", { open: recommended }, h("summary", {}, recommended ? title : `${title}: not recommended, see the decision above`),
+    h("pre", {}, text), h("div", { className: "row" }, copyButton(text),
+      of.config ? download(name.replace(/(\.\w+)?$/, "-new.cfg"), of.config, "Save the new printer.cfg") : ""));
 }
 const list = (lines) => h("ul", {}, lines.map((each) => h("li", {}, each)));
 
@@ -80,7 +86,7 @@ function bedMaps({ points, now, after }) {
   const all = points.filter((p) => Number.isFinite(p[2])), most = Math.max(0.05, ...all.flatMap((p) => [Math.abs(p[2]), p[4]]));
   const reach = Math.max(...all.map((p) => Math.hypot(p[0], p[1])));
   const gap = Math.min(...all.slice(1).map((p) => Math.hypot(p[0] - all[0][0], p[1] - all[0][1])));
-  const scale = 110 / (reach + gap / 2), size = 1.3 * scale * gap;
+  const scale = 110 / (reach + gap / 2), size = 1.45 * scale * gap;
   const map = (title, column, rms) => {
     const label = `${title}; expected error ${fixed(rms[2], 3)} mm rms`;
     return h("figure", {}, svg("svg", { viewBox: "-125 -125 250 250", role: "img", "aria-label": label },

@@ -254,11 +254,16 @@ def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
     return f"{text}\n```{{toctree}}\n:hidden:\n:glob:\n\ncpp/*\n```\n", pages
 
 
+#: Of C: for machine controllers, and what needs a computer without a deadline.
+C_HEADERS = ("truepose", "calibrate", "printers")
+
+
 def c(doxygen: bool) -> str:
     """What Doxygen knows of the C interface."""
     if not doxygen:
         return "*Built without doxygen: the reference itself is left out.*\n"
-    return "```{eval-rst}\n.. doxygenfile:: truepose/truepose.h\n```\n"
+    files = "\n".join(f".. doxygenfile:: truepose/{name}.h" for name in C_HEADERS)
+    return f"```{{eval-rst}}\n{files}\n```\n"
 
 
 def _subject(header: Path) -> str:

@@ -206,6 +206,19 @@ def test_several_files_at_once_have_a_result_each(opened):
     assert [card.split("\n")[0] for card in cards.all_inner_texts()] == [
         f"{name}.cfg" for name in reversed(names)
     ]
+    hidden = [card.count("not recommended") for card in cards.all_inner_texts()]
+    assert hidden == [1, 0]  # to keep the file's parameters is the decision on fzechert.cfg
+
+
+def test_a_file_may_be_dropped_anywhere(opened):
+    opened.tab.evaluate(
+        "text => { const dataTransfer = new DataTransfer(), bubbles = true, cancelable = true; "
+        "dataTransfer.items.add(new File([text], 'mine.cfg')); "
+        "const drop = new DragEvent('drop', { dataTransfer, bubbles, cancelable }); "
+        "document.body.dispatchEvent(drop); }",
+        real("fzechert"),
+    )
+    opened.tab.get_by_role("article", name="mine.cfg").get_by_text("endstop_a").wait_for()
 
 
 def test_the_new_configuration_is_saved_as_a_file(opened):
