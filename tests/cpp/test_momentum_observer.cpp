@@ -2,6 +2,7 @@
 #include "controllers.hpp"
 #include "truepose/control/momentum_observer.hpp"
 #include "truepose/offline/effects.hpp"
+#include "truepose/offline/momentum_defaults.hpp"
 
 using namespace mechanisms;
 
@@ -177,5 +178,30 @@ TEST("the assumed friction of all motors and counts are no disturbance") {
         CHECK(scene.observer.disturbance == Disturbance::none);
       }
     }
+  });
+}
+
+TEST("default settings follow torque limits, gains and counts; without a torque limit: none") {
+  for_each([](const Mechanism& mechanism, auto) {
+    Robot robot = mechanism.robot;
+    ControlSettings gains = settings_for(robot, Law::joint);
+    gains.period = 1.5e-3;
+    for (int i = 0; i < robot.motors; ++i) {
+      robot.chain[i].torque_limit = 0.01 * std::fabs(gains.kp[i]);
+      robot.chain[i].encoder_step = 0;
+    }
+    MomentumSettings settings;
+    CHECK(default_momentum(robot, gains, settings));
+    CHECK_NEAR(settings.period, 4.5e-3, 1e-12);  // whole control periods, nearest to 4 ms
+    for (int i = 0; i < robot.motors; ++i) {
+      CHECK_NEAR(settings.sigma[i], 1e-4 * std::fabs(gains.kp[i]), 1e-9 * std::fabs(gains.kp[i]));
+      CHECK_NEAR(settings.give[i] * std::fabs(gains.kp[i]), 1, 1e-12);
+    }
+    robot.chain[0].encoder_step = 1;
+    CHECK(default_momentum(robot, gains, settings) &&
+          settings.sigma[0] > 2e-4 * std::fabs(gains.kp[0]));
+    robot.chain[0].torque_limit = 0;
+    CHECK(default_momentum(robot, gains, settings).status == Status::no_such_value);
+    CHECK(settings.period == 0);
   });
 }

@@ -108,6 +108,13 @@ TEST("heavier robots and other poses: every miswiring of incremental encoders is
   }
 }
 
+TEST("without pulses the test ends at rest: no torque, no motion") {
+  StartBench<kFour> bench(h4_with(1));
+  bench.settings.pairs = 0;
+  bench.run();
+  CHECK(bench.passed() && bench.largest == 0 && bench.moved < 1e-6 && bench.seconds < 1);
+}
+
 TEST("frozen readings, brakes that stay closed and motors that pull wrongly never pass") {
   const Robot robot = h4_with(1);
   double worst = 0;

@@ -85,6 +85,7 @@ inline constexpr Real kDisbelieved = 1e4;
 template <Mobility K>
 void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
                     bool moves, const Joint& torque, FaultTolerantState& state) {
+  if constexpr (!kObserves) return;
   constexpr int n = kDof<K>;
   FaultMonitor& monitor = state.monitor;
   MomentumObserver& observer = state.observer;
