@@ -274,16 +274,16 @@ def _fastest(robot: Robot) -> Array:
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
-    """Return the robot with its arms' deflection as noise of the motors' readings."""
+    """Return the robot with the deflection of arms and legs as noise of the motors' readings."""
     if robot.spec.calibration is None:
         robot = effects.allowed_for(robot)
-    if not effects.arm_stiffness:
-        return robot
     chains = list(robot.spec.chain)
     for k, chain in enumerate(chains):
-        if chain.actuator == "revolute":
+        revolute = chain.actuator == "revolute"
+        stiffness = effects.arm_stiffness if revolute else effects.rod_stiffness
+        if stiffness:
             gain = robot.parameters[f"chain{k + 1}.gain"].value
-            sigma = gain * _TORQUE * (chain.torque_limit or 0) / effects.arm_stiffness
+            sigma = gain * _TORQUE * (chain.torque_limit or 0) / stiffness
             noise = math.hypot(chain.encoder_noise, sigma)
             chains[k] = chain.model_copy(update={"encoder_noise": noise})
     values = {name: p.value for name, p in robot.parameters.items()}
