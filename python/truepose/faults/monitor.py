@@ -124,7 +124,7 @@ class FaultMonitor:
                 f"cycles, {360 / controller.period:g} an hour"
             )
         finest = robot.at_highest_level
-        moved, rests = _moved(robot, controller)
+        moved, rests = _moved(robot, controller, self.effects)
         moved[robot.n :] *= still_sensors
         monitor = _core.FaultMonitorSettings()
         for name in ("coast", "spikes", "within", "decide", "replaceable"):
@@ -290,11 +290,16 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
     return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
 
 
-def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
+def _moved(
+    robot: Robot, controller: Controller, effects: Effects | None
+) -> tuple[Array, Array]:
     """Return the model motion that shows a constant reading is stuck, and motor errors at rest."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
     # The error at which the PD overcomes friction; unknown without a torque limit.
-    away = _STICKS * _limits(robot) / (controller.frequency**2 * _inertia(robot, controller))
+    sticks = _STICKS * _limits(robot)
+    if effects is not None:
+        sticks = np.maximum(sticks, effects.plant(robot).friction[: robot.n])
+    away = sticks / (controller.frequency**2 * _inertia(robot, controller))
     moved[: robot.n] += away
     return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
 
