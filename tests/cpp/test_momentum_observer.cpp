@@ -143,6 +143,21 @@ TEST("friction is attributed to its motor") {
   });
 }
 
+TEST("the same friction of all motors is friction of all, not a contact") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    Scene<mobility()> scene(mechanism, 1e-5, 5);
+    scene.run(0.3);
+    const double size = 40 * scene.unit[0];
+    for (int motor = 0; motor < n; ++motor)
+      scene.plant.disturb({.kind = Disturbance::friction, .motor = motor, .size = size});
+    scene.run(0.5);
+    CHECK(scene.observer.disturbance == Disturbance::friction);
+    CHECK(scene.observer.motor == -1 || n == 1);
+    CHECK(std::fabs(scene.observer.size / size - 1) < 0.3);
+  });
+}
+
 TEST("a payload that is fed forward hardly moves the robot; one beyond the motors is refused") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     const auto sag = [&](bool fed, double spare, bool& refused) {

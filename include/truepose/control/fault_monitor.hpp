@@ -29,8 +29,9 @@ class Cycle : MonitoredCycle<K> {
   using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
   using Base::replaceable, Base::motors_valid;
+  using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill,
+      Base::kLongest, Base::kStoodBy;
   using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance;
-  using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill, Base::kStoodBy;
 
  public:
   using Base::Base;
@@ -347,7 +348,7 @@ class Cycle : MonitoredCycle<K> {
         reading.seems = reading.speed = reading.way = 0;
         reading.still = 0;
       } else {
-        if (reading.still < kStill) ++reading.still;  // a robot may stand still for months
+        if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
         if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
           reading.stands = true;

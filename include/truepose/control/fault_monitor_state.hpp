@@ -78,7 +78,7 @@ struct MonitoredReading {
   Real spread = 0;      ///< mean square of its innovations
   Real raw = 0;         ///< in the last cycle
   Real model = 0;       ///< model value when the reading changed last
-  int still = 0;        ///< cycles since it changed, saturated
+  int still = 0;        ///< cycles since it changed, up to 1000
   Real seems = 0;       ///< motors: phantom error since then, beyond `rests`,
   Real speed = 0;       ///< the speed to which it drives the motor,
   Real way = 0;         ///< and the distance
@@ -152,8 +152,11 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
   const bool noise = reading.noise.may_be_noisy() &&
                      (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
-  const int most = stands || noise ? 2 * settings.coast : settings.coast * every;
-  if (reading.bridged > most || (often && !stands && !noise)) reading.health = Health::failed;
+  // A standstill counts from the last change on, however late it was noticed.
+  const int slow = std::max(2 * settings.coast, 2 * static_cast<int>(reading.noise.interval));
+  const int times = stands ? reading.still : reading.bridged;
+  const int most = stands ? slow : noise ? 2 * settings.coast : settings.coast * every;
+  if (times > most || (often && !stands && !noise)) reading.health = Health::failed;
 }
 }  // namespace fault_monitor_detail
 }  // namespace truepose

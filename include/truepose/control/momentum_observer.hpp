@@ -12,8 +12,8 @@
 //
 // The residual is kept in motor torques, ρ = Jᵀ f, where its σ is known: unknown friction, an error
 // of torque and masses, counts. One unknown cause accounts for (ΣφᵀV⁻¹ρ)²/ΣφᵀV⁻¹φ of ΣρᵀV⁻¹ρ, φ its
-// effect through the same filter: a mass at D, -Jᵀ (a_D - g), or friction of motor i, -sign(q̇_i). A
-// cause that accounts for nearly all is named; otherwise it is a contact.
+// effect through the same filter: a mass at D, -Jᵀ (a_D - g), or friction of motor i, -sign(q̇_i),
+// or of all. A cause that accounts for nearly all is named; otherwise it is a contact.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ inline constexpr bool kObserves = true;
 enum class Disturbance : int {
   none = 0,
   payload = 1,   ///< a mass at D
-  friction = 2,  ///< of one motor, beyond the modelled one
+  friction = 2,  ///< of one motor or of all alike, beyond the modelled one
   contact = 3,   ///< a force on the platform that is neither
 };
 
@@ -62,7 +62,7 @@ struct Cause {
 /// State and report. Plain data, the caller's; a new one starts afresh.
 struct MomentumObserver {
   Disturbance disturbance = Disturbance::none;
-  int motor = -1;        ///< of friction, from 0
+  int motor = -1;        ///< of friction, from 0; -1: of all motors
   Real size = 0;         ///< kg, N·m (N) of friction, or the norm of the contact's force
   Real sigma = 0;        ///< of a payload or friction
   Coordinates force{};   ///< f, external force of the platform's coordinates, N and N·m
@@ -216,6 +216,7 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
                              : 0;
   Real most = from_mass;
   int motor = -1;
+  Cause every;  // friction of all motors
   for (int i = 0; i < n; ++i) {
     Cause& cause = state.friction[i];
     add(cause);
@@ -224,11 +225,20 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
       most = cause.energy;
       motor = i;
     }
+    every.information += cause.information;
+    every.score += cause.score;
   }
-  const Disturbance cause = motor < 0 ? Disturbance::payload : Disturbance::friction;
+  // The same friction of all motors, dry joints or cold grease, is one cause.
+  const bool all = every.score > 0 && every.score * every.score > most * every.information;
+  if (all) {
+    most = every.score * every.score / every.information;
+    motor = -1;
+  }
+  const bool payload = motor < 0 && !all;
+  const Disturbance cause = payload ? Disturbance::payload : Disturbance::friction;
   const bool same = cause == state.disturbance && motor == state.motor;
   if (most > (same ? settings.kept : settings.named) * state.energy) {
-    const Cause& of = motor < 0 ? state.payload : state.friction[motor];
+    const Cause& of = payload ? state.payload : all ? every : state.friction[motor];
     state.disturbance = cause;
     state.motor = motor;
     state.size = of.score / of.information;

@@ -110,6 +110,7 @@ struct MonitoredCycle {
 
   /// Unchanged cycles after which a reading stands still.
   static constexpr int kStill = 3;
+  static constexpr int kLongest = 1000;  ///< cycles, counted at most
   /// Share of `moved` above which a reading that stands still during an alarm is isolated.
   static constexpr Real kStoodBy = 0.4;
   /// σ by which a motor may deviate from its usual following error.

@@ -125,8 +125,9 @@ def named(run: Any) -> str:
             heavy = ", too heavy to be fed forward" if run.payload_refused.any() else ""
             said.append(f"payload of {size:.3g} kg {begins}{heavy}")
         elif KINDS[kind] == "friction":
-            unit = "N·m" if reading_units(run.robot)[motor] == "rad" else "N"
-            said.append(f"friction of {size:.2g} {unit} more at q{motor + 1} {begins}")
+            unit = "N·m" if reading_units(run.robot)[max(motor, 0)] == "rad" else "N"
+            where = "all motors" if motor < 0 else f"q{motor + 1}"
+            said.append(f"friction of {size:.2g} {unit} more at {where} {begins}")
         else:
             force = run.external_force[max(0, k - _BEFORE) :]
             row, axis = np.unravel_index(np.abs(force).argmax(), force.shape)

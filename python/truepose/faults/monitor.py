@@ -120,7 +120,7 @@ class FaultMonitor:
                 f"cycles, {360 / controller.period:g} an hour"
             )
         finest = robot.at_highest_level
-        moved, rests = _moved(robot, controller)
+        moved, rests = _moved(robot, controller, self.effects)
         moved[robot.n :] *= still_sensors
         monitor = _core.FaultMonitorSettings()
         for name in ("coast", "spikes", "within", "decide", "replaceable"):
@@ -263,27 +263,32 @@ def _fastest(robot: Robot) -> Array:
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
-    """Return the robot with its arms' deflection as noise of the motors' readings."""
+    """Return the robot with the deflection of arms and legs as noise of the motors' readings."""
     if robot.spec.calibration is None:
         robot = effects.allowed_for(robot)
-    if not effects.arm_stiffness:
-        return robot
     chains = list(robot.spec.chain)
     for k, chain in enumerate(chains):
-        if chain.actuator == "revolute":
+        revolute = chain.actuator == "revolute"
+        stiffness = effects.arm_stiffness if revolute else effects.rod_stiffness
+        if stiffness:
             gain = robot.parameters[f"chain{k + 1}.gain"].value
-            sigma = gain * _TORQUE * (chain.torque_limit or 0) / effects.arm_stiffness
+            sigma = gain * _TORQUE * (chain.torque_limit or 0) / stiffness
             noise = math.hypot(chain.encoder_noise, sigma)
             chains[k] = chain.model_copy(update={"encoder_noise": noise})
     values = {name: p.value for name, p in robot.parameters.items()}
     return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
 
 
-def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
+def _moved(
+    robot: Robot, controller: Controller, effects: Effects | None
+) -> tuple[Array, Array]:
     """Return the model motion that shows a constant reading is stuck, and motor errors at rest."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
     # The error at which the PD overcomes friction; unknown without a torque limit.
-    away = _STICKS * _limits(robot) / (controller.frequency**2 * _inertia(robot, controller))
+    sticks = _STICKS * _limits(robot)
+    if effects is not None:
+        sticks = np.maximum(sticks, effects.plant(robot).friction[: robot.n])
+    away = sticks / (controller.frequency**2 * _inertia(robot, controller))
     moved[: robot.n] += away
     return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
 

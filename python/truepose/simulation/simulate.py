@@ -76,7 +76,7 @@ class Simulation(Shown):
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
     brakes: Array  #: (T,) int, motors whose brakes it or the safety shell requests, as bits
     disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by the monitor
-    disturbed_motor: Array  #: (T,) int, the motor of friction, from 0; otherwise -1
+    disturbed_motor: Array  #: (T,) int, motor of friction, from 0; all or none: -1
     disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
     external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed
     payload_refused: Array  #: (T,) bool: the payload is too heavy for the motors
