@@ -5,6 +5,7 @@ Skipped where Chromium, clang-22 or its wasm libraries are not installed.
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ pytestmark = pytest.mark.skipif(
 def file() -> Path:
     """Return the page, as its target makes it."""
     eigen = wheels_eigen() / "include" / "eigen3"
-    told("make", "-C", SOURCE / "deploy" / "page", f"EIGEN={eigen}", "PYTHON=python")
+    told("make", "-C", SOURCE / "deploy" / "page", f"EIGEN={eigen}", f"PYTHON={sys.executable}")
     return SOURCE / "build/page/truepose.html"
 
 
@@ -124,7 +125,7 @@ def test_the_page_calibrates_a_broken_h4_as_python_does(opened):
 
 
 def test_a_log_as_simulate_log_writes_it_is_calibrated_as_in_python(opened, tmp_path):
-    told("python", "-m", "truepose", "simulate-log", "h4", "-o", "log.csv", cwd=tmp_path)
+    told(sys.executable, "-m", "truepose", "simulate-log", "h4", "-o", "log.csv", cwd=tmp_path)
     log = (tmp_path / "log.csv").read_text(encoding="utf-8")
     h4 = tp.load("h4")
     opened.drop("h4.json", to_json(h4))
@@ -315,6 +316,16 @@ def test_the_page_says_that_nothing_leaves_the_computer(opened):
 
 
 def test_the_command_writes_what_the_page_reads(tmp_path):
-    told("python", "-m", "truepose", "export", "json", "delta", "-o", "delta.json", cwd=tmp_path)
+    told(
+        sys.executable,
+        "-m",
+        "truepose",
+        "export",
+        "json",
+        "delta",
+        "-o",
+        "delta.json",
+        cwd=tmp_path,
+    )
     text = (tmp_path / "delta.json").read_text(encoding="utf-8")
     assert json.loads(text) == json.loads(to_json(tp.load("delta")))
