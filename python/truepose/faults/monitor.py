@@ -280,7 +280,7 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
 
 
 def _moved(
-    robot: Robot, controller: Controller, effects: Effects | None
+    robot: Robot, controller: Controller, effects: Effects | None = None
 ) -> tuple[Array, Array]:
     """Return the model motion that shows a constant reading is stuck, and motor errors at rest."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
