@@ -260,3 +260,16 @@ def test_thresholds_follow_from_the_robot() -> None:
     assert np.sqrt(np.square(softer) - np.square(stiff)) == pytest.approx(2 * deflection)
     limits = np.array([c.torque_limit for c in h4.spec.chain])
     assert (deflection > 0.01 * limits / 100).all() and (deflection < limits / 100).all()
+
+
+def test_a_hexapod_whose_legs_stretch_raises_no_alarm() -> None:
+    effects, random = tp.Effects(), np.random.default_rng(1)
+    nominal = tp.load("stewart").with_sensors("z_telemeter", "u_joint1", "u_joint2").expected()
+    box = nominal.spec.workspace
+    truth = nominal.sample(0).at_highest_level
+    poses = random.uniform(box.minimum, box.maximum, (100, nominal.n))
+    robot = tp.calibrate(effects.allowed_for(nominal), truth.read(poses, seed=0)).robot
+    control = tp.Controller.for_robot(robot, effects, "joint")
+    monitor = tp.FaultMonitor(effects=effects)
+    run = tp.simulate(robot, truth, control, effects=effects, seed=0, monitor=monitor)
+    assert not run.health.any()
