@@ -153,9 +153,10 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const bool noise = reading.noise.may_be_noisy() &&
                      (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
   // A standstill counts from the last change on, however late it was noticed.
-  const int slow = std::max(2 * settings.coast, 2 * static_cast<int>(reading.noise.interval));
+  const std::int64_t coast = settings.coast, interval = static_cast<int>(reading.noise.interval);
+  const std::int64_t slow = 2 * std::max(coast, interval);
   const int times = stands ? reading.still : reading.bridged;
-  const int most = stands ? slow : noise ? 2 * settings.coast : settings.coast * every;
+  const std::int64_t most = stands ? slow : noise ? 2 * coast : coast * every;
   if (times > most || (often && !stands && !noise)) reading.health = Health::failed;
 }
 }  // namespace fault_monitor_detail

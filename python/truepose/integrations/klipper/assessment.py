@@ -56,7 +56,7 @@ class Bed(NamedTuple):
 
 @dataclass(frozen=True)
 class Assessment:
-    """A printer's text and the core's answer to it (docs/guides/delta-printer.md)."""
+    """A printer's text and the core's answer to it."""
 
     path: str
     answer: dict[str, Any]
