@@ -682,6 +682,7 @@ typedef enum truepose_disturbance_kind {
   TRUEPOSE_FRICTION = 2, /**< of one motor, beyond the modelled one */
   TRUEPOSE_CONTACT = 3   /**< a force on the platform that is neither */
 } truepose_disturbance_kind;
+/** An external force. */
 typedef struct truepose_disturbance {
   int32_t kind;        /**< a truepose_disturbance_kind */
   int32_t motor;       /**< of friction, from 0; or -1 */

@@ -26,9 +26,11 @@ inline Outcome default_momentum(const Robot& robot, const ControlSettings& setti
       const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
       const Real kp = std::fabs(settings.kp[i]) * (settings.gains == Gains::inertia ? inertia : 1);
       if (!(chain.torque_limit > 0 && kp > 0)) return Outcome{Status::no_such_value, i};
+      const Real noise = chain.encoder_noise, step = chain.encoder_step;  // no hypot: glibc 2.35
       const Real counts = inertia * momentum.bandwidth * momentum.bandwidth *
-                          std::hypot(chain.encoder_noise, chain.encoder_step / std::sqrt(Real(12)));
-      momentum.sigma[i] = std::hypot(Real(0.01) * chain.torque_limit, counts);
+                          std::sqrt(noise * noise + step * step / 12);
+      const Real friction = Real(0.01) * chain.torque_limit;
+      momentum.sigma[i] = std::sqrt(friction * friction + counts * counts);
       momentum.give[i] = 1 / kp;
     }
     momentum.period =

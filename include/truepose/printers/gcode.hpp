@@ -186,7 +186,7 @@ inline Config read(std::string_view text, double probe_radius) {
       format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", p[0], kSection);
   for (std::size_t k = 0; k < of.bed.size() && failed.error.empty(); ++k) {
     const Vector3& at = of.bed[k];
-    reach = std::max(reach, std::hypot(at[0], at[1]));
+    reach = std::max(reach, std::sqrt(at[0] * at[0] + at[1] * at[1]));
     const Vector3 steps = delta.steps(in_rad, at);
     if (!steps.allFinite())
       failed.fail(format("no rod reaches (%g, %g) mm, a probed point", at[0], at[1]));

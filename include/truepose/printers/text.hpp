@@ -62,7 +62,7 @@ inline std::string shown(double value, int significant = 2) {
 }
 inline std::string shown_mm(double value) { return shown(value / kMm); }
 
-/// The lines of a text with ends \n, \r\n or \r.
+/// The lines of a text that end in LF, CR LF or CR.
 inline std::vector<std::string_view> lines_of(std::string_view text) {
   std::vector<std::string_view> lines;
   for (std::size_t from = 0;;) {
@@ -83,7 +83,7 @@ inline int utf8(std::string_view text) {
   return size;
 }
 
-/// A text for one line of a message: control characters as \x.., at most `most` bytes and "…".
+/// A text for one line of a message: control characters as escapes, at most `most` bytes and "…".
 inline std::string one_line(std::string_view text, std::size_t most = 60) {
   std::string line;
   for (std::size_t k = 0; k < text.size();) {
