@@ -132,4 +132,18 @@ struct StartBench {
   double moved = 0, largest = 0, seconds = 0;
 };
 
+/// An H4 with θ, and with an elbow encoder as well.
+inline Robot h4_with(int sensors) {
+  Robot robot = limited_robot<Mobility::schoenflies>(h4());
+  const double count = 2 * std::numbers::pi / 14400;
+  robot.sensor[0].step = count / 4;  // geared
+  robot.r = sensors;
+  robot.sensor[1] = {};
+  robot.sensor[1].kind = SensorKind::rod_in_plane;
+  robot.sensor[1].chain = 0;
+  robot.sensor[1].step = count;
+  CHECK(bool(finish(robot)));
+  CHECK(bool(finish_full(robot)));
+  return robot;
+}
 }  // namespace mechanisms

@@ -72,24 +72,10 @@ struct Machine {
       .request = 0, .level = 2, .brake = 0.02, .opens = 0.02, .motion = 0.5e-3};
   double moved = 0;
 };
-
-Robot h4_with_elbow() {
-  Robot robot = limited_robot<kFour>(h4());
-  const double count = 2 * std::numbers::pi / 14400;
-  robot.sensor[0].step = count / 4;
-  robot.r = 2;
-  robot.sensor[1] = {};
-  robot.sensor[1].kind = SensorKind::rod_in_plane;
-  robot.sensor[1].chain = 0;
-  robot.sensor[1].step = count;
-  CHECK(bool(finish(robot)));
-  CHECK(bool(finish_full(robot)));
-  return robot;
-}
 }  // namespace
 
 TEST("a reversed and two exchanged readings are named, and the platform moves below 0.5 mm") {
-  const Robot robot = h4_with_elbow();
+  const Robot robot = h4_with(2);
   for (const Miswiring& wrong : {Miswiring{StartFinding::reversed, 2, -1, 1, true},
                                  {StartFinding::reversed, 4, -1, 1, true},
                                  {StartFinding::exchanged, 0, 3, 1, true}}) {
@@ -104,7 +90,7 @@ TEST("a reversed and two exchanged readings are named, and the platform moves be
 }
 
 TEST("without torques readings are compared at rest: a reversed one is found, no torque acts") {
-  const Robot robot = h4_with_elbow();
+  const Robot robot = h4_with(2);
   const Miswiring wrong{StartFinding::reversed, 1, -1, 1, false};
   for (const bool healthy : {true, false}) {
     Machine machine(robot);
@@ -117,7 +103,7 @@ TEST("without torques readings are compared at rest: a reversed one is found, no
 }
 
 TEST("the shell opens the brakes only after a test of the required level") {
-  Machine machine(h4_with_elbow());
+  Machine machine(h4_with(2));
   const auto on = [&] {
     machine.in.enable = 1;
     for (int k = 0; k < 60; ++k) {
@@ -141,7 +127,7 @@ TEST("the shell opens the brakes only after a test of the required level") {
 }
 
 TEST("a request while the machine is on begins nothing, and robots without torque limits say so") {
-  Machine machine(h4_with_elbow());
+  Machine machine(h4_with(2));
   machine.in.enable = machine.request.request = 1;
   CHECK(machine.cycle() == 0 && !machine.starter->running);
   machine.in.enable = machine.request.request = 0;
@@ -152,7 +138,7 @@ TEST("a request while the machine is on begins nothing, and robots without torqu
 }
 
 TEST("a payload is observed from the torques that the drives measure, and gone without them") {
-  Machine machine(h4_with_elbow());
+  Machine machine(h4_with(2));
   StartBench<kFour>& bench = machine.bench;
   truepose_table& table = machine.tej->table;
   for (int i = 0; i < 4; ++i) table.known.sigma[i] = bench.robot.chain[i].encoder_step;

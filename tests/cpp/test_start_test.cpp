@@ -6,21 +6,6 @@ using namespace mechanisms;
 namespace {
 constexpr Mobility kFour = Mobility::schoenflies;
 
-/// An H4 with θ, and with an elbow encoder as well.
-Robot h4_with(int sensors) {
-  Robot robot = limited_robot<kFour>(h4());
-  const double count = 2 * std::numbers::pi / 14400;
-  robot.sensor[0].step = count / 4;  // geared
-  robot.r = sensors;
-  robot.sensor[1] = {};
-  robot.sensor[1].kind = SensorKind::rod_in_plane;
-  robot.sensor[1].chain = 0;
-  robot.sensor[1].step = count;
-  CHECK(bool(finish(robot)));
-  CHECK(bool(finish_full(robot)));
-  return robot;
-}
-
 /// One sign of each reading, and two exchanged of every pair.
 std::vector<Miswiring> miswirings(const Robot& robot, bool incremental) {
   std::vector<Miswiring> all;

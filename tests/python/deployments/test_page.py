@@ -4,14 +4,13 @@ Skipped where Chromium, clang-22 or its wasm libraries are not installed.
 """
 
 import json
-import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browsing import browser  # noqa: F401 – a fixture
-from compiling import told, wheels_eigen
+from compiling import for_wasm, told, wheels_eigen
 
 import truepose as tp
 from truepose import _core
@@ -19,15 +18,8 @@ from truepose.deploy.json_export import to_json
 
 SOURCE = Path(__file__).parents[3]
 PRINTERS = SOURCE / "tests/python/integrations/klipper/data"
-BUILTINS = "/usr/lib/llvm-22/lib/clang/22/lib/wasi/libclang_rt.builtins-wasm32.a"
 WITHIN = 1e-9
-pytestmark = pytest.mark.skipif(
-    not all(map(shutil.which, ("make", "clang++-22", "wasm-ld-22")))
-    or not Path("/usr/include/wasm32-wasi/c++/v1").exists()
-    or not Path(BUILTINS).exists(),
-    reason="no compiler for wasm32 (Debian: clang-22 lld-22 wasi-libc libc++-22-dev-wasm32 "
-    "libclang-rt-22-dev-wasm32)",
-)
+pytestmark = for_wasm
 
 
 @pytest.fixture(scope="module")

@@ -12,23 +12,14 @@ from pathlib import Path
 
 import pytest
 import wasmtime
-from compiling import told, wheels_eigen
+from compiling import for_wasm, told, wheels_eigen
 
 SOURCE = Path(__file__).parents[3]
 HEADER = SOURCE / "include" / "truepose" / "truepose.h"
-BUILTINS = "/usr/lib/llvm-22/lib/clang/22/lib/wasi/libclang_rt.builtins-wasm32.a"
 #: Of the seven questions of tests/reference/agree.h the last is the estimate, a search.
 ALLOWED = (1e-13,) * 6 + (1e-10,)
 
-pytestmark = [
-    pytest.mark.skipif(
-        not all(map(shutil.which, ("make", "clang++-22", "wasm-ld-22")))
-        or not Path("/usr/include/wasm32-wasi/c++/v1").exists()
-        or not Path(BUILTINS).exists(),
-        reason="no compiler for wasm32 (Debian: clang-22 lld-22 wasi-libc libc++-22-dev-wasm32 "
-        "libclang-rt-22-dev-wasm32)",
-    ),
-]
+pytestmark = for_wasm
 
 
 @pytest.fixture(scope="module")
