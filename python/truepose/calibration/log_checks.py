@@ -14,6 +14,7 @@ from truepose.arguments import Array
 from truepose.calibration.causes import column_check
 from truepose.calibration.causes.column_check import APART, apart
 from truepose.calibration.causes.columns import DEGREES, MILLIMETRES, UNITS
+from truepose.calibration.causes.rows import runs_of
 from truepose.calibration.expectation import expect, poses_of
 from truepose.exceptions import InputError
 from truepose.logs import Log
@@ -252,14 +253,6 @@ def _sensors(robot: Robot, log: Log) -> Iterator[Finding]:
         yield Finding(f"{name}: {text}", refused=lost)
 
 
-def _runs(read: Array, rows: Array, step: float) -> list[Array]:
-    """Return runs of at least five consecutive `rows` with one and the same reading."""
-    changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
-    starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
-    long = np.flatnonzero(ends - starts >= 5)
-    return [rows[starts[k] : ends[k]] for k in long]
-
-
 def _stuck_at(log: Log, column: int, value: float, rows: Array) -> str:
     where = f"{log.lines[rows[0]]} to {log.lines[rows[-1]]}"
     return f"{log.names[column]}: stuck at {value:.6g} on {_count(len(rows), log.word)} ({where})"
@@ -275,7 +268,7 @@ def _hung(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     for k in range(n):
         runs = [
             run
-            for run in _runs(readings[:, k], rows, step[k])
+            for run in runs_of(readings[:, k], rows, step[k])
             if odd[run].mean() > 0.5 and (np.ptp(readings[run, :n], axis=0) > 100 * step).any()
         ]
         lost = np.concatenate([[], *runs]).astype(int)
@@ -298,7 +291,7 @@ def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
         # In a plane of the workspace a reading may be constant but its prediction not.
         runs = [
             run
-            for run in _runs(read, rows, step)
+            for run in runs_of(read, rows, step)
             if np.ptp(expected[run]) > VARIES * (step + np.median(seen.sigma[run, k]))
         ]
         if not runs:

@@ -230,20 +230,13 @@ class AdaptiveCalibrator:
         factors = plain
         for _ in range(2):
             explained = self._memory.explain([*before, equations.with_factors(factors)])
-            y, F = equations.y, equations.F
-            columns = np.concatenate(
-                [np.arange(part.start, part.stop) for part in self._columns(explained)]
-            )
-            left = y - F[..., columns] @ explained.best.mean
+            windows = explained.windows
+            left = windows.left(explained.best, len(before), equations.y, equations.F)
             found = evidence.noise_factors(equations, left)
             if (found == factors).all():
                 break
             factors = found
         return factors
-
-    def _columns(self, explained: Explained) -> list[slice]:
-        parts = explained.windows.parts
-        return [parts[0], *(parts[k + 1] for k, _ in explained.best.chosen)]
 
     def _followed(self, explained: Explained) -> Explained:
         """Return the explanations that are followed: none by faults, nor by doubtful changes.

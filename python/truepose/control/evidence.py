@@ -155,16 +155,15 @@ class Windows:
             weights |= level
         return weights
 
-    def residuals(self, posterior: Posterior, window: int) -> Array:
-        """Return what the posterior leaves of y in one window, whitened, (N, r)."""
-        y, F = self.white[window]
-        columns, mean = [np.arange(self.parts[0].stop)], posterior.mean
-        kept = [np.ones(self.parts[0].stop, dtype=bool)]
-        for k, start in posterior.chosen:
-            own = np.arange(self.parts[k + 1].start, self.parts[k + 1].stop)
-            columns.append(own)
-            kept.append(np.full(len(own), start <= window))
-        return y - F[..., np.concatenate(columns)] @ (mean * np.concatenate(kept))
+    def left(self, posterior: Posterior, window: int, y: Array, F: Array) -> Array:
+        """Return what the posterior leaves of y = F u in one window, (N, r)."""
+        began = [0, *(start for _, start in posterior.chosen)]
+        parts = [self.parts[0], *(self.parts[k + 1] for k, _ in posterior.chosen)]
+        ends = np.cumsum([part.stop - part.start for part in parts])[:-1]
+        for part, start, mean in zip(parts, began, np.split(posterior.mean, ends), strict=True):
+            if start <= window:
+                y = y - F[..., part] @ mean
+        return y
 
 
 def noise_factors(equations: Equations, left: Array) -> Array:
@@ -212,13 +211,10 @@ def equations_of(
     x = robot.estimate(rows, errors="nan").x
     placed = np.asarray(np.isfinite(x).all(axis=1))
     x, rows = x[placed], rows[placed]
-    H_x, H_xi = robot.linearize(x)
-    known = robot.parameters
-    every = list(known)
-    H = H_xi[..., [every.index(name) for name in names]]
+    H_x, H = knowledge.linearized(robot, x, names)
     # The left null space of H_x: what the readings say whatever the pose is.
     U = np.linalg.qr(H_x / sigma[:, None], mode="complete")[0][..., robot.n :]
-    step = np.array([known[name].value for name in names]) - base
+    step = np.array([robot.parameters[name].value for name in names]) - base
     off = (rows - robot.extended_positions(x) + H @ step) / sigma
     G = np.einsum("krj,krp->kjp", U, H / sigma[:, None])
     F = np.concatenate([G @ root for root in roots(x)], axis=-1)
@@ -274,8 +270,7 @@ def constant_root(
         return roots[0], np.zeros((0, *roots.shape[1:]))
     mean = roots.mean(axis=0)
     varied = roots - mean
-    every = list(robot.parameters)
-    H = robot.linearize(x, "nan")[1][..., [every.index(name) for name in names]]
+    H = knowledge.linearized(robot, x, names, "nan")[1]
     H = np.nan_to_num(H) / knowledge.stated_sigma(robot, None)[:, None]
     F = (H * tolerance).reshape(-1, len(names))
     wanted = (H @ varied).reshape(len(F), -1)

@@ -43,7 +43,8 @@ class Explained:
 
     def left(self, window: int = -1) -> Array:
         """Return what the likeliest set leaves of a window's rows, (N, r)."""
-        return self.windows.residuals(self.best, window % len(self.windows.windows))
+        window %= len(self.windows.windows)
+        return self.windows.left(self.best, window, *self.windows.white[window])
 
     def fits(self) -> tuple[bool, float]:
         """Return whether the newest window is explained, and χ² over its degrees of freedom."""

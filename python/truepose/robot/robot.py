@@ -246,10 +246,10 @@ class Robot(Kinematics, Shown):
 
     def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
         """Return the covariance of estimates whose weights neglect uncertain compliances."""
-        names, every = knowledge.learnable(self), list(self.parameters)
+        names = knowledge.learnable(self)
         known = knowledge.knowledge(self, level=level).core
         gain = _core.gain(self.core, known, x, self.is_full(level))[0]
-        H_xi = self.linearize(x, "nan", level)[1][..., [every.index(name) for name in names]]
+        H_xi = knowledge.linearized(self, x, names, "nan", level)[1]
         half = gain @ H_xi @ knowledge.root(self, names)
         own = gain * knowledge.stated_sigma(self, level)
         return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -82,13 +82,18 @@ def order(case: Case) -> Iterator[Hypothesis]:
     n, names, angle = case.robot.n, case.log.names, _factors(case)
     sensors = [n + np.flatnonzero(angle[n:] == kind) for kind in (True, False)]
     for columns in (np.arange(n), *sensors):
-        orders = list(_orders(len(columns)))
-        for of in orders:
-            whole = np.arange(len(names))
-            whole[columns[list(of)]] = columns
-            text = _reordered([names[k] for k in columns], of)
-            readings = case.log.readings[:, whole]
-            yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(len(orders)))
+        for whole, text, odds in _exchanged(columns, names):
+            yield case.with_readings(case.log.readings[:, whole], text=text, log_odds=odds)
+
+
+def _exchanged(columns: Array, names: Sequence[str]) -> Iterator[tuple[Array, str, float]]:
+    """Yield every wrong order of some columns: of all columns, its text, and its log odds."""
+    orders = list(_orders(len(columns)))
+    for of in orders:
+        whole = np.arange(len(names))
+        whole[columns[list(of)]] = columns
+        text = _reordered([names[k] for k in columns], of)
+        yield whole, text, LN_RATE - math.log(len(orders))
 
 
 def _orders(count: int) -> Iterator[tuple[int, ...]]:
@@ -119,18 +124,11 @@ def outside(case: Case) -> Iterator[Hypothesis]:
     """Externally measured coordinates of one unit, exchanged."""
     if case.log.measured is None:
         return
-    names, angle = [name for name, _ in case.robot.coordinates], angles(case.robot)
+    names, angle = [f"measured_{name}" for name, _ in case.robot.coordinates], angles(case.robot)
     for kind in (True, False):
-        columns = np.flatnonzero(angle == kind)
-        orders = list(_orders(len(columns)))
-        for of in orders:
-            whole = np.arange(len(names))
-            whole[columns[list(of)]] = columns
-            text = _reordered([f"measured_{names[k]}" for k in columns], of)
+        for whole, text, odds in _exchanged(np.flatnonzero(angle == kind), names):
             log = replace(case.log, measured=case.log.measured[:, whole])
-            yield Hypothesis(
-                text=text, log=log, robot=case.robot, log_odds=LN_RATE - math.log(len(orders))
-            )
+            yield Hypothesis(text=text, log=log, robot=case.robot, log_odds=odds)
 
 
 def body(case: Case) -> Iterator[Hypothesis]:

@@ -42,9 +42,8 @@ def shifted(case: Case) -> Iterator[Hypothesis]:
             yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
 
 
-def runs(read: Array, step: float) -> list[Array]:
-    """Return runs of at least `STUCK` consecutive rows with one and the same reading."""
-    rows = np.flatnonzero(np.isfinite(read))
+def runs_of(read: Array, rows: Array, step: float) -> list[Array]:
+    """Return runs of at least `STUCK` consecutive ones of `rows` with one and the same reading."""
     changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
     starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
     return [rows[a:b] for a, b in zip(starts, ends, strict=True) if b - a >= STUCK]
@@ -54,7 +53,8 @@ def stuck(case: Case) -> Iterator[Hypothesis]:
     """Readings of one column that are stuck for part of the log."""
     steps = np.maximum(case.robot.resolution, 1e-9)
     for k, name in enumerate(case.log.names):
-        if len(found := runs(case.log.readings[:, k], steps[k])) == 0:
+        read = case.log.readings[:, k]
+        if not (found := runs_of(read, np.flatnonzero(np.isfinite(read)), steps[k])):
             continue
         lost = np.concatenate(found)
         if len(lost) > 0.7 * len(case.log.readings):

@@ -368,29 +368,19 @@ def held_out(lengths: Array, model: Model, parts: int = 9) -> Array:
     return wrong
 
 
-class Spread(NamedTuple):
-    """Scatter of the anchors over disjoint parts of the poses, in units of σ (rms)."""
-
-    of_stated: float  #: of the mean stated σ
-    of_readings: float  #: of its share by the readings, without the prior
-
-
-def spread(lengths: Array, model: Model, parts: int = 4) -> Spread:
-    """Calibrate on each quarter of the rows and compare the anchors' scatter with σ.
+def spread(lengths: Array, model: Model, parts: int = 4) -> float:
+    """Calibrate on each quarter of the rows; return the anchors' scatter over its σ, rms.
 
     All parts share the prior, so of a covariance Σ with prior Π only Σ - Σ Π⁻¹ Σ scatters.
     """
     begun = frame.start(lengths)
     found = [calibrate(lengths[k::parts], model, begun=begun) for k in range(parts)]
     value = np.array([[of.value for of in sled.anchors.values()] for sled in found])
-    stated, scatters = [], []
+    scatters = []
     for sled in found:
         names = list(sled.unknowns)
         at = [names.index(name) for name in sled.anchors]
         after = sled.fit.joint_covariance
-        by_prior = after @ sled.by_prior
-        stated.append(np.sqrt(np.diag(after))[at])
-        scatters.append(np.sqrt(np.diag(after - by_prior))[at])
-    apart = value.std(axis=0, ddof=1)
-    ratios = (apart / np.mean(sigma, axis=0) for sigma in (stated, scatters))
-    return Spread(*(float(np.sqrt(np.mean(ratio**2))) for ratio in ratios))
+        scatters.append(np.sqrt(np.diag(after - after @ sled.by_prior))[at])
+    ratio = value.std(axis=0, ddof=1) / np.mean(scatters, axis=0)
+    return float(np.sqrt(np.mean(ratio**2)))

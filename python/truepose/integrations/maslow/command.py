@@ -262,7 +262,7 @@ def honesty(sled: Sled) -> list[str]:
     """Return a warning where anchors from disjoint quarters scatter more than σ predicts."""
     if len(sled.lengths) < PARTS * FEWEST:
         return []
-    ratio = belts.spread(sled.undone, sled.model, PARTS).of_readings
+    ratio = belts.spread(sled.undone, sled.model, PARTS)
     if ratio <= DISHONEST:
         return []
     return [
