@@ -16,7 +16,7 @@ from truepose.robot.units import summed
 from truepose.show.table import number
 from truepose.show.units import PRINT
 
-#: Colours of a line and of what is in use.
+#: Colours of a line, and of the sensors in use.
 LINE, USED = "#0072b2", "#d55e00"
 #: Contents of the map.
 MAPS = ("none", "position error", "conditioning")

@@ -31,7 +31,7 @@ _STOPS = 1.5  #: stops of a plan played per second
 class DesignTab(Tab):
     """Budget, calibration and confidence by sliders; the front, the budget of errors, the plan."""
 
-    def __init__(self, page: Page, gui: GuiApi, prices: Mapping[str, float]):
+    def __init__(self, page: Page, gui: GuiApi, prices: Mapping[str, float] | None):
         super().__init__(page)
         drawn, self._front, self._plan = page.state.drawn, None, None
         self._of: tuple = ()  #: what the front is of
@@ -39,14 +39,13 @@ class DesignTab(Tab):
         self._affordable: tuple[str, ...] | None = None  #: sensors that the budget chose
         self._played = 0.0
         self._now = 0.0
-        self._prices = {
-            sensor.name: float(prices.get(sensor.name, sensor.price or _ASSUMED))
-            for sensor in drawn.spec.sensor
-        }
+        of_file = {one.name: one.price for one in drawn.spec.sensor if one.price is not None}
+        assumed = dict.fromkeys((one.name for one in drawn.spec.sensor), _ASSUMED)
+        self._prices = {**(prices or of_file or assumed)}  #: of the candidates
         whole = sum(self._prices.values())
         step = 10.0 ** np.floor(np.log10(max(whole, 1.0) / 50))
         top = step * float(np.ceil(max(whole, 1.0) / step))
-        spent = sum(self._prices[name] for name in drawn.sensors)
+        spent = sum(self._prices.get(name, 0.0) for name in drawn.sensors)
         start = step * float(np.ceil(spent / step))
         terms = page.state.terms
         self._budget = page.on(
@@ -65,11 +64,10 @@ class DesignTab(Tab):
         self._said: Any = gui.add_html("")
         self._bars: Any = gui.add_html("")
         self._ticks = {}
-        for name, cost in self._prices.items():
-            sensor = next(one for one in drawn.spec.sensor if one.name == name)
-            hint = sensor.kind.replace("_", " ")
-            tick = gui.add_checkbox(f"{name} · {cost:g}", name in drawn.sensors, hint=hint)
-            self._ticks[name] = page.on(tick, lambda _: self._use())
+        for sensor in drawn.spec.sensor:
+            hint, on = sensor.kind.replace("_", " "), sensor.name in drawn.sensors
+            tick = gui.add_checkbox(self._priced(sensor.name), on, hint=hint)
+            self._ticks[sensor.name] = page.on(tick, lambda _: self._use())
         page.on(gui.add_button("Plan the calibration poses"), lambda _: self._ask_plan())
         self._told: Any = gui.add_html("")
         self._run: Any = gui.add_checkbox("Play the plan", False)
@@ -83,9 +81,12 @@ class DesignTab(Tab):
             for name, cost in self._prices.items():
                 page.on(gui.add_number(name, cost, min=0.0), partial(self._price, name))
 
+    def _priced(self, name: str) -> str:
+        return f"{name} · {self._prices[name]:g}" if name in self._prices else name
+
     def _price(self, name: str, price: float) -> None:
         self._prices[name] = float(price)
-        self._ticks[name].label = f"{name} · {price:g}"
+        self._ticks[name].label = self._priced(name)
         self._budget.max = max(self._budget.max, sum(self._prices.values()))
 
     def _use(self) -> None:
@@ -143,10 +144,12 @@ class DesignTab(Tab):
         if isinstance(found, TrueposeError):
             self._bars.content = words.page(words.note(one_line(found, 300), wrong=True))
             return
-        price = sum(self._prices[name] for name in robot.sensors)
+        price = sum(self._prices.get(name, 0.0) for name in robot.sensors)
+        free = [name for name in robot.sensors if name not in self._prices]
+        but = f" without {', '.join(free)}" if free else ""
         total = summed(robot)
         error = measured(found.error, total.unit)
-        parts = [words.note(f"{label(robot, robot.sensors)}: price {price:g}, {found.state}.")]
+        parts = [words.note(f"{label(robot, robot.sensors)}: price {price:g}{but}, {found.state}.")]
         parts.append(words.strong(f"{found.criterion.said(total.name)}: {error}"))
         if self._front is not None:
             parts.append(charts.front(self._front, price, found.error, self._budget.value))

@@ -20,6 +20,8 @@ new MutationObserver(() => {
     for (const one of row?.querySelectorAll("input, [role=slider]") ?? [])
       if (!one.labels?.length) one.setAttribute("aria-label", label.textContent);
   }
+  for (const one of document.querySelectorAll("input:not([aria-label])"))
+    if (!one.labels?.length) one.setAttribute("aria-label", one.placeholder || "server's address");
   for (const one of document.querySelectorAll("button:not([aria-label])")) {
     const icon = [...one.querySelector(".tabler-icon")?.classList ?? ["close"]].at(-1);
     if (!one.textContent.trim()) one.setAttribute("aria-label", icon.replace("tabler-icon-", ""));

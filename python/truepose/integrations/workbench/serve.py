@@ -73,7 +73,7 @@ def open_page(
     from truepose.integrations.workbench.motion_tab import MotionTab
     from truepose.integrations.workbench.page import Page
 
-    shown = {"Design": partial(DesignTab, prices=prices or {})}
+    shown = {"Design": partial(DesignTab, prices=prices)}
     shown |= {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab}
     shown |= {"Log": LogTab, "Motion": MotionTab, "View": tabs.ViewTab}
     page = Page(subject if isinstance(subject, State) else begin(subject), host, port, shown, dark)
