@@ -49,7 +49,9 @@ class Overlays:
             near = (self._corners[:, None] != self._corners).sum(axis=2) == 1
             edges = np.argwhere(np.triu(near))
             colours = np.full((len(edges), 2, 3), 130, np.uint8)
-            self._scene.add_line_segments("/workspace", at[edges], colours, line_width=1.5)
+            self._scene.add_line_segments(
+                "/workspace", at[edges], colours, thickness=1.5, thickness_units="screen"
+            )
         ball = icosphere(subdivisions=2)
         count = 1 + len(self._corners)
         self._ellipsoids = self._scene.add_batched_meshes_simple(
@@ -125,7 +127,15 @@ class Overlays:
         way = frames(state.drawn, np.vstack([state.drawn.home, poses, state.drawn.home]))[:, :3, 3]
         add, colour = self._scene.add_line_segments, np.array(rgb(USED), np.uint8)
         legs = np.stack([way[:-1], way[1:]], axis=1)
-        self._plan.append(add("/plan/tour", legs, np.tile(colour, (len(legs), 2, 1)), line_width=2))
+        self._plan.append(
+            add(
+                "/plan/tour",
+                legs,
+                np.tile(colour, (len(legs), 2, 1)),
+                thickness=2.0,
+                thickness_units="screen",
+            )
+        )
         for k, place in enumerate(way[1:-1], 1):
             name, at = f"/plan/{k}", tuple(place)
             ball = self._scene.add_icosphere(name, 0.012 * self._size, tuple(colour), position=at)

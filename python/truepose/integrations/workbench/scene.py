@@ -75,7 +75,7 @@ class Scene:
         @self._server.on_client_connect
         def _(client: Any) -> None:
             aspect = client.camera.aspect
-            far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else 1.0)
+            far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else max(1.7 / aspect, 1.0))
             half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # half of the view
             # Part hidden by the panel: below on a narrow screen, else on the right.
             aside = -half / 2 * up if aspect < 1 else 0.25 * half * right
