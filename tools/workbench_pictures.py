@@ -20,11 +20,16 @@ from playwright.sync_api import sync_playwright
 from truepose.integrations.workbench import serve
 from truepose.integrations.workbench.state import demonstration
 from truepose.robot.frames import frames
+from truepose.robot.robot import load
 
 PICTURES = Path(__file__).parents[1] / "docs/pictures"
 PORT = 8199
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-WIDE, PHONE = {"width": 1000, "height": 640}, {"width": 390, "height": 844}
+WIDE, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}
+FILM = {"width": 1000, "height": 640}
+#: As in docs/guides/designer.md.
+PRICES = {"theta": 90, "z_telemeter": 400, "wire1": 250, "wire2": 250, "wire3": 250}
+PRICES |= {"pivot1": 40, "pivot2": 40}
 MOST = 3_000_000  #: bytes of an animation
 PATIENCE = 120_000  #: ms; a browser without a graphics card is slow
 
@@ -48,15 +53,6 @@ def settled(seen: Seen, count: int = 8) -> None:
         "requestAnimationFrame(one) : done(); one(); })",
         count,
     )
-
-
-def choose(seen: Seen, tab: str) -> None:
-    """Select a tab by a click."""
-    box = seen.get_by_text(tab, exact=True).first.bounding_box()
-    assert box is not None
-    seen.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    seen.mouse.move(5, 5)
-    settled(seen)
 
 
 class Film:
@@ -111,6 +107,22 @@ def film(page: Any, seen: Seen) -> None:
     shown.save(PICTURES / "workbench.webp")
 
 
+def decide(page: Any, seen: Seen) -> None:
+    """Choose sensors for 760, for robots that are referenced and calibrated on 20 planned poses."""
+    design = page.tabs[0]
+    with page.doing():
+        page.map = "position error"
+        design._agree(poses=20, referenced=True)
+        design._budget.value = 760.0
+        design._choose(760.0)
+    settled(seen, 15)
+    with page.doing():
+        design._ask_plan()
+    while design._plan is None:
+        settled(seen)
+    settled(seen, 15)
+
+
 def main() -> None:
     """Take all pictures."""
     chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
@@ -119,17 +131,15 @@ def main() -> None:
         for name, size, dark in (
             ("workbench.png", WIDE, False),
             ("workbench-phone.png", PHONE, True),
-            ("workbench.webp", WIDE, False),
+            ("workbench.webp", FILM, False),
         ):
-            page = serve.open_page(demonstration(), port=PORT, dark=dark)
+            subject = demonstration() if name.endswith(".webp") else load("h4")
+            page = serve.open_page(subject, port=PORT, dark=dark, prices=PRICES)
             seen = looked_at(browser, size, page.address("127.0.0.1"))
             if name.endswith(".webp"):
                 film(page, seen)
             else:
-                with page.doing():
-                    page.calibrate()
-                choose(seen, "Sensors" if dark else "Log")
-                settled(seen, 15)
+                decide(page, seen)
                 shot = Image.open(io.BytesIO(seen.screenshot(timeout=PATIENCE)))
                 shot.convert("RGB").save(PICTURES / name, optimize=True)
             seen.close()

@@ -2,7 +2,8 @@
 
 Groups: ``truepose.commands`` (a function or a typer app; ``export.NAME`` adds to a group),
 ``truepose.log_formats`` (a module with ``MAGIC``, ``read`` and ``write``; named by its ending) and
-``truepose.clusters`` (a context manager that yields an executor). The core imports no integration.
+``truepose.clusters`` (a context manager that yields a function to submit a task, and the number of
+workers). The core imports no integration.
 """
 
 from importlib.metadata import EntryPoint, entry_points

@@ -190,13 +190,13 @@ def test_workbench_state(kept):
     rests, bounds = answers.rests(now), answers.bounds(now.robot)
     run = motion.run(now, "tej", [tp.faults.Fault("theta", "stuck", at=0.2)])
     played = playback.calibrated(playback.simulated_log(now, poses=20))
-    covariance = answers.covariance(now.robot, now.x_d, "as built")
+    covariance = answers.covariance(now.robot, now.x_d[None], "as built")
     found = [
         rests,
         bounds,
         answers.conditioning_map(now, points=7),
         numbers(run),
-        answers.ellipsoid(h4, covariance)[0],
+        answers.ellipsoids(np.asarray(covariance)[:, :3, :3])[0],
         answers.position_error(now, "tej", some(h4)),
         answers.skeletons(now, h4.home, 5.0),
         state.pose_range(h4),
@@ -210,7 +210,6 @@ def test_workbench_state(kept):
         words.laws(rests, colours),
         words.pose(now, 20.0),
         words.accuracy(h4, bounds),
-        words.bill(h4, answers.price(h4)),
         words.errors(now),
         words.residuals(played, 2),
         words.conditioning(h4.conditioning(now.x_d)),

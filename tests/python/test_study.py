@@ -13,7 +13,7 @@ import pytest
 import truepose as tp
 from truepose.exceptions import InputError
 from truepose.integrations.dask import cluster as dask_cluster
-from truepose.studies import workers
+from truepose.studies import storage, workers
 from truepose.studies.cases import Case
 
 COUNT = 6
@@ -169,28 +169,69 @@ def test_cases_without_an_answer_are_counted_and_spoil_no_median(run, tmp_path):
     assert "2 of 2 cases had no answer; the first: a result is not finite (NaN)" in errors
 
 
-def test_a_study_that_was_ended_goes_on_and_may_grow(alone, tmp_path):
+def test_a_study_that_was_ended_goes_on_with_other_tasks_and_may_grow(alone, tmp_path):
     asked = []
 
     def counted(case):
         asked.append(case.number)
         return off(case)
 
-    options = {"seed": 3, "workers": 0, "chunk": 4, "out": tmp_path / "kept"}
-    tp.monte_carlo(counted, ["3rrr", "h4"], 3, **options)
-    (tmp_path / "kept" / "chunk-000000000.parquet").unlink()
+    def end(done, total):
+        if done >= 4:
+            raise KeyboardInterrupt
+
+    options = {"seed": 3, "workers": 0, "out": tmp_path / "kept"}
+    with pytest.raises(KeyboardInterrupt):
+        tp.monte_carlo(counted, ["3rrr", "h4"], 3, chunk=4, progress=end, **options)
     asked.clear()
-    assert same(alone, tp.monte_carlo(counted, ["3rrr", "h4"], COUNT, **options))
-    assert asked == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]  # 4 to 5 were half a chunk: not kept
+    assert same(alone, tp.monte_carlo(counted, ["3rrr", "h4"], COUNT, chunk=3, **options))
+    assert asked == [2, 2, 3, 3, 4, 4, 5, 5]
     asked.clear()
+    fewer = tp.monte_carlo(counted, ["3rrr", "h4"], 2, **options)
+    assert np.array_equal(fewer.columns["off"], alone.columns["off"][:4])
     assert same(alone, tp.monte_carlo(counted, ["3rrr", "h4"], COUNT, **options))
     assert not asked
 
 
+def test_a_study_writes_some_files_while_it_runs_and_leaves_one(alone, tmp_path, monkeypatch):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(storage, "EVERY", 0.0)
+    monkeypatch.setattr(storage, "SHARE", 0.0)
+    folder, seen = tmp_path / "kept", []
+    options = {"seed": 3, "workers": 0, "chunk": 2, "out": folder}
+    look = lambda *_: seen.append(len(list(folder.glob("*.parquet"))))  # noqa: E731
+    tp.monte_carlo(off, ["3rrr", "h4"], COUNT, progress=look, **options)
+    assert seen == [*range(COUNT + 1)]
+    (file,) = folder.glob("*.parquet")
+    table = parquet.read_table(file).to_pydict()
+    assert table["case"] == [*range(2 * COUNT)]
+    assert np.array_equal(table["off"], alone.columns["off"])
+    monkeypatch.setattr(storage, "EVERY", 60.0)
+    tp.monte_carlo(off, ["3rrr", "h4"], COUNT + 2, progress=look, **options)
+    assert seen[-1] == 1  # a fast study does not write for each task
+    assert len(list(folder.glob("*.parquet"))) == 1
+
+
+@pytest.mark.parametrize("seconds", [1e-4, 0.04, 3.0])
+def test_tasks_take_about_a_second_and_are_small_at_the_end(seconds):
+    tasks, count, sizes = workers.Tasks([(100, 900), (0, 50)], None), 850, []
+    asked = set()
+    while tasks.left:
+        start, stop = tasks.take(2)
+        sizes.append(stop - start)
+        asked |= {*range(start, stop)}
+        tasks.took(stop - start, seconds * (stop - start))
+    assert asked == {*range(50), *range(100, 900)} and sum(sizes) == count
+    assert max(sizes) * seconds <= max(workers.TASK, seconds) and sizes[-1] == 1
+    assert max(sizes) >= min(0.9 * workers.TASK / seconds, 100, 850)
+    fixed = workers.Tasks([(0, 10)], 4)
+    assert [fixed.take(2) for _ in range(3)] == [(0, 4), (4, 8), (8, 10)]
+
+
 def test_a_folder_of_another_study_is_left_alone(tmp_path):
     tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "kept")
-    for other in ({"seed": 1}, {"grid": {"n": [1]}}, {"chunk": 7}):
-        with pytest.raises(InputError, match=r"holds another study: (seed|grid|chunk) "):
+    for other in ({"seed": 1}, {"grid": {"n": [1]}}):
+        with pytest.raises(InputError, match=r"holds another study: (seed|grid) "):
             tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "kept", **other)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").touch()
@@ -216,15 +257,17 @@ def test_what_a_robot_refuses_is_told_and_what_fails_is_named():
         (lambda case: 3, "answer 3: must be a mapping"),
         (lambda case: {"x": [1]}, r"x = \[1\]: must be a number"),
         (lambda case: {"number": 1}, "'number' is the name of another column"),
+        (lambda case: {"case": 1}, "'case' is the name of another column"),
     ):
         with pytest.raises(InputError, match=said):
             tp.monte_carlo(wrong, "3rrr", 1, workers=0)
 
 
-def test_on_a_cluster_a_worker_that_is_killed_loses_nothing(alone, tmp_path):
+@pytest.mark.parametrize("count", [1, 2])
+def test_on_a_cluster_a_worker_that_is_killed_loses_nothing(alone, tmp_path, count):
     distributed = pytest.importorskip("distributed", reason="dask is not installed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
+        n_workers=count, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
     ) as cluster:
         killed = []
 

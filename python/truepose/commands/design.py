@@ -133,21 +133,12 @@ def command(
         **known,
     )
 
-    def page() -> str:
-        visited = known["calibrated_on"] if calibrated else practice(loaded, OTHERWISE)
-        at = known["reference_pose"] if reference_pose else loaded.home
-        other = {k: 1e3 * v for k, v in in_other_states(found, visited, at).items()}
-        title = f"{found.label} of these sets in other states, all sensors healthy"
-        told = [found.table(), each(found), sets_table(found, "states", title, other)]
-        return design_page(found, told, notes(found), len(visited), bool(reference_pose))
-
-    told = notes(found)
+    told, states = notes(found), {key: known[key] for key in ("calibrated_on", "reference_pose")}
     if found.best is not None and robots and measure != "RP" and not survives:
-        where = {key: known[key] for key in ("calibrated_on", "reference_pose")}
         with progress("robots", robots) as watch:
-            by = verify(found, **where, robots=robots, seed=seed, watch=watch)
+            by = verify(found, **states, robots=robots, seed=seed, watch=watch)
         told.append(verified(found, by))
-    write(plot=found.plot, report=page)
+    write(plot=found.plot, report=lambda: report_page(found, **states))
     steps = [steps_table(found)] * bool(found.steps)
     show([found.table(), *steps], how, told, written=(plot, report))
 
@@ -226,6 +217,19 @@ def visited(robot: Robot, text: str) -> Array:
     if count < 1:
         raise InputError(f"--calibrated {text}: must be 1 or greater, or a CSV file")
     return practice(robot, count)
+
+
+def report_page(
+    found: SensorSelection, calibrated_on: Array | None, reference_pose: Array | None
+) -> str:
+    """Return a selection as an HTML page, also in the states that were not asked for."""
+    robot = found.robot
+    visited = practice(robot, OTHERWISE) if calibrated_on is None else calibrated_on
+    at = robot.home if reference_pose is None else reference_pose
+    other = {k: 1e3 * v for k, v in in_other_states(found, visited, at).items()}
+    title = f"{found.label} of these sets in other states, all sensors healthy"
+    told = [found.table(), each(found), sets_table(found, "states", title, other)]
+    return design_page(found, told, notes(found), len(visited), reference_pose is not None)
 
 
 def each(found: SensorSelection) -> Table:

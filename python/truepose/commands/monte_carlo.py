@@ -157,7 +157,9 @@ def study_command(
     out: Path | None = Option(
         None, "--out", "-o", help="Folder of the results; an interrupted study resumes from it."
     ),
-    chunk: int = Option(16, min=1, help="Cases per task of a worker."),
+    chunk: int | None = Option(
+        None, min=1, help="Cases per task of a worker.", show_default="about a second of work"
+    ),
     workers: int | None = Option(
         None, min=0, help="Processes; 0: only this one.", show_default="all cores"
     ),
@@ -172,7 +174,7 @@ def study_command(
 
     Example: **truepose monte-carlo calibration h4 par4 --count 200 -o my-study**
     """
-    with progress("chunks") as bar:
+    with progress("cases") as bar:
         found = monte_carlo(
             function,
             [options.load_with(robot, sensors) for robot in robots],

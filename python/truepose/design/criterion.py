@@ -66,7 +66,7 @@ class Criterion:
         if self.measure == "AP":
             N = N / CYCLES
         if self.measure != "rms":
-            return float(self._kept(L @ L.swapaxes(1, 2) + N).max())
+            return float(self.kept(L @ L.swapaxes(1, 2) + N).max())
         if self.confidence is None:
             return float((np.vdot(L, L) + np.einsum("tii->", N)) / len(L))
         T, c, p = L.shape
@@ -74,9 +74,9 @@ class Criterion:
         V = flat @ flat.T
         at = np.arange(T)
         V.reshape(T, c, T, c)[at, :, at] += N
-        return float(self._kept(V / T))
+        return float(self.kept(V / T))
 
-    def _kept(self, V: Array) -> Array:
+    def kept(self, V: Array) -> Array:
         """Return the quantile of |e|², e normal with covariance V (…, m, m).
 
         By its first three cumulants: Buckley and Eagleson (1988), An approximation to the

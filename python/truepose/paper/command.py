@@ -106,7 +106,7 @@ def _life(robots: int, seed: int, out: Path, rates: Path | None, how: Format) ->
 
     known = Life() if rates is None else Life.read(rates)
     stored = out / "life-study" if importlib.util.find_spec("pyarrow") else None
-    with progress("chunks") as bar:
+    with progress("cases") as bar:
         study = life_report.run(
             load("h4"),
             robots,

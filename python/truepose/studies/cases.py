@@ -19,7 +19,7 @@ from truepose.robot.robot import Robot
 Answer = float | int | str | bool
 Asked = Callable[["Case"], Mapping[str, Answer]]
 #: Columns of every study, beside those of its grid and of its function.
-OWN = ("robot", "number", "error")
+OWN = ("case", "robot", "number", "error")
 
 
 class Values(UserDict[str, Any]):

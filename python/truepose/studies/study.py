@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import functools
+import itertools
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,8 @@ from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.studies.cases import OWN, Answer, Asked, Cases
-from truepose.studies.chunks import Chunks
 from truepose.studies.functions import function_of, require_keys
+from truepose.studies.storage import Storage
 from truepose.studies.workers import On, Workers
 from truepose.threads import cores
 
@@ -103,7 +105,7 @@ def monte_carlo(
     grid: Mapping[str, Sequence[Any]] | None = None,
     seed: int = 0,
     out: str | Path | None = None,
-    chunk: int = 16,
+    chunk: int | None = None,
     workers: int | None = None,
     on: On = "processes",
     cluster: Any = None,
@@ -133,8 +135,8 @@ def monte_carlo(
         Seed of everything random.
     out : path, optional
         Folder for the results (Parquet, with pyarrow); None stores nothing.
-    chunk : int
-        Cases per task of a worker.
+    chunk : int, optional
+        Cases per task of a worker; by default as many as take about a second.
     workers : int, optional
         Processes or threads; all cores by default, 0: here, one case after another.
     on : {"processes", "threads"}
@@ -142,7 +144,7 @@ def monte_carlo(
     cluster : str, dask cluster or client, optional
         Address of a dask scheduler, as ``tcp://host:8786``; its workers do the work.
     progress : callable, optional
-        Function of the number of chunks done and of their total.
+        Function of the number of cases done and of their total.
 
     Raises
     ------
@@ -162,32 +164,42 @@ def monte_carlo(
     loaded = tuple(load(r) if isinstance(r, str) else r for r in kinds)
     cases = Cases(loaded, dict(grid or {}), seed)
     require_keys(asked, cases.grid, cases.robots)
-    for name, value in (("count", count), ("chunk", chunk)):
-        whole(f"study: {name}", value, 1)
+    whole("study: count", count, 1)
+    if chunk is not None:
+        whole("study: chunk", chunk, 1)
     total = count * cases.each
-    kept = None if out is None else Chunks(Path(out), cases, asked, chunk)
-    done: dict[int, list[dict[str, Answer]]] = {}
+    kept = None if out is None else Storage(Path(out), cases, asked)
+    done: dict[int, dict[str, Answer]] = {}
+    if kept:
+        done = {number: row for number, row in kept.rows.items() if number < total}
     progress = progress or (lambda done, total: None)
-    tasks = {}
-    for start in range(0, total, chunk):
-        stop = min(start + chunk, total)
-        if kept and (rows := kept.read(start, stop)) is not None:
-            done[start] = rows
-        else:
-            tasks[start] = (cases, asked, start, stop)
-    chunks = len(done) + len(tasks)
-    progress(len(done), chunks)
+    progress(len(done), total)
     team = Workers(cores() if workers is None else workers, on, cluster)
-    with contextlib.closing(team.each(Cases.ask, tasks)) as answers:
-        for start, rows in answers:
-            if kept:
-                kept.write(start, rows)
-            done[start] = rows
-            progress(len(done), chunks)
-    every = [row for start in sorted(done) for row in done[start]]
+    ask = functools.partial(cases.ask, asked)
+    try:
+        with contextlib.closing(team.each(ask, _missing(done, total), chunk)) as answers:
+            for start, rows in answers:
+                if kept:
+                    kept.add(start, rows)
+                done |= dict(enumerate(rows, start))
+                progress(len(done), total)
+    finally:
+        if kept:
+            kept.flush()
+    if kept:
+        kept.finish()
+    every = [done[number] for number in range(total)]
     missing: dict[str, Any] = dict.fromkeys(
         (name for row in every for name in row if name != "error"), np.nan
     )
     missing |= {"error": ""}
     columns = {k: np.array([row.get(k, none) for row in every]) for k, none in missing.items()}
     return Study(columns, tuple(cases.grid))
+
+
+def _missing(done: Collection[int], total: int) -> Iterator[tuple[int, int]]:
+    """Yield start and stop of each run of cases that are not done."""
+    ends = [-1, *sorted(done), total]
+    for last, following in itertools.pairwise(ends):
+        if following > last + 1:
+            yield last + 1, following

@@ -3,34 +3,44 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from typing import Any
 
 from truepose.exceptions import InputError
 from truepose.plugins import package
-from truepose.studies.workers import versions
+from truepose.studies.workers import Asked, Submit, timed, versions
 
 #: Timeout of the connection to a cluster, s.
 PATIENCE = 10
 
 
 @contextlib.contextmanager
-def executor(cluster: Any, retries: int) -> Iterator[Executor]:
-    """Yield an executor on a dask cluster whose workers have the local versions."""
+def executor(cluster: Any, asked: Asked, retries: int) -> Iterator[tuple[Submit, int]]:
+    """Yield a function that submits a task to a dask cluster, and the number of its threads.
+
+    Workers must have the local versions. `asked` is sent once, as the result of a task: a worker
+    gets it from another one, and it is sent again if all that have it are lost.
+    """
     missing = "study: dask is not installed; pip install 'truepose[cluster]'"
     Client = package("distributed", missing).Client
-    if isinstance(cluster, Client):
-        require_same(cluster)
-        yield cluster.get_executor(pure=False, retries=retries)
-        return
-    try:
-        client = Client(cluster, timeout=PATIENCE, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"--cluster {cluster}: no scheduler responds there ({error})") from None
-    with client:
+    with contextlib.ExitStack() as stack:
+        client = cluster
+        if not isinstance(cluster, Client):
+            try:
+                client = Client(cluster, timeout=PATIENCE, set_as_default=False)
+            except (OSError, TimeoutError, ValueError) as error:
+                why = f"no scheduler responds there ({error})"
+                raise InputError(f"--cluster {cluster}: {why}") from None
+            stack.enter_context(client)
         require_same(client)
-        yield client.get_executor(pure=False, retries=retries)
+        there = client.submit(_same, asked, pure=False, retries=retries)
+        own = client.get_executor(pure=False, retries=retries)
+        yield functools.partial(own.submit, timed, there), sum(client.nthreads().values())
+
+
+def _same(asked: Asked) -> Asked:
+    return asked
 
 
 def require_same(client: Any) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import Accuracy, accuracy
 from truepose.exceptions import InputError, TrueposeError
-from truepose.integrations.workbench.state import State
+from truepose.integrations.workbench.decision import error_at
+from truepose.integrations.workbench.state import State, pose_range
 from truepose.robot.frames import frames, rotation_vector
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
@@ -88,13 +89,10 @@ def covariance(robot: Robot, x: Array, how: str) -> Accuracy:
     return accuracy(robot, x, visited, robot.home if referenced else None)
 
 
-def ellipsoid(robot: Robot, P: Array) -> tuple[Array, Array]:
-    """Return the 1 σ ellipsoid of the position: half axes (3,), m, and directions as columns."""
-    axes = ["xyz".index(name) for name, _ in robot.coordinates if name in "xyz"]
-    whole = np.zeros((3, 3))
-    whole[np.ix_(axes, axes)] = P[: len(axes), : len(axes)]
-    variance, directions = np.linalg.eigh(whole)
-    directions[:, 2] *= np.sign(np.linalg.det(directions))
+def ellipsoids(covariance: Array) -> tuple[Array, Array]:
+    """Return half axes, (N, 3), m, and directions as columns, (N, 3, 3), of 1 σ ellipsoids."""
+    variance, directions = np.linalg.eigh(covariance)
+    directions[..., 2] *= np.sign(np.linalg.det(directions))[:, None]
     return np.sqrt(np.maximum(variance, 0.0)), directions
 
 
@@ -124,28 +122,37 @@ def workspace_poses(robot: Robot) -> Array:
     return poses[good]
 
 
-def price(robot: Robot) -> tuple[float, tuple[str, ...]]:
-    """Return the price of the sensors in use, and those without a price in the file."""
-    prices = {sensor.name: getattr(sensor, "price", None) for sensor in robot.spec.used}
-    total = sum(value for value in prices.values() if value is not None)
-    return float(total), tuple(name for name, value in prices.items() if value is None)
+def _places(state: State, beyond: float, points: int = 41) -> Array:
+    """Return poses over the first two coordinates of the workspace and beyond, (N, n)."""
+    low, high = (end[:2] for end in pose_range(state.drawn, beyond).T)
+    x = np.tile(state.x_d, (points * points, 1))
+    grid = np.meshgrid(*np.linspace(low, high, points).T)
+    x[:, 0], x[:, 1] = (values.ravel() for values in grid)
+    return x
 
 
-def conditioning_map(state: State, points: int = 41, beyond: float = 0.3) -> tuple[Array, Array]:
+def conditioning_map(state: State, points: int = 41) -> tuple[Array, Array]:
     """Return reachable positions about the workspace, (k, 3), m, and their conditioning, (k,).
 
     Only the first two coordinates vary. The conditioning, 0 (singular) to 1, is the smaller of
     parallel and serial.
     """
-    robot = state.robot
-    box = robot.spec.workspace
-    low, high = (robot.home - 0.1, robot.home + 0.1) if box is None else (box.minimum, box.maximum)
-    low, high = np.array(low)[:2], np.array(high)[:2]
-    more = beyond * (high - low)
-    first, second = np.linspace(low - more, high + more, points).T
-    x = np.tile(state.x_d, (points * points, 1))
-    x[:, 0], x[:, 1] = (values.ravel() for values in np.meshgrid(first, second))
-    parallel, serial = robot.conditioning(x, errors="nan")
-    worst = np.minimum(parallel, serial.min(axis=1))
-    good = np.isfinite(worst)
-    return frames(robot, x[good])[:, :3, 3], worst[good]
+    x = _places(state, 0.3, points)
+    parallel, serial = state.robot.conditioning(x, errors="nan")
+    return _reached(state, x, np.minimum(parallel, serial.min(axis=1)))
+
+
+def error_map(state: State) -> tuple[Array, Array]:
+    """Return positions of the workspace at the target's height, (k, 3), and their error, (k,).
+
+    The position error, m (of a rotational robot rad), that a share of the robots keeps there.
+    """
+    x = _places(state, 0.0)
+    return _reached(state, x, error_at(state.robot, x, state.terms))
+
+
+def _reached(state: State, x: Array, values: Array) -> tuple[Array, Array]:
+    good = np.isfinite(values)
+    if not good.any():
+        raise InputError(f"{state.drawn.name}: no place of the map is reachable and regular")
+    return frames(state.robot, x[good])[:, :3, 3], values[good]

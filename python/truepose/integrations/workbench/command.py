@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from truepose.commands.design import parse_prices
 from truepose.commands.options import completing
 from truepose.exceptions import TrueposeError
 from truepose.integrations.workbench import serve
@@ -24,6 +25,14 @@ def command(
             help="A shipped robot's name, or a robot file.",
             show_default="an H4 with one rod 3 mm too long",
             autocompletion=completing(list_robots),
+        ),
+    ] = None,
+    price: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A=90,B*=250",
+            help="Prices of sensors, names or globs.",
+            show_default="the keys price of the file",
         ),
     ] = None,
     log: Annotated[Path | None, typer.Option(help="Log file to play back.")] = None,
@@ -56,7 +65,8 @@ def command(
         raise TrueposeError(
             "no browser found; --no-browser serves the page for one on another machine"
         ) from None
-    page = serve.open_page(subject, host, port, log=log, dark=dark)
+    prices = None if price is None else parse_prices(subject.drawn, price)
+    page = serve.open_page(subject, host, port, log=log, dark=dark, prices=prices)
     address = page.address("localhost" if host in ("0.0.0.0", "127.0.0.1") else host)
     say(f"{subject.drawn.name}: {address} (Ctrl-C ends it)")
     if host == "0.0.0.0" and (own := serve.own_address()):

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from truepose.integrations.workbench.head import own
+
 
 class Guard:
     """Refuse requests before any part of the page is sent.
@@ -28,10 +30,11 @@ class Guard:
     'host evil.example:8080 is not this machine'
     """
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, host: str, port: int, title: str = "truepose") -> None:
         own = socket.gethostname().lower()
         self._names = {host.lower(), "localhost", own, f"{own.partition('.')[0]}.local"}
         self._cookie = f"truepose-{port}"
+        self._title = title
         self.token = secrets.token_urlsafe(16)
         self.guards = False  #: whether it is installed in a server
 
@@ -68,8 +71,14 @@ class Guard:
             why = self.refuses(said["Host"], said["Origin"], request.path, said["Cookie"])
             if why is not None:
                 return connection.respond(403, f"truepose: {why}\n")
+            if "Accept-Encoding" in request.headers:  # the page is changed here
+                del request.headers["Accept-Encoding"]
             response = answer(connection, request)
             if response is not None:
+                if response.headers.get("Content-Type", "").startswith("text/html"):
+                    response.body = own(response.body.decode(), self._title).encode()
+                    del response.headers["Content-Length"]
+                    response.headers["Content-Length"] = str(len(response.body))
                 response.headers["Referrer-Policy"] = "no-referrer"
                 if any(map(self._is_token, _tokens(request.path))):
                     cookie = f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"

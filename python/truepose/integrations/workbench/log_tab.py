@@ -13,7 +13,7 @@ from truepose import logs
 from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
-from truepose.integrations.workbench import playback, words
+from truepose.integrations.workbench import charts, playback, words
 from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.playback import Playback
 from truepose.integrations.workbench.state import State
@@ -21,7 +21,6 @@ from truepose.robot.units import in_print
 
 _LINES = 5  #: rows of a log played per second
 _POSES = 40  #: poses of a simulated log
-BEFORE, AFTER = "#d6604d", "#4393c3"
 
 
 class LogTab(Tab):
@@ -124,8 +123,8 @@ class LogTab(Tab):
         series = [uplot.Series(label="pose")]
         points = uplot.Series_Points(show=True, size=4)
         for label, found, colour in (
-            ("before", played.before, BEFORE),
-            ("after", played.after, AFTER),
+            ("before", played.before, charts.USED),
+            ("after", played.after, charts.LINE),
         ):
             if found is not None:
                 data.append(factor * found.residual[:, k])

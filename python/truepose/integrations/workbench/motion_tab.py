@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from viser import GuiApi
+from viser import GuiApi, uplot
 
 from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
-from truepose.integrations.workbench import motion, words
+from truepose.integrations.workbench import charts, motion, words
 from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, usual
@@ -27,6 +27,7 @@ _SIZES = {
     "s": ("Delay (ms)", 1e-3, 10.0),
     "1": ("Factor", 1.0, 1.05),
 }
+_POINTS, _PLOTTED = 300, 0.2  #: points of the plot against time, s between updates
 
 
 class MotionTab(Tab):
@@ -36,7 +37,7 @@ class MotionTab(Tab):
         super().__init__(page)
         self._run: Simulation | None = None
         self._faults: list[Fault] = []
-        self._time = self._now = 0.0
+        self._time = self._now = self._plotted = 0.0
         self._of: tuple | None = None  #: robots of the run
         move = gui.add_checkbox("Move", False, hint="there and back; key M")
         self._move = page.on(move, lambda _: self._begin())
@@ -53,6 +54,14 @@ class MotionTab(Tab):
         fault = gui.add_checkbox("Fault", False, hint="from now until it is switched off")
         self._on = page.on(fault, lambda on: self._begin_fault() if on else self._end_fault())
         self._lights: Any = gui.add_html(words.page(words.note("At rest.")))
+        self._chart: Any = gui.add_uplot(
+            (np.zeros(1), np.zeros(1)),
+            (uplot.Series(label="s"), uplot.Series(label="error", stroke=charts.LINE, width=2)),
+            title=f"{summed(page.state.drawn).label} error",
+            scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
+            aspect=1.8,
+            visible=False,
+        )
 
     def toggle(self) -> None:
         """Start or stop the motion."""
@@ -65,6 +74,7 @@ class MotionTab(Tab):
         self._on.value = False
         self.page.moving = bool(self._move.value)
         self.page.scene.show_gizmos(not self.page.moving)
+        self._chart.visible = self.page.moving
         self._lights.content = words.page(words.note("At rest."))
         self._again()
 
@@ -135,10 +145,12 @@ class MotionTab(Tab):
         sent, place = replace(self.page.state, x_d=run.x_d[k]), run.x[k]
         self.page.scene.show_robot(sent, place, self.page.magnified, self.page.coloured)
         self.page.scene.show_rests(sent, {}, 1.0)
-        off = place - run.x_d[k]
         total = summed(run.robot)
-        far = printed(float(np.linalg.norm(off[total.columns])), total.unit)
-        parts = [words.note(f"{self._time:.2f} s, off by {far}")]
+        off = np.linalg.norm((run.x - run.x_d)[: k + 1, total.columns], axis=1)
+        if now - self._plotted > _PLOTTED:
+            self._plotted, some = now, slice(None, None, 1 + k // _POINTS)
+            self._chart.data = run.time[: k + 1][some], total.factor * off[some]
+        parts = [words.note(f"{self._time:.2f} s, off by {printed(float(off[-1]), total.unit)}")]
         if self._monitored.value:
             parts.insert(0, words.lights(motion.lights(run, k)))
         if run.stops[k]:

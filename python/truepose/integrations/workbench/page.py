@@ -7,6 +7,7 @@ import io
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from viser import GuiApi, ViserServer
@@ -14,13 +15,17 @@ from viser import GuiApi, ViserServer
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import TrueposeError, one_line
-from truepose.integrations.workbench import answers, words
+from truepose.integrations.workbench import answers, charts, words
+from truepose.integrations.workbench.charts import LAW_COLOURS, MAPS
 from truepose.integrations.workbench.guard import Guard
-from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
+from truepose.integrations.workbench.scene import Scene
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, Law, usual
 
 FRAMES = 20  #: animation frames per second
+#: Changes that follow one another within this time, s, are undone together.
+_PAUSE = 0.7
+_HINT = "Calibrate: from its own readings at 40 poses. Undo: key U."
 
 
 class Page:
@@ -29,7 +34,7 @@ class Page:
     def __init__(
         self, state: State, host: str, port: int, tabs: Mapping[str, Any], dark: bool = False
     ):
-        self._guard = Guard(host, port)
+        self._guard = Guard(host, port, f"{state.drawn.name} – truepose")
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints an address without token
             with self._guard.installed():
                 label = f"truepose: {state.drawn.name}"
@@ -40,10 +45,16 @@ class Page:
         self.state = state
         self.law: Law = usual(state.drawn)  #: law of the displayed robot
         self.magnified = 10.0
-        self.how = "as built"  #: case of the ellipsoid; "none": no ellipsoid
-        self.coloured = self.mapped = False
+        self.coloured, self.ellipsoids, self.map = False, True, MAPS[0]
         self.moving = False  #: moved by a run, not by hand
         self.lock = threading.RLock()
+        self.client: Any = None  #: browser of the event that is handled
+        self._waiting: dict[int, Any] = {}  #: newest value of each control, not yet handled
+        self._events = ThreadPoolExecutor(1)  #: one event after another
+        self._computations = ThreadPoolExecutor(1)  #: those that take longer
+        self._wanted: dict[str, object] = {}  #: newest computation of each kind
+        self._before: list[State] = []  #: states to which undoing returns
+        self._changed = 0.0  #: time of the last change
         self._newest: object = None
         self._stopped = threading.Event()
         self.dark = dark  #: initial theme
@@ -51,7 +62,7 @@ class Page:
         gui = self.server.gui
         self._said = ""
         self._answers = gui.add_html("")
-        button = gui.add_button("Calibrate from its own readings")
+        do = gui.add_button_group("This robot", ("Calibrate", "Undo"), hint=_HINT)
         self._verdict: Any = gui.add_html("")
         group = gui.add_tab_group()
         self.scene = Scene(self.server, state, self._dragged)
@@ -60,7 +71,7 @@ class Page:
             folder = gui.add_folder(label, expand_by_default=False) if label == "View" else None
             with folder or group.add_tab(label):
                 self.tabs.append(made(self, gui))
-        self.on(button, lambda _: self.calibrate())
+        self.on(do, lambda what: self.undo() if what == "Undo" else self.calibrate())
         self.scene.place_gizmos(state)
         self._keys(gui)
         self.show()
@@ -81,27 +92,74 @@ class Page:
         )
 
     def on(self, handle: Any, do: Callable[[Any], object]) -> Any:
-        """Call `do` with a handle's value at each of the user's events; return the handle."""
+        """Call `do` with a handle's value after the user's events; return the handle.
 
-        def happened(event: Any) -> None:
+        Of the values that arrive while another event is handled only the newest is.
+        """
+
+        async def happened(event: Any) -> None:
             if event.client is not None:  # None: set by this program
-                with self.doing():
-                    do(getattr(event.target, "value", None))
+                self._waiting[id(handle)] = getattr(event.target, "value", None)
+                self._events.submit(answer, event.client).add_done_callback(Future.result)
+
+        def answer(client: Any) -> None:
+            with self.lock:
+                if id(handle) in self._waiting:
+                    self.client = client
+                    with self.doing():
+                        do(self._waiting.pop(id(handle)))
 
         events = ("on_click", "on_trigger", "on_upload", "on_update")
         next(getattr(handle, name) for name in events if hasattr(handle, name))(happened)
         return handle
 
+    def put(self, handle: Any, value: Any) -> None:
+        """Set a control, unless a user has changed it meanwhile."""
+        if id(handle) not in self._waiting:
+            handle.value = value
+
+    def later(self, kind: str, find: Callable[[], Any], show: Callable[[Any], None]) -> None:
+        """Compute outside the lock, then show the result; only the newest of each kind."""
+        self._wanted[kind] = asked = object()
+
+        def run() -> None:
+            if self._wanted[kind] is not asked:
+                return
+            try:
+                found = find()
+            except TrueposeError as error:
+                found = error
+            with self.lock, self.server.atomic():
+                if self._wanted[kind] is asked:
+                    show(found)
+
+        self._computations.submit(run).add_done_callback(Future.result)
+
     @contextlib.contextmanager
     def doing(self) -> Iterator[None]:
         """Lock, change, and show the state; report errors in one line."""
         with self.lock, self.server.atomic():
-            self._said = ""
+            before, self._said = self.state, ""
             try:
                 yield
             except TrueposeError as error:
                 self._said = one_line(error, 300)
+            self._remember(before)
             self.show()
+
+    def _remember(self, before: State) -> None:
+        """Keep a state for :meth:`undo`, unless it was passed through."""
+        if self.state is not before:
+            now = time.monotonic()
+            if now - self._changed > _PAUSE:
+                self._before.append(before)
+            self._changed = now
+
+    def undo(self) -> None:
+        """Return to the state before the last change."""
+        if self._before:
+            self.send(self._before.pop())
+            self._changed = time.monotonic()  # itself no change to undo
 
     def _dragged(self, frame: Array, ended: bool) -> None:
         """Move to the newest frame of a drag; overtaken frames are skipped."""
@@ -118,22 +176,25 @@ class Page:
         """Show the state; during a run the motion tab shows the robot."""
         state, said = self.state, self._said
         found = answers.rests(state)
-        P = None
-        if not self.moving:
-            try:
-                if self.how in answers.HOWS:
-                    P = answers.covariance(state.robot, state.x_d, self.how)
-            except TrueposeError as error:
-                said = said or one_line(error, 300)
-            self.scene.show_robot(state, found[self.law].x, self.magnified, self.coloured)
-            self.scene.show_rests(state, found, self.magnified)
-        self.scene.show_ellipsoid(state, P, self.magnified)
-        self.scene.show_map(state, self.mapped)
+        legend = ""
+        try:
+            if not self.moving:
+                shown = found[self.law].x, self.magnified, self.coloured
+                self.scene.show_robot(state, *shown)
+                self.scene.show_rests(state, found, self.magnified)
+            around = self.scene.overlays
+            if factor := around.show_ellipsoids(state, self.ellipsoids and not self.moving):
+                legend = words.note(f"Ellipsoids: 1 σ of the estimate, × {factor:g}")
+            if ends := around.show_map(state, self.map):
+                legend += charts.legend(state, self.map, ends)
+        except TrueposeError as error:
+            said = said or one_line(error, 300)
         self._answers.content = words.page(
             words.STYLE,
             words.laws(found, LAW_COLOURS),
             words.conditioning(state.robot.conditioning(state.x_d)),
             words.note(said, wrong=True) if said else words.pose(state, self.magnified),
+            legend,
         )
         for tab in self.tabs:
             tab.follow(state)
@@ -157,6 +218,7 @@ class Page:
             self.state = self.state.without_errors()
 
         actions: tuple[tuple[Any, str, Callable[[Any], None]], ...] = (
+            ("U", "Undo", lambda _: self.undo()),
             ("H", "Home", lambda _: self.home()),
             ("L", "Next law", next_law),
             ("N", "No errors", no_errors),
@@ -190,6 +252,8 @@ class Page:
         """Stop serving the page."""
         self._stopped.set()
         self._player.join()
+        self._computations.shutdown(cancel_futures=True)
+        self._events.shutdown(cancel_futures=True)
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 

@@ -1,4 +1,4 @@
-"""The workbench's scene: robot, true robot, steady states, ellipsoid, handles."""
+"""The workbench's scene: robot, true robot, sensors, steady states, handles."""
 
 from __future__ import annotations
 
@@ -12,32 +12,21 @@ from viser import TransformControlsHandle, ViserServer
 from viser.transforms import SE3, SO3
 
 from truepose.arguments import Array
-from truepose.integrations.workbench.answers import Rest, conditioning_map, ellipsoid, skeletons
+from truepose.integrations.workbench.answers import Rest, skeletons
+from truepose.integrations.workbench.charts import LAW_COLOURS, rgb, shades
+from truepose.integrations.workbench.overlays import Overlays
 from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames
-from truepose.robot.laws import LAWS, Law
+from truepose.robot.laws import Law
 from truepose.robot.parts import COLOURS, Part, parts_of
 
-#: Colour of each law, in the scene and in the table.
-LAW_COLOURS = dict(zip(LAWS, ("#d6604d", "#4393c3", "#5aae61", "#e08214", "#9970ab"), strict=True))
-#: Colours of conditioning 0 (singular) to 1: red, yellow, blue, distinct for colour-blind users.
-_RAMP = (0.0, 0.35, 1.0), ((178, 24, 43), (254, 224, 139), (33, 102, 172))
+#: Line width of a sensor by its kind; the others are discs at a joint.
+_LINES = {"distance": 1.0, "plane_distance": 2.5, "coordinate": 2.5, "rod_length": 1.0}
+_DISC = 13.0
 _WIDTH = 2.2e-3  #: ratio of a part's radius to its line width, for a robot of 1 m
 _GHOST = (150, 155, 165)
 #: Lighter colours for parts that are invisible on a dark page.
 _PARTS = COLOURS | {"motor": "#5b6270", "carriage": "#5b6270"}
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Return red, green and blue of "#rrggbb"."""
-    return tuple(bytes.fromhex(colour[1:]))  # type: ignore[return-value]
-
-
-def ramp(conditioning: Array) -> Array:
-    """Return colours (..., 3), uint8, of conditionings from 0 to 1."""
-    at, colours = _RAMP
-    channels = [np.interp(conditioning, at, channel) for channel in zip(*colours, strict=True)]
-    return np.stack(channels, axis=-1).astype(np.uint8)
 
 
 class Scene:
@@ -69,10 +58,7 @@ class Scene:
             )
             for law, colour in LAW_COLOURS.items()
         }
-        self._ellipsoid = server.scene.add_icosphere(
-            "/ellipsoid", radius=1.0, color=(240, 190, 40), opacity=0.6, cast_shadow=False
-        )
-        self._map: Any = None
+        self.overlays = Overlays(server, state, self._size)
         self._gizmos = self._add_gizmos(state, dragged)
 
     def _camera(self, state: State, centre: Array) -> None:
@@ -80,7 +66,7 @@ class Scene:
         camera = self._server.initial_camera
         planar = state.drawn.spec.mobility.startswith("planar")
         away = np.array([0.0, -0.25, 1.9]) if planar else np.array([1.15, -1.45, 0.75])
-        away *= 0.66 * self._size
+        away *= 0.52 * self._size
         camera.look_at, camera.position = tuple(centre), tuple(centre + away)
 
         up = np.array([0.0, 1.0, 0.0] if planar else [0.0, 0.0, 1.0])
@@ -89,7 +75,7 @@ class Scene:
         @self._server.on_client_connect
         def _(client: Any) -> None:
             aspect = client.camera.aspect
-            far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else 1.0)
+            far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else max(1.7 / aspect, 1.0))
             half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # half of the view
             # Part hidden by the panel: below on a narrow screen, else on the right.
             aside = -half / 2 * up if aspect < 1 else 0.25 * half * right
@@ -140,7 +126,13 @@ class Scene:
             off = magnified * (x - state.x_d)
             shown = parts_of(state.truth, real, state.x_d + off)
             at = state.robot.conditioning(state.x_d) if coloured else None
+            used = state.truth.spec.used  # their parts are the last
+            count = len(shown) - len(used)
+            for k, sensor in enumerate(used, count):
+                shown[k] = (*shown[k][:2], _LINES.get(sensor.kind, _DISC))
             self._draw("robot", shown, _colours(shown, state.robot.n, at))
+            places = [points[0] for _, points, _ in shown[count:]]
+            self.overlays.show_names([*zip([one.name for one in used], places, strict=True)])
 
     def _draw(self, name: str, parts: list[Part], colours: Array | None) -> None:
         """Draw each straight piece of each part as an instance of one cylinder mesh."""
@@ -187,32 +179,6 @@ class Scene:
             if mark.visible:
                 mark.position = sent + magnified * found[law].off
 
-    def show_ellipsoid(self, state: State, P: Array | None, magnified: float) -> None:
-        """Draw the 1 σ ellipsoid of the position estimate, equally magnified."""
-        self._ellipsoid.visible = P is not None
-        if P is None:
-            return
-        radii, directions = ellipsoid(state.robot, P)
-        self._ellipsoid.scale = tuple(np.maximum(magnified * radii, 1e-5))
-        self._ellipsoid.wxyz = SO3.from_matrix(directions).wxyz
-        self._ellipsoid.position = frames(state.robot, state.x_d)[:3, 3]
-
-    def show_map(self, state: State, wanted: bool) -> None:
-        """Colour places about the workspace by their conditioning."""
-        if wanted:  # create anew, as an update cannot change the number of points
-            places, worst = conditioning_map(state)
-            self._map = self._server.scene.add_point_cloud(
-                "/map",
-                places.astype(np.float32),
-                ramp(worst),
-                point_size=0.009 * self._size,
-                point_shape="circle",
-                precision="float32",
-                point_shading="flat",
-            )
-        elif self._map is not None:
-            self._map.visible = False
-
     def show_gizmos(self, wanted: bool) -> None:
         """Show the drag handles, or hide them during a run."""
         for gizmo in self._gizmos:
@@ -226,9 +192,9 @@ def _colours(parts: list[Part], n: int, conditioning: Any) -> Array:
         return colours
     rods = [k for k, (name, _, _) in enumerate(parts) if name == "rod"]
     for number, k in enumerate(rods):
-        colours[k] = ramp(conditioning.serial[number * n // len(rods)])
+        colours[k] = shades(1 - conditioning.serial[number * n // len(rods)])
     platform = [name in ("nacelle", "central bar", "lateral bar") for name, _, _ in parts]
-    colours[platform] = ramp(conditioning.parallel)
+    colours[platform] = shades(1 - conditioning.parallel)
     return colours
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import socket
 import time
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,20 +57,25 @@ def open_page(
     *,
     log: Path | None = None,
     dark: bool = False,
+    prices: Mapping[str, float] | None = None,
 ) -> Page:
     """Serve the page of a robot, or of a state, until its `stop` is called.
+
+    Prices are of sensors, by name; by default those of the robot file.
 
     InputError: the port is in use, or the log is invalid. TrueposeError: viser is not installed.
     """
     require()
     require_free(host, port)
     from truepose.integrations.workbench import tabs
+    from truepose.integrations.workbench.design_tab import DesignTab
     from truepose.integrations.workbench.log_tab import LogTab
     from truepose.integrations.workbench.motion_tab import MotionTab
     from truepose.integrations.workbench.page import Page
 
-    shown = {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab, "Sensors": tabs.SensorsTab}
-    shown |= {"Log": LogTab, "Faults": MotionTab, "View": tabs.ViewTab}
+    shown = {"Design": partial(DesignTab, prices=prices)}
+    shown |= {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab}
+    shown |= {"Log": LogTab, "Motion": MotionTab, "View": tabs.ViewTab}
     page = Page(subject if isinstance(subject, State) else begin(subject), host, port, shown, dark)
     try:
         if page.server.get_port() != port:  # port taken meanwhile

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
+from truepose.integrations.workbench.decision import Terms
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import unit_of
@@ -18,7 +19,7 @@ from truepose.robot.units import unit_of
 #: Range of an error's slider without a tolerance, by unit: m, rad, of a gain.
 _REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6}
 _SIGMAS = 4  #: range of a slider, σ of the tolerance
-_BEYOND = 0.25  #: range of a coordinate's slider beyond the workspace, as a share of it
+BEYOND = 0.25  #: range of a coordinate's slider beyond the workspace, as a share of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,7 @@ class State:
     robot: Robot  #: controllers' model: nominal, or calibrated
     truth: Robot  #: true robot, at its highest level
     x_d: Array  #: (n,) target of the nacelle
+    terms: Terms = field(default_factory=Terms)  #: for predictions
 
     @property
     def errors(self) -> dict[str, float]:
@@ -112,8 +114,8 @@ def demonstration() -> State:
     return begin(h4).with_errors({"chain3.rod": 0.003}).sent([0.05, 0.05, -0.40, 0.20])
 
 
-def pose_range(robot: Robot) -> Array:
-    """Return the slider range of each coordinate, (n, 2): a little beyond the workspace.
+def pose_range(robot: Robot, beyond: float = BEYOND) -> Array:
+    """Return the range of each coordinate, (n, 2): the workspace, and `beyond` of it on each side.
 
     Without a workspace it is 0.1 m and 0.5 rad about home.
     """
@@ -122,7 +124,7 @@ def pose_range(robot: Robot) -> Array:
         reach = np.array([0.1 if unit == "m" else 0.5 for _, unit in robot.coordinates])
         return np.column_stack([robot.home - reach, robot.home + reach])
     low, high = np.array(box.minimum), np.array(box.maximum)
-    more = _BEYOND * (high - low)
+    more = beyond * (high - low)
     return np.column_stack(
         [np.minimum(low - more, robot.home), np.maximum(high + more, robot.home)]
     )

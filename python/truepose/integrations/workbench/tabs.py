@@ -10,8 +10,8 @@ import numpy as np
 from viser import GuiApi
 
 from truepose.arguments import Array
-from truepose.exceptions import TrueposeError, one_line
-from truepose.integrations.workbench import answers, words
+from truepose.integrations.workbench import words
+from truepose.integrations.workbench.charts import MAPS
 from truepose.integrations.workbench.page import Page, Tab
 from truepose.integrations.workbench.state import (
     State,
@@ -37,10 +37,10 @@ def _slider(page: Page, axis: Axis, ends: Array, value: float, do: Callable[[flo
     return page.on(handle, lambda shown: do(shown / axis.factor))
 
 
-def _set(slider: Any, value: float) -> None:
+def _set(page: Page, slider: Any, value: float) -> None:
     """Set a slider, clipped to its range, if its value differs."""
     if abs(value - slider.value) > 0.5 * slider.step:
-        slider.value = _stepped(value, slider.min, slider.max, slider.step)
+        page.put(slider, _stepped(value, slider.min, slider.max, slider.step))
 
 
 def _stepped(value: float, low: float, high: float, step: float) -> float:
@@ -83,7 +83,7 @@ class PoseTab(Tab):
         values = np.multiply(self._factors, [*state.x_d, *q])
         for slider, value in zip([*self._pose, *self._motors], values, strict=True):
             if np.isfinite(value):
-                _set(slider, value)
+                _set(self.page, slider, value)
 
 
 class ErrorsTab(Tab):
@@ -129,43 +129,8 @@ class ErrorsTab(Tab):
             self._fill()
         errors = state.errors
         for name, handle in self._sliders.items():
-            _set(handle, in_print(state.drawn, name)[0] * errors.get(name, 0.0))
+            _set(self.page, handle, in_print(state.drawn, name)[0] * errors.get(name, 0.0))
         self._list.content = words.page(words.errors(state))
-
-
-class SensorsTab(Tab):
-    """Check boxes of the sensors, with predicted accuracy and price."""
-
-    def __init__(self, page: Page, gui: GuiApi):
-        super().__init__(page)
-        self._robot: Any = None
-        self._bounds: Any = gui.add_html("")
-        self._ticks = {}
-        used = page.state.drawn.sensors
-        for sensor in page.state.drawn.spec.sensor:
-            cost = getattr(sensor, "price", None)
-            label = sensor.name + ("" if cost is None else f" · {cost:g}")
-            hint = sensor.kind.replace("_", " ")
-            tick = gui.add_checkbox(label, sensor.name in used, hint=hint)
-            self._ticks[sensor.name] = page.on(tick, lambda _: self._use())
-
-    def _use(self) -> None:
-        names = [name for name, tick in self._ticks.items() if tick.value]
-        self.page.state = self.page.state.with_sensors(names)
-
-    def follow(self, state: State) -> None:
-        """Predict again if the sensors or the model changed."""
-        if state.robot is self._robot:
-            return
-        self._robot = state.robot
-        for name, tick in self._ticks.items():
-            tick.value = name in state.robot.sensors
-        try:
-            predicted = words.accuracy(state.robot, answers.bounds(state.robot))
-        except TrueposeError as error:
-            predicted = words.note(one_line(error, 300), wrong=True)
-        cost = words.bill(state.robot, answers.price(state.robot))
-        self._bounds.content = words.page(predicted, cost)
 
 
 class ViewTab(Tab):
@@ -177,19 +142,19 @@ class ViewTab(Tab):
         shown: dict[str, Any] = {
             "law": self._law,
             "magnified": gui.add_slider("Errors shown ×", 1.0, 100.0, 1.0, page.magnified),
-            "how": gui.add_dropdown(
-                "Ellipsoid, 1 σ", (*answers.HOWS, "none"), initial_value=page.how
-            ),
+            "map": gui.add_dropdown("Map", MAPS, initial_value=page.map),
+            "ellipsoids": gui.add_checkbox("Ellipsoids, 1 σ", page.ellipsoids),
             "coloured": gui.add_checkbox(
-                "Conditioning in colour", False, hint="red: singular; blue: best"
+                "Conditioning in colour", False, hint="yellow: singular; violet: best"
             ),
-            "mapped": gui.add_checkbox("Map of singularities", False, hint="about the workspace"),
         }
         for what, handle in shown.items():
             page.on(handle, partial(setattr, page, what))
+        around = page.scene.overlays
+        names = gui.add_checkbox("Sensors' names", around.named)
+        page.on(names, partial(setattr, around, "named"))
         page.on(gui.add_checkbox("Dark page", page.dark), page.dress)
 
     def follow(self, state: State) -> None:
         """Show the law, which a key may have changed."""
-        if self._law.value != self.page.law:
-            self._law.value = self.page.law
+        self.page.put(self._law, self.page.law)

@@ -19,7 +19,7 @@ from truepose.show.table import number
 from truepose.show.units import PRINT, printed
 
 #: Colours of the fault monitor's status.
-LIGHTS = {"valid": "#5aae61", "suspect": "#e08214", "failed": "#d6604d"}
+LIGHTS = {"valid": "#009e73", "suspect": "#e69f00", "failed": "#d55e00"}
 #: Style of all parts, on the page once. On narrow screens viser's panel has unused space beside it
 #: and little height: make it as wide as the screen and half as high.
 STYLE = """<style>
@@ -30,9 +30,16 @@ STYLE = """<style>
 .answer td { font-weight: 400 }
 .answer th { font-weight: 600 }
 .answer div { margin-top: 0.3em; opacity: 0.8 }
-.answer div.wrong { color: #d6604d; opacity: 1 }
+.answer div.wrong { color: #d55e00; opacity: 1 }
 .answer i { display: inline-block; width: 0.7em; height: 0.7em; border: 2px solid;
   border-radius: 50%; margin-right: 0.4em }
+.answer svg { width: 100%; height: auto; display: block; margin-top: 0.4em }
+.answer svg text { fill: currentColor; font-size: 10px }
+.answer .bar { display: inline-block; height: 0.7em; background: #0072b2 }
+.answer .bars td { text-align: left; white-space: nowrap }
+.answer .bars td:first-child { width: 1px; padding-right: 0.6em }
+.answer .scale { height: 0.8em; opacity: 1 }
+.answer .ends { display: flex; justify-content: space-between }
 @media (max-width: 40em) {
   .mantine-Paper-root[style*='bottom: 0px'] { width: 100% !important; max-height: 50% !important }
   .mantine-Paper-root[style*='bottom: 0px'] .mantine-ScrollArea-content > div {
@@ -73,6 +80,11 @@ def note(text: str, wrong: bool = False) -> str:
     """Write a line of text; errors stand out."""
     kind = "wrong" if wrong else "note"
     return f'<div class="{kind}">{escape(text)}</div>'
+
+
+def strong(text: str) -> str:
+    """Write a line of text that stands out."""
+    return f"<b>{escape(text)}</b>"
 
 
 def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
@@ -122,17 +134,6 @@ def accuracy(robot: Robot, found: Mapping[str, Array]) -> str:
             cells.append(number(float(np.degrees(np.linalg.norm(sigma[turns]))), 2))
         rows.append([escape(how), *cells])
     return table(header, rows)
-
-
-def bill(robot: Robot, price: tuple[float, tuple[str, ...]]) -> str:
-    """Return the price of the sensors in use, as far as the file has it."""
-    if not robot.sensors:
-        return note("Motors alone")
-    total, unpriced = price
-    if len(unpriced) == robot.r:
-        return note(f"{robot.r} in use; the robot file names no prices")
-    missing = f", without {', '.join(unpriced)}" if unpriced else ""
-    return note(f"{robot.r} in use, price {total:g}{missing}")
 
 
 def errors(state: State, most: int = 6) -> str:

@@ -1,12 +1,15 @@
 """The workbench against the API. Its states, its answers, its page in a browser."""
 
+import asyncio
 import contextlib
 import http.client
 import importlib.metadata
+import itertools
 import re
 import socket
 import time
 import webbrowser
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +18,16 @@ from browsing import browser  # noqa: F401 – a fixture
 
 import truepose as tp
 from truepose.exceptions import InputError, PoseError, TrueposeError
-from truepose.integrations.workbench import answers, motion, playback, serve, words
+from truepose.integrations.workbench import (
+    answers,
+    charts,
+    decision,
+    motion,
+    playback,
+    serve,
+    words,
+)
+from truepose.integrations.workbench.decision import Terms
 from truepose.integrations.workbench.state import (
     begin,
     demonstration,
@@ -77,19 +89,16 @@ def test_the_picture_magnifies_what_is_wrong_and_nothing_else(somewhere):
     assert np.allclose(ghost, real, atol=1e-12)
 
 
-def test_the_ellipsoid_is_the_covariance(somewhere):
-    robot = somewhere.robot
-    for how in answers.HOWS:
-        P = answers.covariance(robot, somewhere.x_d, how)
-        radii, axes = answers.ellipsoid(robot, P)
-        whole = axes @ np.diag(radii**2) @ axes.T
-        linear = ["xyz".index(name) for name, _ in robot.coordinates if name in "xyz"]
-        k = len(linear)
-        assert np.allclose(whole[np.ix_(linear, linear)], P[:k, :k], atol=1e-15)
-        assert np.linalg.det(axes) == pytest.approx(1)
-    assert np.array_equal(
-        answers.covariance(robot, somewhere.x_d, "as built"), tp.accuracy(robot, somewhere.x_d)
+def test_ellipsoids_are_covariances(somewhere):
+    robot, axes = (
+        somewhere.robot,
+        ["xyz".index(n) for n, _ in somewhere.robot.coordinates if n in "xyz"],
     )
+    whole = np.zeros((1, 3, 3))
+    whole[np.ix_([0], axes, axes)] = tp.accuracy(robot, somewhere.x_d)[: len(axes), : len(axes)]
+    (radii,), (turn,) = answers.ellipsoids(whole)
+    assert np.allclose(turn @ np.diag(radii**2) @ turn.T, whole[0], atol=1e-15)
+    assert np.linalg.det(turn) == pytest.approx(1)
 
 
 def test_a_sensor_more_never_harms_and_what_one_calibrates_helps(h4):
@@ -139,24 +148,66 @@ def test_home_is_within_the_sliders(any_robot):
         assert (ends[:, 0] < ends[:, 1]).all()
 
 
-def test_the_map_is_the_conditioning_of_places_about_the_workspace(somewhere):
-    places, worst = answers.conditioning_map(somewhere, points=9)
+def test_maps_are_of_places_about_the_workspace(somewhere):
+    places, worst = answers.conditioning_map(somewhere)
     assert len(places) == len(worst) > 20
     assert ((worst >= 0) & (worst <= 1)).all()
-    parallel, serial = somewhere.robot.conditioning(somewhere.x_d)
-    at = somewhere.sent(somewhere.x_d)
-    _, one = answers.conditioning_map(at, points=1, beyond=-0.5)
-    assert one.shape == (1,)
-    assert 0 < min(parallel, *serial) <= 1
+    places, error = answers.error_map(somewhere)
+    target = frames(somewhere.robot, somewhere.x_d)[:3, 3]
+    near = error[np.argmin(np.linalg.norm(places - target, axis=1))]
+    there = decision.error_at(somewhere.robot, somewhere.x_d[None], somewhere.terms)
+    assert len(places) == len(error) and near == pytest.approx(there.item(), rel=0.1)
 
 
-def test_prices_add_up_as_far_as_the_file_names_them():
-    used = [SimpleNamespace(name="a", price=120.0), SimpleNamespace(name="b", price=30.5)]
-    robot = SimpleNamespace(spec=SimpleNamespace(used=used), sensors=("a", "b"), r=2)
-    assert answers.price(robot) == (150.5, ())
-    assert "price 150.5" in words.bill(robot, answers.price(robot))
-    used[1] = SimpleNamespace(name="b")
-    assert "price 120, without b" in words.bill(robot, answers.price(robot))
+@pytest.mark.parametrize("terms", [Terms(), Terms(20, True), Terms(10, confidence=0.6)], ids=str)
+@pytest.mark.parametrize("name", ["h4", "stewart", "g1-ankle", "delta"])
+def test_a_set_of_the_front_has_its_error_in_the_budget_and_on_the_map(name, terms):
+    robot = tp.load(name)
+    found = decision.front(robot, {one.name: 1.0 for one in robot.spec.sensor}, terms)
+    every = [choice.error for choice in found.front]
+    assert every == sorted(every, reverse=True) and decision.within(found, -1.0) is None
+    for budget in (0.0, 1.0, 99.0):
+        choice = decision.within(found, budget)
+        used = robot.with_sensors(*choice.sensors)
+        whole = decision.contributions(used, terms)
+        assert choice.price <= budget and whole.error == pytest.approx(choice.error, rel=1e-6)
+        assert sum(one.error**2 for one in whole.contributions) == pytest.approx(whole.sigma**2)
+        known = terms.known(used) | {"confidence": terms.confidence, "measure": "worst"}
+        each = decision.error_at(used, found.over, terms)
+        worst = tp.design.error_budget(used, poses=found.over, **known).error
+        assert each.max() == pytest.approx(worst, rel=1e-6)
+    more = decision.front(robot, found.prices, replace(terms, confidence=0.99))
+    assert (np.subtract([choice.error for choice in more.front], every) > 0).all()
+
+
+def test_a_plan_is_played_from_home_through_its_poses_and_back(h4):
+    plan = decision.plan(h4.with_sensors("wire1", "wire2", "wire3"), Terms(4))
+    assert len(plan.poses) == 4
+    for way, x in ((0.0, h4.home), (5.0, h4.home), (7.0, h4.home), *enumerate(plan.poses, 1)):
+        assert np.allclose(decision.along(plan, way), x)
+    assert np.allclose(decision.along(plan, 1.5), plan.poses[:2].mean(axis=0))
+
+
+def seen_by_protan_and_deutan(colour):
+    """Return a colour as readers without red or green cones see it (Machado et al. 2009), Lab."""
+    rgb = np.array([*bytes.fromhex(colour[1:])]) / 255
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    kinds = {
+        "protan": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+        "deutan": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    }
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    for matrix in kinds.values():
+        xyz = to_xyz @ np.clip(matrix @ linear, 0, 1) / [0.9505, 1.0, 1.089]
+        x, y, z = np.cbrt(xyz)
+        yield np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("colours", [charts.LAW_COLOURS, words.LIGHTS], ids=["laws", "lights"])
+def test_colours_differ_for_colour_blind_readers(colours):
+    for one, other in itertools.combinations(colours.values(), 2):
+        pairs = zip(seen_by_protan_and_deutan(one), seen_by_protan_and_deutan(other), strict=True)
+        assert min(np.linalg.norm(a - b) for a, b in pairs) > 15, (one, other)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -365,8 +416,8 @@ def test_a_drag_moves_the_sliders_and_one_out_of_reach_says_why(page, h4):
     x = np.array([0.05, 0.02, -0.41, 0.1])
     page._dragged(frames(h4, x), True)
     assert np.allclose(page.state.x_d, x, atol=1e-12)
-    assert page.tabs[0]._pose[0].value == 50.0
-    assert page.tabs[0]._motors[0].value == pytest.approx(np.degrees(h4.ikm(x)[0]), abs=0.06)
+    assert page.tabs[1]._pose[0].value == 50.0
+    assert page.tabs[1]._motors[0].value == pytest.approx(np.degrees(h4.ikm(x)[0]), abs=0.06)
     page._dragged(frames(h4, [2.0, *x[1:]]), True)
     assert np.allclose(page.state.x_d, x, atol=1e-12)
     assert "unreachable" in page._answers.content
@@ -388,12 +439,11 @@ def test_the_first_minute_calibrates_a_robot_whose_rod_is_too_long():
 
 
 def test_what_a_hand_does_is_seen_in_every_tab(page):
-    pose, errors, sensors, log, faults = page.tabs[:5]
+    design, pose, errors, log, faults = page.tabs[:5]
     assert "85 off" in errors._list.content
-    before = sensors._bounds.content
     with page.doing():
         page.state = page.state.with_sensors(["theta", "z_telemeter"])
-    assert sensors._bounds.content != before
+    assert design._ticks["z_telemeter"].value and not design._ticks["wire1"].value
     assert "z_telemeter" in faults._reading.options and "z_telemeter" in errors._group.options
     with page.doing():
         log._simulate_log()
@@ -405,11 +455,8 @@ def test_what_a_hand_does_is_seen_in_every_tab(page):
     with page.doing():
         faults.toggle()
         faults._begin_fault()
-    for _ in range(400):  # the page plays by itself
-        if "failed (" in faults._lights.content:
-            break
-        time.sleep(0.05)
-    assert "failed (" in faults._lights.content
+    until(lambda: "failed (" in faults._lights.content)  # the page plays by itself
+    assert faults._chart.visible and len(faults._chart.data[1]) > 10
     with page.doing():
         faults.toggle()
     assert not page.moving and pose._pose[0].value == pytest.approx(
@@ -457,14 +504,139 @@ def test_a_log_that_is_opened_on_the_page_is_played(page, rng, anywhere):
     assert log._line.max == 12  # the one before stays
 
 
-@pytest.mark.parametrize(("width", "dark"), [(390, True), (1280, False)])
-def test_in_a_browser_a_key_moves_the_robot(page, browser, width, dark):  # noqa: F811
+def until(true, seconds=90.0):
+    """Wait until something holds, and require it."""
+    end = time.monotonic() + seconds
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert true()
+
+
+def test_a_budget_chooses_sensors_that_robot_and_figures_have_at_once(page):
+    design = page.tabs[0]
+    until(lambda: design._front is not None)
+    design._budget.value = 200.0
+    with page.doing():
+        design._choose(200.0)
+    best = decision.within(design._front, 200.0)
+    assert page.state.drawn.sensors == page.state.truth.sensors == best.sensors != ()
+    assert {*page.scene.overlays._names} == {*best.sensors}
+    error = f"{1e3 * best.error:.3g} mm"
+    until(lambda: error in design._said.content and "price 200" in design._said.content)
+    with page.doing():
+        design._agree(poses=20, referenced=True, confidence=0.9)
+    until(lambda: "kept by 90 % of robots" in design._said.content)
+    best = decision.within(design._front, 200.0)  # of robots that are calibrated
+    until(lambda: page.state.drawn.sensors == best.sensors)
+    until(lambda: f"{1e3 * best.error:.3g} mm" in design._said.content)
+    with page.doing():
+        design._price("theta", 0.0)
+    until(lambda: design._front.prices["theta"] == 0.0)
+
+
+def test_undoing_returns_to_what_a_user_changed(page):
+    before = page.state
+    for change in (lambda s: s.sent(s.x_d + 0.01), lambda s: s.with_sensors([])):
+        page._changed = -1.0  # not in one movement
+        with page.doing():
+            page.state = change(page.state)
+    with page.doing():  # in one movement with the last
+        page.state = page.state.with_sensors(["theta", "wire1"])
+    assert page.state.drawn.sensors == ("theta", "wire1")
+    with page.doing():
+        page.undo()
+    assert page.state.drawn.sensors == before.drawn.sensors
+    assert np.array_equal(page.state.x_d, before.x_d + 0.01)
+    for _ in range(2):
+        with page.doing():
+            page.undo()
+    assert page.state.drawn == before.drawn and np.abs(page.state.x_d - before.x_d).max() < 1e-12
+
+
+def test_ticks_of_two_users_are_kept_while_the_page_is_busy(page):
+    ticks = [page.tabs[0]._ticks[name] for name in ("wire1", "wire3", "pivot1")]
+    with page.lock:
+        for tick in ticks:  # as viser does for a browser's message
+            tick._impl.value = True
+            asyncio.run(tick._impl.update_cb[-1](SimpleNamespace(client=object(), target=tick)))
+        with page.doing():  # somebody else's change
+            page.home()
+        assert all(tick.value for tick in ticks)
+    until(lambda: {"wire1", "wire3", "pivot1"} <= {*page.state.drawn.sensors})
+
+
+def test_a_plan_is_drawn_played_and_saved_with_robot_and_report(page):
+    design, sent = page.tabs[0], {}
+    page.client = SimpleNamespace(send_file_download=sent.__setitem__)
+    with page.doing():
+        design._save("plan")
+    assert "no plan to save" in page._said
+    with page.doing():
+        design._agree(poses=6, referenced=True)
+        design._ask_plan()
+    until(lambda: design._plan is not None)
+    assert len(page.scene.overlays._plan) == 1 + 6 and "of 2000 poses" in design._told.content
+    design._run.value, x = True, page.state.x_d
+    until(lambda: np.abs(page.state.x_d - x).max() > 1e-3)
+    design._run.value = False
+    with page.doing():
+        design._budget.value = 300.0
+        for what in ("robot", "plan", "report"):
+            design._save(what)
+    assert page._said == "" and [*sent] == ["h4.toml", "h4-poses.csv", "h4-sensors.html"]
+    assert sent["h4-poses.csv"].decode().splitlines()[0] == "x,y,z,theta,step"
+    assert b"<title>truepose: sensors for h4" in sent["h4-sensors.html"]
+    assert b'sensors = ["theta"]' in sent["h4.toml"]
+    with page.doing():  # a plan is of its sensors
+        page.state = page.state.with_sensors(["theta", "wire1"])
+    assert design._plan is None and not page.scene.overlays._plan
+
+
+@pytest.mark.parametrize("map_", charts.MAPS[1:])
+def test_a_map_has_a_legend_and_is_kept_while_it_is_true(page, map_):
+    with page.doing():
+        page.map = map_
+    drawn = page.scene.overlays._map
+    assert "Map: " in page._answers.content and "linear-gradient" in page._answers.content
+    with page.doing():
+        page.state = page.state.sent(page.state.x_d + np.eye(4)[0] / 100)
+    assert page.scene.overlays._map is drawn
+    with page.doing():
+        page.state = page.state.sent(page.state.x_d + np.eye(4)[2] / 100)
+    assert page.scene.overlays._map is not drawn
+
+
+#: Controls that a keyboard reaches and that have no name.
+NAMELESS = """() => [...document.querySelectorAll("input, [role=slider], button")].filter(
+  e => e.offsetParent && e.tabIndex >= 0 && !(
+    e.labels?.length || e.getAttribute("aria-label") || e.textContent.trim())
+).map(e => e.outerHTML)"""
+#: Pairs of texts and controls that overlap.
+OVERLAPS = """() => {
+  const every = [...document.querySelectorAll("label[for], .answer div, .answer svg, button")];
+  const seen = every.filter(e => e.offsetParent).map(e => [e.outerHTML, e.getBoundingClientRect()]);
+  return seen.flatMap(([one, a], k) => seen.slice(0, k).filter(([_, b]) =>
+    Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 &&
+    Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2).map(([other]) => [one, other]));
+}"""
+
+
+@pytest.mark.parametrize(("width", "dark"), [(390, True), (1400, False)])
+def test_in_a_browser_keys_choose_sensors_and_every_control_has_a_name(
+    page,
+    browser,  # noqa: F811
+    width,
+    dark,
+):
     page.dress(dark)
     seen, wrong = browser.new_page(viewport={"width": width, "height": 844}), []
     seen.set_default_timeout(90_000)
     seen.on("pageerror", lambda error: wrong.append(str(error)))
     seen.goto(page.address("127.0.0.1"))
     seen.wait_for_selector("text=steady state")
+    assert seen.title() == "h4 – truepose"
+    icons = seen.locator("link[rel=icon]").evaluate_all("e => e.map(one => one.href)")
+    assert len(icons) == 1 and "d55e00" in icons[0]
     for law in LAWS:
         assert seen.get_by_text(law, exact=True).count() >= 1
     box = seen.get_by_text("steady state").bounding_box()
@@ -474,20 +646,13 @@ def test_in_a_browser_a_key_moves_the_robot(page, browser, width, dark):  # noqa
         "e => getComputedStyle(e).backgroundColor"
     )
     assert (max(map(int, re.findall(r"\d+", background)[:3])) < 100) == dark
+    seen.get_by_role("slider", name="Budget").wait_for()
+    assert seen.evaluate(NAMELESS) == [] == seen.evaluate(OVERLAPS)
     law = page.law
     seen.keyboard.press("l")
-    for _ in range(600):
-        if page.law != law:
-            break
-        seen.wait_for_timeout(50)
-    assert page.law != law
-    x = page.state.x_d[0]
-    for _ in range(60):  # a key that meets the answer to the one before is taken back by it
-        seen.get_by_role("slider").first.press("ArrowRight")
-        seen.wait_for_timeout(500)
-        if page.state.x_d[0] > x:
-            break
-    assert page.state.x_d[0] > x
+    until(lambda: seen.wait_for_timeout(50) or page.law != law)
+    seen.get_by_role("slider", name="Budget").press("End")
+    until(lambda: seen.wait_for_timeout(50) or page.state.drawn.r == len(page.tabs[0]._ticks))
     assert not wrong
     seen.close()
 

@@ -1,0 +1,92 @@
+"""A designer's decision: sensors within a budget, their error, the calibration poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
+from truepose.design.criterion import Criterion
+from truepose.design.error_budget import ErrorBudget, error_budget
+from truepose.design.pose_plan import PosePlan
+from truepose.design.poses import plan_poses
+from truepose.design.selection import SensorSelection, SensorSet
+from truepose.design.sensors import practice, select_sensors
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+
+#: Poses of a plan where no self-calibration was requested.
+_POSES = 20
+
+_practice = lru_cache(32)(practice)
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is done with each robot once, and the share of robots that keep an error."""
+
+    poses: int = 0  #: of a self-calibration
+    referenced: bool = False  #: at home
+    confidence: float = 0.95
+
+    def known(self, robot: Robot) -> dict[str, Array | None]:
+        """Return arguments of :func:`truepose.accuracy` and of the functions here."""
+        visited = _practice(robot, self.poses) if self.poses else None
+        return {"calibrated_on": visited, "reference_pose": robot.home if self.referenced else None}
+
+
+def front(robot: Robot, prices: Mapping[str, float], terms: Terms, **goal: Any) -> SensorSelection:
+    """Return the Pareto front of sensor sets, tolerances as they are."""
+    known = terms.known(robot) | {"confidence": terms.confidence}
+    return select_sensors(robot, prices, price_steps={}, **known, **goal)
+
+
+def within(found: SensorSelection, budget: float) -> SensorSet | None:
+    """Return the most accurate set of the front within a budget."""
+    affordable = [choice for choice in found.front if choice.price <= budget * (1 + 1e-9)]
+    return affordable[-1] if affordable else None
+
+
+def contributions(robot: Robot, terms: Terms) -> ErrorBudget:
+    """Return the error with the sensors in use, and what contributes to it.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4, prices, terms = tp.load("h4"), {"theta": 90, "wire1": 250}, Terms(poses=10)
+    >>> for choice in front(h4, prices, terms).front:
+    ...     budget = contributions(h4.with_sensors(*choice.sensors), terms)
+    ...     print(choice.sensors, abs(budget.error / choice.error - 1) < 1e-6)
+    () True
+    ('theta',) True
+    ('theta', 'wire1') True
+    """
+    return error_budget(robot, **terms.known(robot), confidence=terms.confidence)
+
+
+def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
+    """Return the position error that the share of robots keeps at each pose, (N,); NaN: none."""
+    P = accuracy(robot, x, **terms.known(robot), errors="nan")
+    columns = summed(robot).columns
+    own = np.asarray(P)[:, columns][:, :, columns]
+    good, error = np.isfinite(own).all(axis=(1, 2)), np.full(len(x), np.nan)
+    error[good] = np.sqrt(Criterion("worst", terms.confidence).kept(own[good]))
+    return error
+
+
+def plan(robot: Robot, terms: Terms) -> PosePlan:
+    """Return the calibration poses for the sensors in use."""
+    reference = robot.home if terms.referenced else None
+    return plan_poses(robot, terms.poses or _POSES, reference_pose=reference)
+
+
+def along(plan: PosePlan, way: float) -> Array:
+    """Return the pose after `way` stops on the tour from home, straight between stops."""
+    stops = np.vstack([plan.robot.home, plan.poses, plan.robot.home])
+    k = min(int(way), len(stops) - 2)
+    return np.asarray(stops[k] + min(way - k, 1.0) * (stops[k + 1] - stops[k]))

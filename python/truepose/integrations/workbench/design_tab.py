@@ -1,0 +1,200 @@
+"""The tab that decides: sensors by budget, what limits their accuracy, calibration poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from viser import GuiApi
+
+from truepose.commands.design import report_page
+from truepose.commands.options import file_text
+from truepose.commands.plan import notes, written
+from truepose.design.pose_plan import PosePlan
+from truepose.design.selection import SensorSelection
+from truepose.exceptions import TrueposeError, one_line
+from truepose.integrations.workbench import answers, charts, decision, words
+from truepose.integrations.workbench.page import Page, Tab
+from truepose.integrations.workbench.state import State
+from truepose.robot.units import label, summed
+from truepose.show.units import measured
+
+#: Price of a sensor without one, in any currency.
+_ASSUMED = 100.0
+_MOST = 60  #: poses of a self-calibration
+_STOPS = 1.5  #: stops of a plan played per second
+
+
+class DesignTab(Tab):
+    """Budget, calibration and confidence by sliders; the front, the budget of errors, the plan."""
+
+    def __init__(self, page: Page, gui: GuiApi, prices: Mapping[str, float] | None):
+        super().__init__(page)
+        drawn, self._front, self._plan = page.state.drawn, None, None
+        self._of: tuple = ()  #: what the front is of
+        self._with: tuple = ()  #: what the error budget is of
+        self._affordable: tuple[str, ...] | None = None  #: sensors that the budget chose
+        self._played = 0.0
+        self._now = 0.0
+        of_file = {one.name: one.price for one in drawn.spec.sensor if one.price is not None}
+        assumed = dict.fromkeys((one.name for one in drawn.spec.sensor), _ASSUMED)
+        self._prices = {**(prices or of_file or assumed)}  #: of the candidates
+        whole = sum(self._prices.values())
+        step = 10.0 ** np.floor(np.log10(max(whole, 1.0) / 50))
+        top = step * float(np.ceil(max(whole, 1.0) / step))
+        spent = sum(self._prices.get(name, 0.0) for name in drawn.sensors)
+        start = step * float(np.ceil(spent / step))
+        terms = page.state.terms
+        self._budget = page.on(
+            gui.add_slider("Budget", 0.0, top, step, start, hint="chooses the sensors"),
+            self._choose,
+        )
+        hint = "of a self-calibration; 0: as built"
+        poses = gui.add_slider("Calibration poses", 0, _MOST, 1, terms.poses, hint=hint)
+        share = gui.add_slider("Confidence (%)", 50, 99, 1, round(100 * terms.confidence))
+        home = gui.add_checkbox("Referenced", terms.referenced, hint="once, at home")
+        self._terms = {
+            "poses": page.on(poses, lambda n: self._agree(poses=int(n))),
+            "confidence": page.on(share, lambda percent: self._agree(confidence=percent / 100)),
+            "referenced": page.on(home, lambda on: self._agree(referenced=bool(on))),
+        }
+        self._said: Any = gui.add_html("")
+        self._bars: Any = gui.add_html("")
+        self._ticks = {}
+        for sensor in drawn.spec.sensor:
+            hint, on = sensor.kind.replace("_", " "), sensor.name in drawn.sensors
+            tick = gui.add_checkbox(self._priced(sensor.name), on, hint=hint)
+            self._ticks[sensor.name] = page.on(tick, lambda _: self._use())
+        page.on(gui.add_button("Plan the calibration poses"), lambda _: self._ask_plan())
+        self._told: Any = gui.add_html("")
+        self._run: Any = gui.add_checkbox("Play the plan", False)
+        saves = gui.add_button_group("Save", ("robot", "plan", "report"))
+        page.on(saves, self._save)
+        with gui.add_folder("Prices", expand_by_default=False):
+            if any(sensor.price is None for sensor in drawn.spec.sensor):
+                gui.add_html(
+                    words.page(words.note("Assumed where neither file nor command has one"))
+                )
+            for name, cost in self._prices.items():
+                page.on(gui.add_number(name, cost, min=0.0), partial(self._price, name))
+
+    def _priced(self, name: str) -> str:
+        return f"{name} · {self._prices[name]:g}" if name in self._prices else name
+
+    def _price(self, name: str, price: float) -> None:
+        self._prices[name] = float(price)
+        self._ticks[name].label = self._priced(name)
+        self._budget.max = max(self._budget.max, sum(self._prices.values()))
+
+    def _use(self) -> None:
+        """Use the ticked sensors."""
+        names = [name for name, tick in self._ticks.items() if tick.value]
+        self.page.state = self.page.state.with_sensors(names)
+
+    def _agree(self, **terms: Any) -> None:
+        """Change what is done with each robot once, or the share that keeps the error."""
+        state = self.page.state
+        self.page.state = replace(state, terms=replace(state.terms, **terms))
+
+    def _choose(self, budget: float) -> None:
+        """Use the best sensors within the budget."""
+        self._affordable = self.page.state.drawn.sensors  # until there is a front
+        if self._front is not None:
+            choice = decision.within(self._front, budget)
+            self._affordable = () if choice is None else choice.sensors
+        self.page.state = self.page.state.with_sensors(self._affordable)
+
+    def follow(self, state: State) -> None:
+        """Predict again where sensors, terms or prices changed."""
+        for name, tick in self._ticks.items():
+            self.page.put(tick, name in state.drawn.sensors)
+        values = {"poses": state.terms.poses, "referenced": state.terms.referenced}
+        values["confidence"] = round(100 * state.terms.confidence)
+        for name, handle in self._terms.items():
+            self.page.put(handle, values[name])
+        of = (state.terms, tuple(self._prices.values()))
+        if of != self._of:
+            self._of = of
+            ask = partial(decision.front, state.drawn, dict(self._prices), state.terms)
+            self.page.later("front", ask, self._show_front)
+        whole = (state.drawn, *of)
+        if whole != self._with:
+            if self._plan is not None and state.drawn != self._plan.robot:
+                self._show_plan(None)
+            self._with = whole
+            ask = partial(decision.contributions, state.drawn, state.terms)
+            self.page.later("budget", ask, self._show_budget)
+
+    def _show_front(self, found: SensorSelection | TrueposeError) -> None:
+        """Keep the front; where the budget chose the sensors, choose again."""
+        wrong = isinstance(found, TrueposeError)
+        self._front = None if wrong else found
+        if wrong:
+            self._said.content = words.page(words.note(one_line(found, 300), wrong=True))
+        elif self._affordable == self.page.state.drawn.sensors:
+            with self.page.doing():
+                self._choose(self._budget.value)
+
+    def _show_budget(self, found: Any) -> None:
+        """Show the error of the sensors in use, on the front and by its contributions."""
+        robot = self.page.state.drawn
+        if isinstance(found, TrueposeError):
+            self._bars.content = words.page(words.note(one_line(found, 300), wrong=True))
+            return
+        price = sum(self._prices.get(name, 0.0) for name in robot.sensors)
+        free = [name for name in robot.sensors if name not in self._prices]
+        but = f" without {', '.join(free)}" if free else ""
+        total = summed(robot)
+        error = measured(found.error, total.unit)
+        parts = [words.note(f"{label(robot, robot.sensors)}: price {price:g}{but}, {found.state}.")]
+        parts.append(words.strong(f"{found.criterion.said(total.name)}: {error}"))
+        if self._front is not None:
+            parts.append(charts.front(self._front, price, found.error, self._budget.value))
+        self._said.content = words.page(*parts)
+        bounds = words.accuracy(robot, answers.bounds(robot))
+        self._bars.content = words.page(charts.budget(found), bounds)
+
+    def _ask_plan(self) -> None:
+        state = self.page.state
+        self._told.content = words.page(words.note("Planning …"))
+        self.page.later("plan", partial(decision.plan, state.drawn, state.terms), self._show_plan)
+
+    def _show_plan(self, found: PosePlan | TrueposeError | None) -> None:
+        """Draw a plan, or remove it."""
+        self._plan = found if isinstance(found, PosePlan) else None
+        self._played = 0.0
+        poses = np.zeros((0, self.page.state.drawn.n)) if self._plan is None else self._plan.poses
+        self.page.scene.overlays.show_plan(self.page.state, poses)
+        said = [] if found is None else notes(found) if self._plan else [one_line(found, 300)]
+        self._told.content = words.page(*map(words.note, said))
+
+    def tick(self, now: float) -> None:
+        """Move on along the plan, round after round."""
+        passed, self._now = min(now - self._now, 0.2), now
+        if not self._run.value or self._plan is None or self.page.moving:
+            return
+        self._played = (self._played + _STOPS * passed) % (len(self._plan.poses) + 1)
+        self.page.send(self.page.state.sent(decision.along(self._plan, self._played)))
+        self.page.show()
+
+    def _save(self, what: str) -> None:
+        """Send a file to the browser whose user asked for it."""
+        state, name = self.page.state, self.page.state.drawn.name
+        if what == "plan" and self._plan is None:
+            raise TrueposeError("no plan to save: plan the calibration poses first")
+        texts = {
+            "robot": (f"{name}.toml", lambda: file_text(state.robot)),
+            "plan": (f"{name}-poses.csv", lambda: written(self._plan)),
+            "report": (f"{name}-sensors.html", self._report),
+        }
+        file, text = texts[what]
+        self.page.client.send_file_download(file, text().encode())
+
+    def _report(self) -> str:
+        state, budget = self.page.state, self._budget.value
+        goal = {"budget": budget} if budget > 0 else {}
+        found = decision.front(state.drawn, self._prices, state.terms, **goal)
+        return report_page(found, **state.terms.known(state.drawn))
