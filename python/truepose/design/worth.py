@@ -9,6 +9,7 @@ reading of each of its parameters: it adds to the information 1/σ² of the tole
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,6 +23,9 @@ from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 
+#: Singular value, relative to the largest, below which a combination of unknowns has no effect.
+_NEGLIGIBLE = 1e-10
+
 
 class _Left(NamedTuple):
     """What shares of the candidates leave: of p unknowns, position errors and T poses."""
@@ -30,7 +34,6 @@ class _Left(NamedTuple):
     G: Array  #: (p, p) root of the unknowns' covariance after earlier readings
     position: Array  #: (T, c, p) rows of the position error after the readings there
     across: Array  #: (T, c, S) covariance of position and sensor values after these readings
-    solved: Array  #: (V, S, p) weighted earlier readings
 
 
 @dataclass(eq=False)
@@ -61,21 +64,54 @@ class Worth:
             motors = there[:n]
             left = np.linalg.inv(np.linalg.cholesky(np.eye(len(root.T)) + motors.T @ motors)).T
             root, there = root @ left, there[n:] @ left
-        self._F, self._by_motors = self._rows(self.poses, root)
-        rows, noise = self._rows(self.calibrated_on, root)
+        self._F, by_motors = self._rows(self.poses, root)
+        self._by_motors = by_motors @ by_motors.swapaxes(1, 2)  # noise at the poses
         size = len(self._linear)
-        rows, noise = rows[:, size:], noise[:, size:, size:]
+        #: (V, S, p) rows of earlier readings; (V, S, n) of the motors' noise in them.
+        self._R, self._A = (x[:, size:] for x in self._rows(self.calibrated_on, root))
         if more:
-            rows, noise = (
-                np.concatenate([rows, there[None]]),
-                np.pad(noise, ((0, 1), (0, 0), (0, 0))),
-            )
-        self._R, self._noise = rows, noise  # (V, S, p), (V, S, S): earlier readings
+            self._R = np.concatenate([self._R, there[None]])
+            self._A = np.pad(self._A, ((0, 1), (0, 0), (0, 0)))
+        parts = [
+            np.sqrt([*added.values()])[:, None] * root[[uncertain.index(name) for name in added]]
+            for added in self.finer
+        ]
+        ends = np.cumsum([len(part) for part in parts], dtype=int)
+        rows = self._reduce(np.concatenate([*parts, np.zeros((0, len(root.T)))]))
         #: (L, p, p) information that each tolerance adds.
-        self._finer = np.zeros((len(self.finer), len(root.T), len(root.T)))
-        for k, added in enumerate(self.finer):
-            own = root[[uncertain.index(name) for name in added]]
-            self._finer[k] = own.T @ np.diag([*added.values()]) @ own
+        self._finer = np.zeros((len(parts), *2 * rows.shape[1:]))
+        for k, own in enumerate(np.split(rows, ends)[: len(parts)]):
+            self._finer[k] = own.T @ own
+
+    def _reduce(self, finer: Array) -> Array:
+        """Leave out unknowns without effect, and note which only some sensors depend on.
+
+        Those on which the position or a tolerance depends are replaced by as many combinations as
+        have an effect. Returns the rows `finer` in the new unknowns.
+        """
+        size, p = len(self._linear), self._F.shape[-1]
+        always = np.concatenate([self._F[:, :size].reshape(-1, p), finer])
+        shared = (always != 0).any(axis=0)
+        rows = [x[..., shared].reshape(-1, int(shared.sum())) for x in (self._F, self._R, finer)]
+        stacked = np.concatenate(rows)
+        largest = np.abs(stacked).max(axis=1, initial=0.0, keepdims=True)
+        stacked = stacked[largest[:, 0] > 0] / largest[largest[:, 0] > 0]
+        _, values, V = np.linalg.svd(stacked, full_matrices=False)
+        V = V[values > _NEGLIGIBLE * values.max(initial=0.0)].T
+
+        others = (self._F != 0).any(axis=(0, 1)) | (self._R != 0).any(axis=(0, 1))
+        others &= ~shared
+
+        def reduced(x: Array) -> Array:
+            return np.concatenate([x[..., shared] @ V, x[..., others]], axis=-1)
+
+        self._F, self._R = reduced(self._F), reduced(self._R)
+        used = (self._F[:, size:] != 0).any(axis=0) | (self._R != 0).any(axis=0)
+        used[:, : V.shape[1]] = False
+        #: Unknowns of all sets, and of each sensor.
+        self._always = [*range(V.shape[1])]
+        self._own = [np.flatnonzero(one).tolist() for one in used]
+        return reduced(finer)
 
     def _jacobians(self, x: Array) -> tuple[Array, Array]:
         """Return H_x and H_ξ of motors and all sensors, in units of each reading's σ."""
@@ -102,7 +138,7 @@ class Worth:
         A = H[:, n:] @ E
         by_motors = np.concatenate([E[:, self._linear], -A], axis=1)
         rows = np.concatenate([E[:, self._linear] @ B[:, :n], B[:, n:] - A @ B[:, :n]], axis=1)
-        return rows, by_motors @ by_motors.swapaxes(1, 2)
+        return rows, by_motors
 
     def squared(self, chosen: Sequence[int], by: Criterion) -> float:
         """Return a criterion of the position, squared, m², with these sensors and tolerances."""
@@ -121,33 +157,48 @@ class Worth:
         from scipy.linalg.lapack import dtrtri  # inverse of a triangle, an eighth of the work
 
         sensors, size = len(self.names), len(self._linear)
-        d, eye = np.sqrt(np.maximum(shares[own], 0.0))[:, None], np.eye(len(own))
-        read = d * self._R[:, own]
-        solved = np.linalg.solve(eye + d * self._noise[:, own][..., own] * d.T, read)
-        p = read.shape[-1]
-        G = np.eye(p)
-        if len(read) or shares[sensors:].any():
-            J = G + read.reshape(-1, p).T @ solved.reshape(-1, p)
-            J += np.tensordot(shares[sensors:], self._finer, 1)
+        unknowns = [*self._always, *sorted({j for k in own for j in self._own[k]})]
+        d = np.sqrt(np.maximum(shares[own], 0.0))[:, None]
+        read = d * self._R.take(own, 1).take(unknowns, 2)
+        G = np.eye(len(unknowns))
+        if earlier := bool(len(read) or shares[sensors:].any()):
+            A = d * self._A.take(own, 1)
+            values, U, Z = _noise(A, read)
+            root = np.sqrt(1 + values)
+            white = read - A @ U @ (Z / (root * (1 + root))[..., None])  # (I + A Aᵀ)^-½ read
+            white = white.reshape(-1, len(G))
+            J = G + white.T @ white
+            if shares[sensors:].any():
+                J += np.tensordot(shares[sensors:], self._finer, 1)[np.ix_(unknowns, unknowns)]
             G = dtrtri(np.linalg.cholesky(J), lower=1)[0].T
         kept = [*range(size), *(size + k for k in own)]
-        F = self._F[:, kept] @ G
-        P = F @ F.swapaxes(1, 2) + self._by_motors[:, kept][..., kept]
+        F, eye = self._F.take(kept, 1).take(unknowns, 2), np.eye(len(own))
+        F = F @ G if earlier else F
+        P = F @ F.swapaxes(1, 2) + self._by_motors.take(kept, 1).take(kept, 2)
         across, told = P[:, size:, :size], P[:, size:, size:]
         by = (d * np.linalg.solve(eye + d * told * d.T, d * across)).swapaxes(1, 2)
         left = across.swapaxes(1, 2) - by @ told
         covariance, position = P[:, :size, :size] - by @ across, F[:, :size] - by @ F[:, size:]
-        return _Left(covariance, G, position, left, d * solved)
+        return _Left(covariance, G, position, left)
 
     def relaxed(self, shares: Array) -> tuple[float, Array]:
         """Return the mean variance with shares (N,), 0 to 1, of the information; its gradient."""
         # A sensor of share w reads √w s + ε of its value s. The derivative by w is minus the
         # squared remaining covariance of the position and s, summed over the readings.
         left = self._left(shares, range(len(self.names)))
-        L = left.position.reshape(-1, len(left.G))
+        G = left.G
+        L = left.position.reshape(-1, len(G))
         middle = L.T @ L / len(left.position)
-        C = (self._R - self._noise @ left.solved) @ left.G
+        d = np.sqrt(np.maximum(shares[: len(self.names)], 0.0))[:, None]
+        values, U, Z = _noise(d * self._A, d * self._R)
+        C = (self._R - self._A @ U @ (Z / (1 + values)[..., None])) @ G
         by_sensors = (left.across**2).sum(axis=1).mean(axis=0) + ((C @ middle) * C).sum(axis=(0, 2))
-        by_levels = np.tensordot(self._finer, left.G @ middle @ left.G.T)
+        by_levels = np.tensordot(self._finer, G @ middle @ G.T)
         mean = float(left.covariance.trace(axis1=1, axis2=2).mean())
         return mean, -np.concatenate([by_sensors, by_levels])
+
+
+def _noise(A: Array, read: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues and vectors U of AᵀA, and Uᵀ Aᵀ times the rows `read`, for each pose."""
+    values, U = np.linalg.eigh(A.swapaxes(1, 2) @ A)
+    return np.maximum(values, 0.0), U, (A @ U).swapaxes(1, 2) @ read

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import pickle
 from collections.abc import Iterator
 from typing import Any
 
@@ -34,12 +35,24 @@ def executor(cluster: Any, asked: Asked, retries: int) -> Iterator[tuple[Submit,
                 raise InputError(f"--cluster {cluster}: {why}") from None
             stack.enter_context(client)
         require_same(client)
-        there = client.submit(_same, asked, pure=False, retries=retries)
+        # Bytes: a worker that cannot load them raises an error in a task.
+        data = package("cloudpickle", missing).dumps(asked)
+        there = client.submit(_same, data, pure=False, retries=retries)
         own = client.get_executor(pure=False, retries=retries)
-        yield functools.partial(own.submit, timed, there), sum(client.nthreads().values())
+        yield functools.partial(own.submit, _timed, there), sum(client.nthreads().values())
 
 
-def _same(asked: Asked) -> Asked:
+def _same(data: bytes) -> bytes:
+    return data
+
+
+def _timed(data: bytes, start: int, stop: int) -> tuple[list[Any], float]:
+    return timed(_loaded(data), start, stop)
+
+
+@functools.lru_cache(1)
+def _loaded(data: bytes) -> Asked:
+    asked: Asked = pickle.loads(data)
     return asked
 
 
