@@ -34,7 +34,7 @@ class Terms:
     referenced: bool = False  #: at home
     confidence: float = 0.95
 
-    def known(self, robot: Robot) -> dict[str, Array | None]:
+    def known(self, robot: Robot) -> dict[str, Any]:
         """Return arguments of :func:`truepose.accuracy` and of the functions here."""
         visited = _practice(robot, self.poses) if self.poses else None
         return {"calibrated_on": visited, "reference_pose": robot.home if self.referenced else None}

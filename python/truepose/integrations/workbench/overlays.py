@@ -40,6 +40,7 @@ class Overlays:
         self._scene, self._size = server.scene, size
         self._map: Any = None
         self._mapped: object = None  #: what the map shows
+        self._ends: tuple[float, float] | None = None  #: values of its scale
         self._plan: list[Any] = []
         self.named = True  #: whether sensors have names
         self._names: dict[str, Any] = {}
