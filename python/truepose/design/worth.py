@@ -9,7 +9,6 @@ reading of each of its parameters: it adds to the information 1/σ² of the tole
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

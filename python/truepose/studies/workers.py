@@ -150,12 +150,12 @@ class Workers:
             with connect(self.cluster, asked, retries=DEATHS) as there:
                 yield there
             return
-        executor: futures.Executor
+        executor: Any
         if self.on == "processes":
             executor = futures.ProcessPoolExecutor(
                 self.count, initializer=_begin, initargs=(asked,)
             )
-            own: Any = functools.partial(executor.submit, _timed_here)
+            own = functools.partial(executor.submit, _timed_here)
         else:
             executor = futures.ThreadPoolExecutor(self.count)
             own = functools.partial(executor.submit, timed, asked)

@@ -122,7 +122,7 @@ def workspace_poses(robot: Robot) -> Array:
     return poses[good]
 
 
-def _places(state: State, beyond: float, points: int = 41) -> Array:
+def _places(state: State, beyond: float, points: int) -> Array:
     """Return poses over the first two coordinates of the workspace and beyond, (N, n)."""
     low, high = (end[:2] for end in pose_range(state.drawn, beyond).T)
     x = np.tile(state.x_d, (points * points, 1))
@@ -142,12 +142,12 @@ def conditioning_map(state: State, points: int = 41) -> tuple[Array, Array]:
     return _reached(state, x, np.minimum(parallel, serial.min(axis=1)))
 
 
-def error_map(state: State) -> tuple[Array, Array]:
+def error_map(state: State, points: int = 25) -> tuple[Array, Array]:
     """Return positions of the workspace at the target's height, (k, 3), and their error, (k,).
 
     The position error, m (of a rotational robot rad), that a share of the robots keeps there.
     """
-    x = _places(state, 0.0)
+    x = _places(state, 0.0, points)
     return _reached(state, x, error_at(state.robot, x, state.terms))
 
 

@@ -33,7 +33,9 @@ class DesignTab(Tab):
 
     def __init__(self, page: Page, gui: GuiApi, prices: Mapping[str, float] | None):
         super().__init__(page)
-        drawn, self._front, self._plan = page.state.drawn, None, None
+        drawn = page.state.drawn
+        self._front: SensorSelection | None = None
+        self._plan: PosePlan | None = None
         self._of: tuple = ()  #: what the front is of
         self._with: tuple = ()  #: what the error budget is of
         self._affordable: tuple[str, ...] | None = None  #: sensors that the budget chose
@@ -118,7 +120,8 @@ class DesignTab(Tab):
         of = (state.terms, tuple(self._prices.values()))
         if of != self._of:
             self._of = of
-            ask = partial(decision.front, state.drawn, dict(self._prices), state.terms)
+            prices = dict(self._prices)
+            ask: Any = partial(decision.front, state.drawn, prices, state.terms)
             self.page.later("front", ask, self._show_front)
         whole = (state.drawn, *of)
         if whole != self._with:
@@ -130,9 +133,8 @@ class DesignTab(Tab):
 
     def _show_front(self, found: SensorSelection | TrueposeError) -> None:
         """Keep the front; where the budget chose the sensors, choose again."""
-        wrong = isinstance(found, TrueposeError)
-        self._front = None if wrong else found
-        if wrong:
+        self._front = None if isinstance(found, TrueposeError) else found
+        if isinstance(found, TrueposeError):
             self._said.content = words.page(words.note(one_line(found, 300), wrong=True))
         elif self._affordable == self.page.state.drawn.sensors:
             with self.page.doing():
@@ -168,7 +170,8 @@ class DesignTab(Tab):
         self._played = 0.0
         poses = np.zeros((0, self.page.state.drawn.n)) if self._plan is None else self._plan.poses
         self.page.scene.overlays.show_plan(self.page.state, poses)
-        said = [] if found is None else notes(found) if self._plan else [one_line(found, 300)]
+        said = notes(found) if isinstance(found, PosePlan) else []
+        said += [one_line(found, 300)] if isinstance(found, TrueposeError) else []
         self._told.content = words.page(*map(words.note, said))
 
     def tick(self, now: float) -> None:
@@ -183,15 +186,15 @@ class DesignTab(Tab):
     def _save(self, what: str) -> None:
         """Send a file to the browser whose user asked for it."""
         state, name = self.page.state, self.page.state.drawn.name
-        if what == "plan" and self._plan is None:
+        if what == "robot":
+            file, text = f"{name}.toml", file_text(state.robot)
+        elif what == "report":
+            file, text = f"{name}-sensors.html", self._report()
+        elif self._plan is not None:
+            file, text = f"{name}-poses.csv", written(self._plan)
+        else:
             raise TrueposeError("no plan to save: plan the calibration poses first")
-        texts = {
-            "robot": (f"{name}.toml", lambda: file_text(state.robot)),
-            "plan": (f"{name}-poses.csv", lambda: written(self._plan)),
-            "report": (f"{name}-sensors.html", self._report),
-        }
-        file, text = texts[what]
-        self.page.client.send_file_download(file, text().encode())
+        self.page.client.send_file_download(file, text.encode())
 
     def _report(self) -> str:
         state, budget = self.page.state, self._budget.value

@@ -57,7 +57,7 @@ class MotionTab(Tab):
         self._chart: Any = gui.add_uplot(
             (np.zeros(1), np.zeros(1)),
             (uplot.Series(label="s"), uplot.Series(label="error", stroke=charts.LINE, width=2)),
-            title=f"{summed(page.state.drawn).label} error",
+            title=f"Error: {summed(page.state.drawn).label}",
             scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
             aspect=1.8,
             visible=False,

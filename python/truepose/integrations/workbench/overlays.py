@@ -13,6 +13,7 @@ from viser.transforms import SO3
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
+from truepose.exceptions import InputError
 from truepose.integrations.workbench.answers import conditioning_map, ellipsoids, error_map
 from truepose.integrations.workbench.charts import MAPS, USED, rgb, shades
 from truepose.integrations.workbench.state import State
@@ -40,6 +41,7 @@ class Overlays:
         self._scene, self._size = server.scene, size
         self._map: Any = None
         self._mapped: object = None  #: what the map shows
+        self._ends: tuple[float, float] | None = None  #: values of its scale
         self._plan: list[Any] = []
         self.named = True  #: whether sensors have names
         self._names: dict[str, Any] = {}
@@ -70,14 +72,14 @@ class Overlays:
     def show_ellipsoids(self, state: State, wanted: bool) -> float | None:
         """Draw 1 σ of the position estimate at the target and at the corners of the workspace.
 
-        Returns their magnification, 1, 2 or 5 times a power of ten.
+        Returns their magnification, 1, 2 or 5 times a power of ten; None for a rotational robot.
         """
-        self._ellipsoids.visible = wanted
-        if not wanted:
+        axes = ["xyz".index(name) for name, _ in state.robot.coordinates if name in "xyz"]
+        self._ellipsoids.visible = wanted and bool(axes)
+        if not self._ellipsoids.visible:
             return None
         x = np.vstack([state.x_d, self._corners])
         P = np.asarray(accuracy(state.robot, x, **state.terms.known(state.robot), errors="nan"))
-        axes = ["xyz".index(name) for name, _ in state.robot.coordinates if name in "xyz"]
         whole = np.zeros((len(x), 3, 3))
         whole[np.ix_(range(len(x)), axes, axes)] = P[:, : len(axes), : len(axes)]
         radii, directions = ellipsoids(np.nan_to_num(whole))
@@ -92,6 +94,8 @@ class Overlays:
 
     def show_map(self, state: State, kind: str) -> tuple[float, float] | None:
         """Colour places about the workspace; return the values of both ends of the scale."""
+        if kind != "none" and state.drawn.spec.mobility == "rotational":
+            raise InputError(f"{state.drawn.name}: no map: its platform only turns")
         asked = (kind, state.robot, state.terms, *state.x_d[2:])
         if asked == self._mapped:
             return self._ends

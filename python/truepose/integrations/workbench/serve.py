@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from truepose.exceptions import InputError, TrueposeError
 from truepose.integrations.workbench.state import State, begin
@@ -73,7 +73,7 @@ def open_page(
     from truepose.integrations.workbench.motion_tab import MotionTab
     from truepose.integrations.workbench.page import Page
 
-    shown = {"Design": partial(DesignTab, prices=prices)}
+    shown: dict[str, Any] = {"Design": partial(DesignTab, prices=prices)}
     shown |= {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab}
     shown |= {"Log": LogTab, "Motion": MotionTab, "View": tabs.ViewTab}
     page = Page(subject if isinstance(subject, State) else begin(subject), host, port, shown, dark)

@@ -606,6 +606,20 @@ def test_a_map_has_a_legend_and_is_kept_while_it_is_true(page, map_):
     assert page.scene.overlays._map is not drawn
 
 
+def test_a_platform_that_only_turns_has_neither_ellipsoids_nor_a_map_of_places():
+    pytest.importorskip("viser", reason="the workbench's page needs viser")
+    served = serve.open_page(tp.load("g1-ankle"), port=free())
+    try:
+        assert not served.scene.overlays._ellipsoids.visible
+        assert "Ellipsoids" not in served._answers.content
+        with served.doing():
+            served.map = charts.MAPS[1]
+        assert "no map: its platform only turns" in served._answers.content
+        until(lambda: "turn error kept by 95 % of robots" in served.tabs[0]._said.content)
+    finally:
+        served.stop()
+
+
 #: Controls that a keyboard reaches and that have no name.
 NAMELESS = """() => [...document.querySelectorAll("input, [role=slider], button")].filter(
   e => e.offsetParent && e.tabIndex >= 0 && !(
