@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from typer import Option
-
-from truepose.commands import options
+from truepose.commands import options, where
 from truepose.commands.design import Calibrated, Confidence, parse_confidence, visited
 from truepose.design.criterion import Measure
 from truepose.design.error_budget import error_budget
-from truepose.logs.reading import read_poses
 from truepose.robot.units import label, summed
 from truepose.show.terminal import Format, show
 from truepose.show.units import measured
@@ -21,9 +18,9 @@ def command(
     sensors: options.SensorsOption = None,
     calibrated: Calibrated = None,
     reference_pose: options.ReferencePose = None,
-    poses: Path | None = Option(
-        None, help="CSV file of the poses to evaluate.", show_default="32 over the workspace"
-    ),
+    poses: where.Poses = None,
+    volume: where.Volume = None,
+    path: where.Path_ = None,
     confidence: Confidence = "95%",
     measure: Measure = "rms",
     plot: Path | None = options.plot_option("the contributions"),
@@ -39,12 +36,12 @@ def command(
     """
     loaded = options.load_with(robot, sensors)
     csv = None if calibrated is None or calibrated.isdigit() else calibrated
-    write = options.writer((robot, poses, csv), force, plot=plot)
+    write = options.writer((robot, poses, path, csv), force, plot=plot)
     found = error_budget(
         loaded,
         calibrated_on=None if calibrated is None else visited(loaded, calibrated),
         reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
-        poses=read_poses(loaded, poses) if poses else None,
+        poses=where.where(loaded, poses, volume, path),
         confidence=parse_confidence(confidence),
         measure=measure,
     )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
+from truepose.robot.description import Description
+from truepose.robot.units import angles, summed
 
 Measure = Literal["rms", "worst", "AP", "RP"]
 #: Cycles at a pose, for AP and RP (ISO 9283:1998, 7.2).
@@ -93,22 +96,42 @@ class Criterion:
         off = chdtri(freedom, 1 - self.confidence) - freedom
         return np.asarray(first + np.sqrt(second / freedom) * off)
 
-    def of_errors(self, e: Array) -> tuple[Array, Array]:
+    def of_errors(self, e: Array, parts: Sequence[slice] = (slice(None),)) -> tuple[Array, Array]:
         """Return each robot's value, (R,) or at each pose (R, T), and (…) the quantile of all.
 
-        `e` are errors of R robots at T poses in k cycles, (R, k, T, c).
+        `e` are errors of R robots at T poses in k cycles, (R, k, T, c). Of several parts of their
+        coordinates the largest value counts.
         """
+        each = np.max([self._values(e[..., part]) for part in parts], axis=0)
+        if self.confidence is None:
+            return each, np.sqrt((each**2).mean(axis=0))
+        return each, np.quantile(each, self.confidence, axis=0)
+
+    def _values(self, e: Array) -> Array:
         centre = e.mean(axis=1)
         if self.measure == "RP":
             l = np.linalg.norm(e - centre[:, None], axis=-1)
             each = l.mean(axis=1) + 3 * l.std(axis=1, ddof=1)
         else:
             each = np.linalg.norm(centre, axis=-1)
-        if self.measure == "rms":
-            each = np.sqrt((each**2).mean(axis=-1))
-        if self.confidence is None:
-            return each, np.sqrt((each**2).mean(axis=0))
-        return each, np.quantile(each, self.confidence, axis=0)
+        return np.sqrt((each**2).mean(axis=-1)) if self.measure == "rms" else each
+
+
+class Parts(NamedTuple):
+    """The coordinates whose errors count: the position, then the angle if it counts too."""
+
+    columns: list[int]
+    scale: Array  #: (c,) into errors of the position: m per unit
+    slices: list[slice]  #: of `columns`: position, angle
+
+
+def parts_of(robot: Description, angle: float | None) -> Parts:
+    """Return the parts of the error; `angle`, m, is the position's error that 1 rad equals."""
+    columns = summed(robot).columns
+    size, turns = len(columns), np.flatnonzero(angles(robot)).tolist() if angle else []
+    scale = np.concatenate([np.ones(size), np.full(len(turns), angle or 1.0)])
+    whole = [slice(0, size), slice(size, size + len(turns))]
+    return Parts(columns + turns, scale, whole[: 1 + bool(turns)])
 
 
 #: σ over the poses.

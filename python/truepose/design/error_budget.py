@@ -22,7 +22,7 @@ from truepose.arguments import Array, require
 from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import given_poses
 from truepose.design.criterion import Criterion, Measure
-from truepose.design.sensors import asked_poses
+from truepose.design.where import asked_poses
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of

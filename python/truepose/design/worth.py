@@ -17,10 +17,9 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.design.criterion import SIGMA, Criterion
+from truepose.design.criterion import SIGMA, Criterion, parts_of
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
 
 
 class _Left(NamedTuple):
@@ -45,10 +44,12 @@ class Worth:
     reference_sigma: Sequence[float]  #: of the coordinates of `touched`
     finer: Sequence[Mapping[str, float]] = ()
     #: information that each machining tolerance adds, by parameter; these follow the sensors
+    angle: float | None = None  #: error of the position, m, that an angle error of 1 rad equals
 
     def __post_init__(self) -> None:
         robot, touched = self.robot, self.touched
-        self._linear = summed(robot).columns
+        self.parts = parts_of(robot, self.angle)
+        self._linear, self._scale = self.parts.columns, self.parts.scale[:, None]
         every = list(robot.parameters)
         uncertain = [name for name, p in robot.parameters.items() if p.sigma > 0]
         self._at = [every.index(name) for name in uncertain]
@@ -100,17 +101,26 @@ class Worth:
         B = B @ root
         E = np.linalg.inv(H[:, :n])
         A = H[:, n:] @ E
-        by_motors = np.concatenate([E[:, self._linear], -A], axis=1)
-        rows = np.concatenate([E[:, self._linear] @ B[:, :n], B[:, n:] - A @ B[:, :n]], axis=1)
+        counted = self._scale * E[:, self._linear]
+        by_motors = np.concatenate([counted, -A], axis=1)
+        rows = np.concatenate([counted @ B[:, :n], B[:, n:] - A @ B[:, :n]], axis=1)
         return rows, by_motors @ by_motors.swapaxes(1, 2)
 
     def squared(self, chosen: Sequence[int], by: Criterion) -> float:
-        """Return a criterion of the position, squared, m², with these sensors and tolerances."""
+        """Return a criterion of the position, squared, m², with these sensors and tolerances.
+
+        With `angle`, of the position or the angle, whichever is larger.
+        """
+        return max(self.each(chosen, by))
+
+    def each(self, chosen: Sequence[int], by: Criterion) -> list[float]:
+        """Return a criterion of the position, and with `angle` of the angle, squared, m²."""
         shares = np.zeros(len(self.names) + len(self._finer))
         shares[list(chosen)] = 1.0
         left = self._left(shares, [k for k in chosen if k < len(self.names)])
         L = left.position
-        return by.squared(L, left.covariance - L @ L.swapaxes(1, 2))
+        N = left.covariance - L @ L.swapaxes(1, 2)
+        return [by.squared(L[:, part], N[:, part, part]) for part in self.parts.slices]
 
     def variance(self, chosen: Sequence[int]) -> float:
         """Return the mean variance of the position, m²."""
