@@ -42,6 +42,19 @@ Confidence = Annotated[
     str, Option(metavar="PERCENT|sigma", help="Share of the robots that keep the error; or σ.")
 ]
 
+PriceSteps = Annotated[
+    list[str] | None,
+    Option(
+        metavar="ROD*=1mm:40,0.1mm:200",
+        help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
+        "Repeatable; 'none': none.",
+        show_default="the keys price_steps of the file",
+    ),
+]
+Robots = Annotated[
+    int, Option(min=0, max=100_000, help="Simulated robots to verify the best set; 0: none.")
+]
+
 
 def command(
     robot: options.RobotName,
@@ -52,13 +65,7 @@ def command(
         "reference_pose, self_calibration; 'none': no sensor.",
         show_default="the keys price and [prices] of the file",
     ),
-    price_steps: list[str] | None = Option(
-        None,
-        metavar="ROD*=1mm:40,0.1mm:200",
-        help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
-        "Repeatable; 'none': none.",
-        show_default="the keys price_steps of the file",
-    ),
+    price_steps: PriceSteps = None,
     budget: float | None = Option(None, help="Find the most accurate set within this price."),
     target: str | None = Option(
         None,
@@ -70,9 +77,7 @@ def command(
     measure: Measure = Option(
         "rms", help="Over the poses; at the worst pose; pose accuracy or repeatability (ISO 9283)."
     ),
-    robots: int = Option(
-        ROBOTS, min=0, max=100_000, help="Simulated robots to verify the best set; 0: none."
-    ),
+    robots: Robots = ROBOTS,
     must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
     calibrated: Calibrated = None,
     reference_pose: options.ReferencePose = None,
@@ -154,11 +159,9 @@ def command(
         return design_page(found, told, notes(found), len(visited), bool(reference_pose))
 
     told = notes(found)
-    if found.best is not None and robots and measure != "RP" and not survives:
+    if found.best is not None and not survives:
         state = {key: known[key] for key in ("calibrated_on", "reference_pose")}
-        with progress("robots", robots) as watch:
-            by = verify(found, **state, robots=robots, seed=seed, watch=watch)
-        told.append(verified(found, by))
+        told += verification(found, state, robots, seed)
     write(plot=found.plot, report=page)
     steps = [steps_table(found)] * bool(found.steps)
     show([found.table(), *steps], how, told, written=(plot, report))
@@ -254,6 +257,16 @@ def steps_table(found: SensorSelection) -> Table:
     goal = "Cheapest set that reaches the target" if found.target else "Most accurate set"
     header = ["robot", "sensors", "price", "one-time steps", "together", summed(found.robot).label]
     return Table("steps", f"{goal}, after one-time steps", header, rows)
+
+
+def verification(
+    found: SensorSelection, state: dict[str, Any], robots: int, seed: int
+) -> list[str]:
+    """Simulate robots with the best set, if asked; return a note."""
+    if not robots or found.criterion.measure == "RP":
+        return []
+    with progress("robots", robots) as watch:
+        return [verified(found, verify(found, **state, robots=robots, seed=seed, watch=watch))]
 
 
 def verified(found: SensorSelection, by: Verification) -> str:
