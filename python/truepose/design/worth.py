@@ -62,6 +62,9 @@ class Worth:
             motors = there[:n]
             left = np.linalg.inv(np.linalg.cholesky(np.eye(len(root.T)) + motors.T @ motors)).T
             root, there = root @ left, there[n:] @ left
+        #: Of every unknown: its combination of those of `root`, and whether it is uniform.
+        self._own = left if more else np.eye(len(root.T))
+        self._uniform = np.pad(knowledge.uniform(robot, uncertain), (0, more))
         self._F, self._by_motors = self._rows(self.poses, root)
         rows, noise = self._rows(self.calibrated_on, root)
         size = len(self._linear)
@@ -74,8 +77,11 @@ class Worth:
         self._R, self._noise = rows, noise  # (V, S, p), (V, S, S): earlier readings
         #: (L, p, p) information that each tolerance adds.
         self._finer = np.zeros((len(self.finer), len(root.T), len(root.T)))
+        self._share = np.zeros((len(self.finer), len(root.T)))  # of that of the file's tolerance
         for k, added in enumerate(self.finer):
-            own = root[[uncertain.index(name) for name in added]]
+            at = [uncertain.index(name) for name in added]
+            own = root[at]
+            self._share[k, at] = [robot.parameters[n].sigma ** 2 * i for n, i in added.items()]
             self._finer[k] = own.T @ np.diag([*added.values()]) @ own
 
     def _jacobians(self, x: Array) -> tuple[Array, Array]:
@@ -120,7 +126,20 @@ class Worth:
         left = self._left(shares, [k for k in chosen if k < len(self.names)])
         L = left.position
         N = left.covariance - L @ L.swapaxes(1, 2)
-        return [by.squared(L[:, part], N[:, part, part]) for part in self.parts.slices]
+        if by.confidence is None:
+            return [by.squared(L[:, p], N[:, p, p]) for p in self.parts.slices]
+        U = self._by_uniform(L @ (self._own @ left.G).T, shares)
+        return [by.squared(L[:, p], N[:, p, p], U[:, p]) for p in self.parts.slices]
+
+    def _by_uniform(self, by_u: Array, shares: Array) -> Array:
+        """Return the columns, by uniform variables, of a position error by the parameters' own.
+
+        The estimate leaves Σ Σ₀⁻¹ of an error u of the parameters: KB (u - û) = L Gᵀ u + …, u in
+        units of Σ₀. Machined parts are uniform too, within √3 σ.
+        """
+        more = 1 + shares[len(self.names) :] @ self._share
+        own = self._uniform | (more > 1)
+        return by_u[..., own] * np.sqrt(more[own])
 
     def variance(self, chosen: Sequence[int]) -> float:
         """Return the mean variance of the position, m²."""
