@@ -12,7 +12,7 @@ from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.commands import options, where
-from truepose.design.candidates import COUNT, CandidatePoses, drawn
+from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
 from truepose.exceptions import InputError
@@ -35,7 +35,7 @@ def command(
     candidates: str = Option(
         str(COUNT),
         metavar="N|CSV",
-        help="Candidates: N poses of the workspace, or those of a CSV file.",
+        help="Candidates: N poses of the workspace, then refined, or those of a CSV file.",
     ),
     after: Path | None = Option(
         None, metavar="LOG", help="Log of earlier readings, to which the plan adds poses."
@@ -74,7 +74,7 @@ def command(
     write = options.writer((robot, after, poses, path, given), force, plan=out, plot=plot)
     loaded = options.load_with(robot, sensors)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
-    x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
+    x = int(candidates) if given is None else read_poses(loaded, given)
     found = plan_poses(
         loaded,
         count,
