@@ -43,11 +43,6 @@ class SensorSet:
         """Price with one-time steps; None where the price list has none."""
         return None if self.once is None else self.price + self.once
 
-    @property
-    def order(self) -> tuple[bool, float]:
-        """Order by price; sets with an unknown price last."""
-        return self.once is None, self.price + (self.once or 0.0)
-
 
 class Alone(NamedTuple):
     """Effect of one candidate besides the required ones; error of the position, m."""

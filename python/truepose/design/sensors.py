@@ -330,7 +330,8 @@ def _unreached(state: _State, visited: Array, touched: Array) -> str:
         missed = reached.error > target, reached.angle > angle
         limits = itertools.compress(("position", "angle"), missed)
         said[0] += f", limited by {' and '.join(limits)}"
-    steps = sorted(asked.further(visited, touched), key=lambda step: step[1].order)
+    further = asked.further(visited, touched)  # those with an unknown price last
+    steps = sorted(further, key=lambda x: (x[1].once is None, x[1].price + (x[1].once or 0.0)))
     for name, best in steps[:1]:
         own = f"{described(asked.robot, best)} ({best.price:g})"
         if best.once is None:

@@ -61,8 +61,8 @@ def verify(
     >>> from truepose.design.verification import verify
     >>> found = tp.select_sensors(tp.load("h4"), {"theta": 90, "wire1": 250}, budget=300)
     >>> by = verify(found, robots=200)
-    >>> 0.93 < by.share < 1, by.error < found.best.error
-    (True, True)
+    >>> 0.93 < by.share < 0.97
+    True
     """
     if found.best is None or found.criterion.measure == "RP":
         raise InputError("verify: needs a best set, by a criterion that differs between robots")
