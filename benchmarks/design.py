@@ -79,7 +79,7 @@ def main() -> None:
             search = searched(worth, list(prices.values()))
             best, bound = search.most_accurate(budget)
             took = time.process_time() - start
-            greedy = search.cost(search.first(budget)[0])
+            greedy = search.cost(search.greedy(budget))
             cells = [
                 name,
                 what,

@@ -461,7 +461,7 @@ def test_a_refusal_says_which_step_reaches_the_target(h4):
     with pytest.raises(tp.InputError) as told:
         tp.select_sensors(h4, {"theta": 90, "wire1": 250}, target=0.5e-3)
     said = str(told.value)
-    assert "all 2 sensors together reach 7." in said
+    assert "all 2 sensors together reach 6.953 mm" in said
     helps = "cheapest step: referenced at home (no price given), with motors alone (0)"
     assert said.endswith(helps)
     found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, reference_pose=h4.home, target=5e-4)
