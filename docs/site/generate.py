@@ -71,6 +71,7 @@ def _titles(name: str) -> tuple[str, str]:
         "Workspace": "`[workspace]`, `[fkm_region]`",
         "Tolerance": "`[tolerances]`: of each parameter",
         "PriceStep": "`price_steps`: levels of a tolerance",
+        "Prices": "`[prices]`",
     }
     return places.get(name, f"`[{name.lower()}]`"), name.lower()
 

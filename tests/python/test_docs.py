@@ -22,6 +22,7 @@ from truepose.robotfile.schema import (
     PassiveAxis,
     Pattern,
     Platform,
+    Prices,
     PriceStep,
     RobotFile,
     Tolerance,
@@ -41,6 +42,7 @@ TABLES = (
     Compliance,
     Tolerance,
     PriceStep,
+    Prices,
     CalibrationSection,
 )
 

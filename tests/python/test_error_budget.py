@@ -1,10 +1,13 @@
 """Contributions of tolerances and readings to the error of a pose."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 import truepose as tp
 from truepose.robot.units import summed
+from truepose.robotfile.schema import Tolerance
 
 KNOWN = pytest.mark.parametrize(
     "known", [(), ("calibrated_on",), ("reference_pose",), ("calibrated_on", "reference_pose")]
@@ -83,3 +86,49 @@ def test_the_command_prints_the_budget(run, tmp_path):
     assert (tmp_path / "budget.svg").exists()
     status, _, err = run("error-budget", "h4", "--poses", "none.csv")
     assert status == 2 and err.count("\n") == 1
+
+
+STEPS = {
+    "chain*.rod": {2e-3: 40.0, 1e-3: 90.0, 3e-4: 300.0},
+    "chain*.base.*": {2e-4: 60.0, 1e-4: 150.0},
+    "chain*.encoder_offset": {2e-4: 35.0},
+}
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_the_cheapest_tolerances_are_those_of_all_levels(h4, calibrated):
+    """By robots with every combination of levels; the sensors in use are kept for nothing."""
+    x = tp.design.error_budget(h4).over[:12]
+    known = {"calibrated_on": x[6:]} if calibrated else {}
+    every = []
+    for own in itertools.product(*([None, *curve] for curve in STEPS.values())):
+        finer = {
+            group: Tolerance(sigma=sigma)
+            for group, sigma in zip(STEPS, own, strict=True)
+            if sigma is not None
+        }
+        spec = h4.expected().spec.model_copy(update={"tolerances": h4.spec.tolerances | finer})
+        robot = tp.Robot(spec, {n: p.value for n, p in h4.expected().parameters.items()})
+        price = sum(STEPS[group][own.sigma] for group, own in finer.items())
+        every.append((price, position(robot, x[:6], known)))
+    for price, error in every[3::7]:
+        best = tp.select_sensors(
+            h4, {"theta": 0.0}, must=["theta"], price_steps=STEPS, target=1.0001 * error,
+            poses=x[:6], confidence=None, **known,
+        ).best  # fmt: skip
+        assert best.price == pytest.approx(min(p for p, e in every if e <= 1.0001 * error))
+        assert best.price <= price and best.sensors == ("theta",)
+
+
+def test_the_command_finds_and_verifies_the_cheapest_tolerances(run):
+    steps = [word for text in ("chain*.rod=2mm:40,0.3mm:300", "chain*.base.*=0.1mm:150")
+             for word in ("--price-steps", text)]  # fmt: skip
+    status, out, err = run("error-budget", "h4", "--target", "8mm", *steps, "--robots", "40")
+    assert status == 0, err
+    assert "Best: theta; machined: rod 2 mm: 40" in out and "40 simulated robots" in out
+    row = next(line for line in out.splitlines() if line.startswith("chain*.rod (mm)  "))
+    assert row.split()[-3:] == ["3.75", "2.00", "40.0"]
+    status, _, err = run("error-budget", "h4", "--target", "0.1mm", *steps)
+    assert (status, err.count("\n")) == (2, 1) and "machined to the smallest σ, reach" in err
+    status, _, err = run("error-budget", "h4", *steps)
+    assert status == 2 and "--price-steps: needs --target" in err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fnmatch
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,20 +11,28 @@ import numpy as np
 from typer import Option
 
 from truepose.arguments import Array
-from truepose.commands import options
+from truepose.commands import options, where
 from truepose.design.criterion import Measure
 from truepose.design.placement import Placement, place_sensors
-from truepose.design.selection import SensorSelection, candidate, described, sets_table
+from truepose.design.selection import (
+    STEPS,
+    SensorSelection,
+    candidate,
+    described,
+    printed_errors,
+    sets_table,
+)
 from truepose.design.selection import page as design_page
-from truepose.design.sensors import OTHERWISE, in_other_states, practice, select_sensors
+from truepose.design.sensors import OTHERWISE, in_other_states, select_sensors
 from truepose.design.verification import ROBOTS, Verification, verify
+from truepose.design.where import practice
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed, unit_of
 from truepose.show.table import Table, number
 from truepose.show.terminal import Format, progress, show
-from truepose.show.units import PRINT, WRITTEN, measured
+from truepose.show.units import PRINT, measured
 
 Calibrated = Annotated[
     str | None,
@@ -35,44 +42,51 @@ Confidence = Annotated[
     str, Option(metavar="PERCENT|sigma", help="Share of the robots that keep the error; or σ.")
 ]
 
-
-def command(
-    robot: options.RobotName,
-    price: str | None = Option(
-        None,
-        metavar="A=90,B*=250",
-        help="Prices of candidate sensors, names or globs; 'none': no sensor.",
-        show_default="the keys price of the file",
-    ),
-    price_steps: list[str] | None = Option(
-        None,
+PriceSteps = Annotated[
+    list[str] | None,
+    Option(
         metavar="ROD*=1mm:40,0.1mm:200",
         help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
         "Repeatable; 'none': none.",
         show_default="the keys price_steps of the file",
     ),
+]
+Robots = Annotated[
+    int, Option(min=0, max=100_000, help="Simulated robots to verify the best set; 0: none.")
+]
+
+
+def command(
+    robot: options.RobotName,
+    price: str | None = Option(
+        None,
+        metavar="A=90,B*=250,reference_pose=210",
+        help="Prices of candidate sensors, names or globs, and of one-time steps: "
+        "reference_pose, self_calibration; 'none': no sensor.",
+        show_default="the keys price and [prices] of the file",
+    ),
+    price_steps: PriceSteps = None,
     budget: float | None = Option(None, help="Find the most accurate set within this price."),
     target: str | None = Option(
-        None, metavar="0.1mm", help="Find the cheapest set with this error or less."
+        None,
+        metavar="0.1mm[,0.05deg]",
+        help="Find the cheapest set with this error or less, of the position, or of position and "
+        "angle.",
     ),
     confidence: Confidence = "95%",
     measure: Measure = Option(
         "rms", help="Over the poses; at the worst pose; pose accuracy or repeatability (ISO 9283)."
     ),
-    robots: int = Option(
-        ROBOTS, min=0, max=100_000, help="Simulated robots to verify the best set; 0: none."
-    ),
+    robots: Robots = ROBOTS,
     must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
     calibrated: Calibrated = None,
     reference_pose: options.ReferencePose = None,
     survives: bool = Option(
         False, "--survives", help="Accuracy after the worst failure of one sensor."
     ),
-    poses: Path | None = Option(
-        None,
-        help="CSV file of the poses where accuracy counts.",
-        show_default="32 over the workspace",
-    ),
+    poses: where.Poses = None,
+    volume: where.Volume = None,
+    path: where.Path_ = None,
     place: str | None = Option(
         None, metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
     ),
@@ -106,26 +120,29 @@ def command(
         if value is not None:
             other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
-    write = options.writer((robot, poses, visits), force, robot=out, plot=plot, report=report)
+    write = options.writer((robot, poses, path, visits), force, robot=out, plot=plot, report=report)
     loaded = load(robot)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
         "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),
-        "poses": None if poses is None else read_poses(loaded, poses),
+        "poses": where.where(loaded, poses, volume, path),
     }
     if place is not None:
-        known |= {"within": parse_boxes(within or []), "seed": seed}
+        ranges = where.parse_ranges(within or [], "--within", lambda _: "m")
+        known |= {"within": ranges, "seed": seed}
         known["beside"] = None if must is None else options.parse_set(loaded, must)
         there = place_sensors(loaded, options.parse_set(loaded, place), **known)
         write(robot=lambda: options.file_text(there.robot))
         show([there.table()], how, _placement_notes(there), written=(out,))
         return
+    length, angle = parse_targets(loaded, target)
     found = select_sensors(
         loaded,
         None if price is None else parse_prices(loaded, price),
         price_steps=None if price_steps is None else parse_price_steps(loaded, price_steps),
         budget=budget,
-        target=options.parse_target(loaded, target),
+        target=length,
+        target_angle=angle,
         confidence=parse_confidence(confidence),
         measure=measure,
         must=() if must is None else options.parse_set(loaded, must),
@@ -134,10 +151,8 @@ def command(
     )
 
     told, states = notes(found), {key: known[key] for key in ("calibrated_on", "reference_pose")}
-    if found.best is not None and robots and measure != "RP" and not survives:
-        with progress("robots", robots) as watch:
-            by = verify(found, **states, robots=robots, seed=seed, watch=watch)
-        told.append(verified(found, by))
+    if found.best is not None and not survives:
+        told += verification(found, states, robots, seed)
     write(plot=found.plot, report=lambda: report_page(found, **states))
     steps = [steps_table(found)] * bool(found.steps)
     show([found.table(), *steps], how, told, written=(plot, report))
@@ -153,13 +168,23 @@ def parse_confidence(text: str) -> float | None:
     return share
 
 
+def parse_targets(robot: Robot, text: str | None) -> tuple[float | None, float | None]:
+    """Parse a target: "0.1mm", or with an angle "0.1mm,0.05deg"; an angle of a platform's turn."""
+    if text is None or "," not in text:
+        return options.parse_target(robot, text), None
+    length, angle = options.parse_sigmas(robot, text, "--target")
+    return length, angle
+
+
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
     """Parse prices of sensors."""
     result: dict[str, float] = {}
     for part in text.split(",") if text != "none" else ():
         name, _, value = part.partition("=")
         price = _price(value, f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
-        result |= dict.fromkeys(options.parse_set(robot, name.strip()), price)
+        name = name.strip()
+        names = (name,) if name in STEPS else options.parse_set(robot, name)
+        result |= dict.fromkeys(names, price)
     return result
 
 
@@ -188,25 +213,6 @@ def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[floa
             unit = unit_of(robot, fits[0])
             curve[options.parse_size(size, f"--price-steps {group}:", unit)] = price
     return result
-
-
-def parse_boxes(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Parse ranges of the mounting coordinates."""
-    result = {}
-    for text in texts:
-        name, _, box = text.partition("=")
-        low, high = (_metres(end) for end in box.partition("..")[::2])
-        if not np.isfinite([low, high]).all():
-            raise InputError(f"--within {text}: must be COORDINATE=LOW..HIGH, as -200mm..0.1m")
-        result[name.strip()] = (low, high)
-    return result
-
-
-def _metres(text: str) -> float:
-    """Parse a length of either sign; return NaN for anything else."""
-    found = re.fullmatch(r"\s*(.+?)([a-zµ]*)\s*", text)
-    unit, factor = WRITTEN.get((found[2] if found else "") or "m", ("", np.nan))
-    return factor * options.number_of(found[1]) if found and unit == "m" else np.nan
 
 
 def visited(robot: Robot, text: str) -> Array:
@@ -245,15 +251,26 @@ def each(found: SensorSelection) -> Table:
 
 
 def steps_table(found: SensorSelection) -> Table:
-    """Return a table of the best set as it is, and after further steps."""
+    """Return a table of the best set as it is, and after further steps, with all prices."""
     rows = []
     for state, best in ({found.state: found.best} | found.steps).items():
         if best is not None:
             error = number(summed(found.robot).factor * best.error)
-            rows.append([state, described(found.robot, best), number(best.price), error])
+            prices = map(number, (best.price, best.once, best.total))
+            rows.append([state, described(found.robot, best), *prices, error])
     goal = "Cheapest set that reaches the target" if found.target else "Most accurate set"
-    header = ["robot", "sensors", "price", summed(found.robot).label]
-    return Table("steps", f"{goal}, by what is done once", header, rows)
+    header = ["robot", "sensors", "price", "one-time steps", "together", summed(found.robot).label]
+    return Table("steps", f"{goal}, after one-time steps", header, rows)
+
+
+def verification(
+    found: SensorSelection, state: dict[str, Any], robots: int, seed: int
+) -> list[str]:
+    """Simulate robots with the best set, if asked; return a note."""
+    if not robots or found.criterion.measure == "RP":
+        return []
+    with progress("robots", robots) as watch:
+        return [verified(found, verify(found, **state, robots=robots, seed=seed, watch=watch))]
 
 
 def verified(found: SensorSelection, by: Verification) -> str:
@@ -262,10 +279,17 @@ def verified(found: SensorSelection, by: Verification) -> str:
     low, high = by.interval
     limit, error = (measured(value, total.unit) for value in (by.limit, by.error))
     less = found.target is not None and high < (found.criterion.confidence or 0.0)
-    tighter = f"--target {number(total.factor * by.limit**2 / by.error)}{PRINT[total.unit][1]}"
+    share = by.limit / by.error
+    tighter = f"--target {number(total.factor * by.limit * share)}{PRINT[total.unit][1]}"
+    said = found.criterion.said(total.name)
+    if found.target_angle is not None:
+        factor, unit = PRINT["rad"]
+        tighter += f",{number(factor * found.target_angle * share)}{unit}"
+        limit = printed_errors(found.robot, by.limit, found.target_angle)
+        error, said = f"{1 / share:.0%} of both", said.replace("position", "position and angle", 1)
     return (
         f"{'Not verified' if less else 'Verified'}: {by.share:.1%} of {by.robots} simulated robots "
-        f"({low:.1%} to {high:.1%}) keep {limit}; {found.criterion.said(total.name)}: {error}."
+        f"({low:.1%} to {high:.1%}) keep {limit}; {said}: {error}."
         f"{f' {tighter} allows for that.' if less else ''}"
     )
 
@@ -288,6 +312,8 @@ def notes(found: SensorSelection) -> list[str]:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
         own = described(robot, best, "; machined: ")
         error = measured(best.error, summed(robot).unit)
+        if best.angle is not None:
+            error += f", {measured(best.angle, 'rad')}; the {found.limiting} limits"
         lines.append(f"Best: {own}: {best.price:g}, {error}; {sure}.")
     return lines
 

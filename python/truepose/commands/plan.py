@@ -11,8 +11,8 @@ from truepose import logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
-from truepose.commands import options
-from truepose.design.candidates import COUNT, CandidatePoses, drawn
+from truepose.commands import options, where
+from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
 from truepose.exceptions import InputError
@@ -35,7 +35,7 @@ def command(
     candidates: str = Option(
         str(COUNT),
         metavar="N|CSV",
-        help="Candidates: N poses of the workspace, or those of a CSV file.",
+        help="Candidates: N poses of the workspace, then refined, or those of a CSV file.",
     ),
     after: Path | None = Option(
         None, metavar="LOG", help="Log of earlier readings, to which the plan adds poses."
@@ -46,6 +46,8 @@ def command(
         help="σ of a tracker, in a frame of its own, that measures each pose.",
     ),
     poses: options.Poses = None,
+    volume: where.Volume = None,
+    path: where.Path_ = None,
     reference_pose: options.ReferencePose = None,
     seen: bool = Option(
         False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
@@ -69,16 +71,16 @@ def command(
     **truepose plan h4 --target 1.6mm**
     """
     given = None if candidates.isdigit() else Path(candidates)
-    write = options.writer((robot, after, poses, given), force, plan=out, plot=plot)
+    write = options.writer((robot, after, poses, path, given), force, plan=out, plot=plot)
     loaded = options.load_with(robot, sensors)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
-    x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
+    x = int(candidates) if given is None else read_poses(loaded, given)
     found = plan_poses(
         loaded,
         count,
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=None if after is None else fit_of(loaded, after),
-        poses=None if poses is None else read_poses(loaded, poses),
+        poses=where.where(loaded, poses, volume, path),
         target=options.parse_target(loaded, target),
         reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
         relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),

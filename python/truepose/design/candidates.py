@@ -51,7 +51,8 @@ class CandidatePoses:
     True
     """
 
-    poses: ArrayLike  #: (N, n) m and rad
+    poses: ArrayLike
+    #: (N, n) m and rad; or N, poses over the workspace, which the plan refines within it
     measured_sigma: ArrayLike | float | None = None
     #: σ of external measurements: lengths, or each coordinate, inf if not measured; m, rad
     measured_angle_sigma: float | None = None  #: of measured angles, rad

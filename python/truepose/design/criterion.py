@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
+from truepose.robot.description import Description
+from truepose.robot.units import angles, summed
 
 Measure = Literal["rms", "worst", "AP", "RP"]
 #: Cycles at a pose, for AP and RP (ISO 9283:1998, 7.2).
 CYCLES = 30
+#: Cumulants of a uniform variable with unit variance.
+FOURTH, SIXTH = -6 / 5, 48 / 7
 
 
 @dataclass(frozen=True)
@@ -56,17 +61,18 @@ class Criterion:
             return f"σ of the {name}" if self.measure == "rms" else f"σ of the {what}"
         return f"{what} kept by {100 * self.confidence:.4g} % of robots"
 
-    def squared(self, L: Array, N: Array) -> float:
-        """Return its square: of errors L u + ε, u standard normal, (T, c, p), ε of cov (T, c, c).
+    def squared(self, L: Array, N: Array, U: Array | None = None) -> float:
+        """Return its square: of errors L u + ε, u of unit variance, (T, c, p), ε of cov (T, c, c).
 
-        u belongs to a robot, ε to each pose and cycle.
+        u belongs to a robot, ε to each pose and cycle. `U`, (T, c, k): columns, of which L Lᵀ
+        contains U Uᵀ, whose u are uniform; all others are normal.
         """
         if self.measure == "RP":
             return float(_repeatability((1 - 1 / CYCLES) * N).max() ** 2)
         if self.measure == "AP":
             N = N / CYCLES
         if self.measure != "rms":
-            return float(self.kept(L @ L.swapaxes(1, 2) + N).max())
+            return float(self.kept(L @ L.swapaxes(1, 2) + N, U).max())
         if self.confidence is None:
             return float((np.vdot(L, L) + np.einsum("tii->", N)) / len(L))
         T, c, p = L.shape
@@ -74,41 +80,71 @@ class Criterion:
         V = flat @ flat.T
         at = np.arange(T)
         V.reshape(T, c, T, c)[at, :, at] += N
-        return float(self.kept(V / T))
+        together = None if U is None else U.reshape(T * c, -1) / T**0.5
+        return float(self.kept(V / T, together))
 
-    def kept(self, V: Array) -> Array:
-        """Return the quantile of |e|², e normal with covariance V (…, m, m).
+    def kept(self, V: Array, U: Array | None = None) -> Array:
+        """Return the quantile of |e|², e with covariance V (…, m, m), U (…, m, k) its uniform part.
 
         By its first three cumulants: Buckley and Eagleson (1988), An approximation to the
-        distribution of quadratic forms in normal random variables, Aust. J. Statist. 30A.
+        distribution of quadratic forms in normal random variables, Aust. J. Statist. 30A. Those of
+        a quadratic form in independent variables with fourth and sixth cumulants κ₄, κ₆, A = UᵀU:
+
+            2 tr V² + κ₄ Σ a_ii²,  8 tr V³ + 12 κ₄ Σ a_ii (UᵀVU)_ii + κ₆ Σ a_ii³.
         """
         from scipy.special import chdtri
 
         first = np.trace(V, axis1=-2, axis2=-1)
         if self.confidence is None:
             return np.asarray(first)
+        U = V[..., :0] if U is None else U
         W = V @ V
         second, third = np.trace(W, axis1=-2, axis2=-1), (W * V).sum(axis=(-2, -1))
-        freedom = second**3 / third**2
-        off = chdtri(freedom, 1 - self.confidence) - freedom
+        a, b = (U**2).sum(axis=-2), ((V @ U) * U).sum(axis=-2)
+        second += FOURTH / 2 * (a**2).sum(axis=-1)
+        third += 1.5 * FOURTH * (a * b).sum(axis=-1) + SIXTH / 8 * (a**3).sum(axis=-1)
+        skew = np.where(third < 0, -1.0, 1.0)  # a mirrored χ² where it is negative
+        freedom = second**3 / np.maximum(third**2, 1e-6 * second**3)
+        tail = np.where(skew > 0, 1 - self.confidence, self.confidence)
+        off = skew * (chdtri(freedom, tail) - freedom)
         return np.asarray(first + np.sqrt(second / freedom) * off)
 
-    def of_errors(self, e: Array) -> tuple[Array, Array]:
+    def of_errors(self, e: Array, parts: Sequence[slice] = (slice(None),)) -> tuple[Array, Array]:
         """Return each robot's value, (R,) or at each pose (R, T), and (…) the quantile of all.
 
-        `e` are errors of R robots at T poses in k cycles, (R, k, T, c).
+        `e` are errors of R robots at T poses in k cycles, (R, k, T, c). Of several parts of their
+        coordinates the largest value counts.
         """
+        each = np.max([self._values(e[..., part]) for part in parts], axis=0)
+        if self.confidence is None:
+            return each, np.sqrt((each**2).mean(axis=0))
+        return each, np.quantile(each, self.confidence, axis=0)
+
+    def _values(self, e: Array) -> Array:
         centre = e.mean(axis=1)
         if self.measure == "RP":
             l = np.linalg.norm(e - centre[:, None], axis=-1)
             each = l.mean(axis=1) + 3 * l.std(axis=1, ddof=1)
         else:
             each = np.linalg.norm(centre, axis=-1)
-        if self.measure == "rms":
-            each = np.sqrt((each**2).mean(axis=-1))
-        if self.confidence is None:
-            return each, np.sqrt((each**2).mean(axis=0))
-        return each, np.quantile(each, self.confidence, axis=0)
+        return np.sqrt((each**2).mean(axis=-1)) if self.measure == "rms" else each
+
+
+class Parts(NamedTuple):
+    """The coordinates whose errors count: the position, then the angle if it counts too."""
+
+    columns: list[int]
+    scale: Array  #: (c,) into errors of the position: m per unit
+    slices: list[slice]  #: of `columns`: position, angle
+
+
+def parts_of(robot: Description, angle: float | None) -> Parts:
+    """Return the parts of the error; `angle`, m, is the position's error that 1 rad equals."""
+    columns = summed(robot).columns
+    size, turns = len(columns), np.flatnonzero(angles(robot)).tolist() if angle else []
+    scale = np.concatenate([np.ones(size), np.full(len(turns), angle or 1.0)])
+    whole = [slice(0, size), slice(size, size + len(turns))]
+    return Parts(columns + turns, scale, whole[: 1 + bool(turns)])
 
 
 #: σ over the poses.

@@ -22,7 +22,7 @@ from truepose.arguments import Array, require
 from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import given_poses
 from truepose.design.criterion import Criterion, Measure
-from truepose.design.sensors import asked_poses
+from truepose.design.where import asked_poses
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
@@ -137,7 +137,7 @@ def error_budget(
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     model = _Linear(robot, over, visited, touched, reference_sigmas(robot, reference_sigma))
     by, every = Criterion(measure, confidence), np.ones(len(model.sources))
-    variances, L, N = model.errors(every)
+    variances, *errors = model.errors(every)
     whole, found = float(variances.sum()), []
     for key in dict.fromkeys(source for source, _, _ in model.sources):
         own = np.array([source == key for source, _, _ in model.sources])
@@ -150,7 +150,7 @@ def error_budget(
             found.append(Contribution(key, sigma, unit, error, share, by.squared(*halved) ** 0.5))
     found.sort(key=lambda one: -one.share)
     state = state_of(calibrated_on, reference_pose)
-    return ErrorBudget(robot, state, by, by.squared(L, N) ** 0.5, whole**0.5, found, over)
+    return ErrorBudget(robot, state, by, by.squared(*errors) ** 0.5, whole**0.5, found, over)
 
 
 class _Linear:
@@ -181,14 +181,15 @@ class _Linear:
             H, B = np.concatenate([H, 0 * there]), np.concatenate([B, own])
         self.earlier = H, B
         self.columns = summed(robot).columns
+        self.uniform = np.pad(knowledge.uniform(robot, names), (0, n))
         #: Of every error: its source, σ and unit. Parameters, the touched pose, readings.
         self.sources = [_parameter(robot, name) for name in names]
         self.sources += [("reference pose", None, "")] * n
         motors = ["motors"] * robot.n + list(robot.sensors)
         self.sources += [*zip(motors, stated.tolist(), reading_units(robot), strict=True)]
 
-    def errors(self, scale: Array) -> tuple[Array, Array, Array]:
-        """Return the position's variance by each error, then L and N of a :class:`Criterion`.
+    def errors(self, scale: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the position's variance by each error, then L, N and U of a :class:`Criterion`.
 
         Each error's σ is multiplied by `scale`.
         """
@@ -207,7 +208,8 @@ class _Linear:
         by_u = L @ G.T  # (T, c, p): J⁻¹ = G Gᵀ
         by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
         parts = (by_u**2).sum(axis=(0, 1)), by_readings.sum(axis=(0, 1))
-        return np.concatenate(parts) / len(H), L, K @ K.swapaxes(1, 2)
+        N = K @ K.swapaxes(1, 2)
+        return np.concatenate(parts) / len(H), L, N, by_u[..., self.uniform]
 
 
 def _parameter(robot: Robot, name: str) -> tuple[str, float | None, str]:

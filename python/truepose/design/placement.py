@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, check_seed, require
 from truepose.calibration.bound import accuracy, state_of
-from truepose.design.sensors import asked_poses
+from truepose.design.where import asked_poses
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.robot import Robot

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,12 +18,13 @@ from truepose.calibration.registration import UNKNOWNS
 from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.pose_plan import PosePlan
+from truepose.design.refining import refined
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import workspace, workspace_grid
 from truepose.show.units import printed
 
 #: Default largest number of poses in a search for a target.
@@ -65,7 +67,8 @@ def plan_poses(
     n : int, optional
         Number of poses; default 30, with a `target` at most 200.
     candidates : CandidatePoses, array_like of shape (N, c), or int
-        Candidate measurements, or poses, or the number of poses to sample over the workspace.
+        Candidate measurements, or poses, or the number of poses to sample over the workspace; the
+        sampled poses that are chosen are then refined within it.
     after : Calibration, or readings, or a table, optional
         Earlier measurements: a calibration, or its readings as for :func:`truepose.calibrate`.
     poses : array_like, shape (T, c), optional
@@ -96,7 +99,7 @@ def plan_poses(
     >>> import truepose as tp
     >>> plan = tp.plan_poses(tp.load("h4").with_sensors("theta", "z_telemeter"), 20)
     >>> print((1e3 * plan.sigma[[0, 10, 20], -1]).round(2))  # mm: before, after 10, after 20
-    [5.02 0.77 0.71]
+    [5.02 0.76 0.71]
     >>> print(plan.poses.shape, plan.gain < 0.95)
     (20, 4) True
     """
@@ -111,9 +114,12 @@ def plan_poses(
     knowledge.require_uncertain(robot)
     level = robot.highest_level if level is None else level
     if not isinstance(candidates, CandidatePoses):
-        of = np.asarray(candidates)
-        x = drawn(robot, int(of), seed) if of.ndim == 0 else candidates
-        candidates = CandidatePoses(poses=x)
+        candidates = CandidatePoses(poses=candidates)
+    sampled = np.ndim(candidates.poses) == 0
+    if sampled:
+        candidates = replace(
+            candidates, poses=drawn(robot, int(np.asarray(candidates.poses)), seed)
+        )
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     sigma = reference_sigmas(robot, reference_sigma)
     rows = rows_of(robot, candidates, level, model_error, fit, touched, sigma)
@@ -126,10 +132,25 @@ def plan_poses(
         )
     criterion = Seen if seen else Sought
     sought = criterion(robot, rows, level, model_error, poses, reference)
-    found = _chosen(sought, n, target)
-    rng, count = np.random.default_rng(seed), len(rows.steps)
-    asked = rows.C, rows.known
-    more, convex = min(len(found) + MORE, count), not (seen or len(reference))
+    found, count = _chosen(sought, n, target), len(rows.steps)
+    if sampled and found and not candidates.differences and not len(candidates.influences):
+
+        def measured(x: Array) -> Rows:
+            own = replace(candidates, poses=x)
+            return rows_of(robot, own, level, model_error, fit, touched, sigma)
+
+        coarse, choice = rows, found
+        rows, found = _refined(sought, choice, measured)
+        while target is not None and len(choice) > 1:  # fewer may do, refined
+            sought.rows = coarse
+            choice = _best(sought, len(choice) - 1)
+            fewer = _refined(sought, choice, measured)
+            if sought.left(fewer[1]) > target:
+                sought.rows = rows
+                break
+            rows, found = fewer
+    rng, asked = np.random.default_rng(seed), (rows.C, rows.known)
+    more, convex = min(len(found) + MORE, len(rows.steps)), not (seen or len(reference))
     weights = sought.weights(sought.after(found))
     longer = Exchange(*asked, weights, list(found)).grow(more).chosen
     sets = [rng.permutation(count)[: len(found)].tolist() for _ in range(RANDOM)]
@@ -149,6 +170,30 @@ def plan_poses(
     )
 
 
+def _refined(
+    sought: Sought, found: list[int], measured: Callable[[Array], Rows]
+) -> tuple[Rows, list[int]]:
+    """Add the refined poses of a choice to the candidates; return all rows and the choice."""
+    rows, box = sought.rows, workspace(sought.robot)
+    x = np.concatenate([rows.steps[k].poses for k in found])
+
+    def at(x: Array) -> Array:
+        own, C = measured(x), np.zeros((len(x), *rows.C.shape[1:]))
+        C[[step.candidate for step in own.steps]] = own.C
+        return C
+
+    low, high = np.array(box.minimum), np.array(box.maximum)
+    x = refined(x, low, high, at, rows.known, sought.weights)
+    steps = [rows.steps[k]._replace(poses=y[None]) for k, y in zip(found, x, strict=True)]
+    more = replace(rows, steps=rows.steps + steps, C=np.concatenate([rows.C, at(x)]))
+    own = list(range(len(rows.C), len(more.C)))
+    before, sought.rows = sought.left(found), more
+    if sought.left(own) >= before:
+        return more, found
+    order = Exchange(more.C[own], more.known, sought.weights(sought.after(own))).grow(len(own))
+    return more, [own[k] for k in order.chosen]
+
+
 def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     """Return the candidates to measure; with a target no more than it needs."""
     robot, C, left = sought.robot, sought.rows.C, sought.left
@@ -162,9 +207,7 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     if n is not None and n > count:
         raise InputError(f"n = {n}: only {count} candidates are reachable")
 
-    def best(size: int) -> list[int]:
-        return chosen_of(C, sought.rows.known, size, sought.weights, sought.cost)
-
+    best = functools.partial(_best, sought)
     if target is None:
         return best(min(n or 30, count))
     if left([]) <= target:
@@ -182,6 +225,11 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     while len(found) > 1 and left(fewer := best(len(found) - 1)) <= target:
         found = fewer
     return found
+
+
+def _best(sought: Sought, size: int) -> list[int]:
+    """Return this number of candidates."""
+    return chosen_of(sought.rows.C, sought.rows.known, size, sought.weights, sought.cost)
 
 
 @dataclass(eq=False)

@@ -51,10 +51,13 @@ class Search:
         """Return the cost of a set: its variance, or that after the worst failure of one."""
         own = tuple(sorted(chosen))
         if own not in self.known:
-            fail = [gone for gone in own if gone not in self._needs] if self.survives else []
-            left = [tuple(k for k in own if k != gone) for gone in fail]
-            self.known[own] = max(map(self.plain, left or [own]))
+            self.known[own] = max(map(self.plain, self.left(own)))
         return self.known[own]
+
+    def left(self, own: Set) -> list[Set]:
+        """Return the set itself, or with `survives` what each failure of one leaves of it."""
+        fail = [gone for gone in own if gone not in self._needs] if self.survives else []
+        return [tuple(k for k in own if k != gone) for gone in fail] or [own]
 
     def with_one(self, own: Iterable[int], k: int) -> Set:
         """Return a set with one more, and with those that it needs."""

@@ -22,6 +22,8 @@ from truepose.show.units import PRINT, printed
 
 #: Least difference of prices of the sets listed in a figure, as a share of the largest price.
 _APART = 0.03
+#: One-time steps that can have a price, in the order of a robot's states.
+STEPS = ("self_calibration", "reference_pose")
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,14 @@ class SensorSet:
     price: float
     error: float  #: of the position by the criterion, m
     machined: tuple[tuple[str, float], ...] = ()  #: parameters, names or globs, and their σ
+    angle: float | None = None  #: error of the angle by the criterion, rad, where a target has one
+    once: float | None = 0.0
+    #: price of one-time steps in its state; None where the price list has none
+
+    @property
+    def total(self) -> float | None:
+        """Price with one-time steps; None where the price list has none."""
+        return None if self.once is None else self.price + self.once
 
 
 class Alone(NamedTuple):
@@ -58,6 +68,7 @@ class SensorSelection(Shown):
     over: Array  #: (T, c) poses
     budget: float | None = None  #: as given
     target: float | None = None  #: requested error, m
+    target_angle: float | None = None  #: requested error of the angle, rad, beside `target`
     criterion: Criterion = field(default_factory=Criterion)  #: of the error
     state: str = "as built"  #: of the robot, to which the error applies
     levels: list[list[Level]] = field(default_factory=list)  #: machining tolerances, by group
@@ -80,15 +91,40 @@ class SensorSelection(Shown):
         return 0.0 if self.bound >= reached * (1 - 1e-9) else 1 - self.bound / reached
 
     @property
+    def angle(self) -> float | None:
+        """Error of the position, m, that an angle error of 1 rad equals; None without a target."""
+        if self.target is None or self.target_angle is None:
+            return None
+        return self.target / self.target_angle
+
+    def counted(self, choice: SensorSet) -> float:
+        """Return the error of a set by which it is compared, m: of position or angle."""
+        return max(choice.error, (self.angle or 0.0) * (choice.angle or 0.0))
+
+    @property
+    def limiting(self) -> str:
+        """What limits the best set: position (or turn), or angle."""
+        if self.best is not None and self.counted(self.best) > self.best.error:
+            return "angle"
+        return summed(self.robot).name
+
+    @property
     def label(self) -> str:
         """The criterion and its printed unit."""
         total = summed(self.robot)
-        return f"{self.criterion.said(total.name)} ({PRINT[total.unit][1]})"
+        unit, name = PRINT[total.unit][1], self.criterion.said(total.name)
+        if self.angle is not None:
+            degree = 1e3 * self.angle / PRINT["rad"][0]
+            name += f", or of the angle times {number(degree)} mm/°, the larger"
+        return f"{name} ({unit})"
 
     def table(self) -> Table:
         """Return a table with one row per set of the front, cheapest first."""
         total = summed(self.robot)
         sizes = {total.label: [total.factor * choice.error for choice in self.front]}
+        if self.target_angle is not None:
+            factor, unit = PRINT["rad"]
+            sizes[f"angle ({unit})"] = [factor * (one.angle or 0.0) for one in self.front]
         what = "Sensors and machining" if self.levels else "Sensors"
         title = f"{what}, {self.state}: {self.criterion.said(total.name)}; price"
         if self.exact:
@@ -100,7 +136,7 @@ class SensorSelection(Shown):
     def _draw(self, figure: Any) -> None:
         robot, total = self.robot, summed(self.robot)
         price = [choice.price for choice in self.front]
-        error = [total.factor * choice.error for choice in self.front]
+        error = [total.factor * self.counted(choice) for choice in self.front]
         shown = [0]  # sets with labels
         for k, choice in enumerate(self.front[1:], 1):
             last = self.front[shown[-1]]
@@ -120,11 +156,11 @@ class SensorSelection(Shown):
             lines.append(f"{k + 1}  {described(robot, self.front[k])}")
         lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
         if self.best is not None:
-            there = self.best.price, total.factor * self.best.error
+            there = self.best.price, total.factor * self.counted(self.best)
             axes.plot(*there, "o", color="C3", ms=9, mfc="none", label="best")
         title = f"{robot.name}, {self.state}"
         if self.target is not None:
-            title += f", target {printed(self.target, total.unit, '.4g')}"
+            title += f", target {printed_errors(robot, self.target, self.target_angle)}"
             axes.axhline(total.factor * self.target, color="C3", lw=0.9, ls=":", label="target")
         if self.budget is not None:
             title += f", budget {self.budget:g}"
@@ -151,6 +187,12 @@ def sets_table(found: SensorSelection, name: str, title: str, sizes: dict[str, A
         rows.append([sensors, _machined(found.robot, choice), number(choice.price), *values])
     table = Table(name, title, ["sensors", "machined to", "price", *sizes], rows)
     return table if found.levels else table.columns(0, *range(2, len(table.header)))
+
+
+def printed_errors(robot: Robot, error: float, angle: float | None) -> str:
+    """Write an error of the position, and of the angle if there is one."""
+    sizes = [(error, summed(robot).unit)] + ([] if angle is None else [(angle, "rad")])
+    return ", ".join(printed(*size, ".4g") for size in sizes)
 
 
 def described(robot: Robot, choice: SensorSet, between: str = ", ") -> str:

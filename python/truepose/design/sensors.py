@@ -12,24 +12,30 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, finite, positive, require
 from truepose.calibration.bound import reference_sigmas, state_of
-from truepose.design.candidates import drawn, given_poses, reachable
+from truepose.design.candidates import given_poses
 from truepose.design.criterion import SIGMA, Criterion, Measure
 from truepose.design.machining import Curve, Level, levels_of
 from truepose.design.relaxation import Relaxation
 from truepose.design.search import Search, Set
-from truepose.design.selection import Alone, SensorSelection, SensorSet, described
+from truepose.design.selection import (
+    STEPS,
+    Alone,
+    SensorSelection,
+    SensorSet,
+    described,
+    printed_errors,
+)
+from truepose.design.where import asked_poses, practice
 from truepose.design.worth import Worth
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
-from truepose.robot.workspace import workspace_samples
-from truepose.show.units import printed
+from truepose.robot.units import angles, summed
 
-#: Default number of workspace poses over which sets are compared.
-POSES = 32
 #: Poses of a self-calibration in states that were not asked for.
 OTHERWISE = 10
+#: Whether self-calibrated, and whether referenced.
+_STATES = tuple(itertools.product((False, True), repeat=2))
 
 
 def select_sensors(
@@ -39,6 +45,7 @@ def select_sensors(
     price_steps: Mapping[str, Curve] | None = None,
     budget: float | None = None,
     target: float | None = None,
+    target_angle: float | None = None,
     confidence: float | None = 0.95,
     measure: Measure = "rms",
     must: Sequence[str] = (),
@@ -61,7 +68,8 @@ def select_sensors(
     robot : Robot
         Its sensors in use have no effect.
     prices : mapping, optional
-        Prices of the candidate sensors by name; by default the file's keys `price`.
+        Prices of the candidate sensors by name, and of one-time steps, `reference_pose` and
+        `self_calibration`; by default the file's keys `price` and its `[prices]`.
     price_steps : mapping, optional
         Machining tolerances by names of parameters or globs: σ (m or rad, about the expected value)
         and its price for the group; by default the file's keys `price_steps`.
@@ -69,6 +77,8 @@ def select_sensors(
         Largest total price; finds the most accurate set.
     target : float, optional
         Requested position error, m; finds the cheapest set.
+    target_angle : float, optional
+        Requested angle error, rad, beside `target`; the set keeps both.
     confidence : float, optional
         Share of the robots that keep the error; None: σ, the rms of all robots.
     measure : {"rms", "worst", "AP", "RP"}
@@ -107,30 +117,36 @@ def select_sensors(
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
     ladders = levels_of(robot, price_steps)
-    named = _priced(robot, prices, bool(ladders))
+    named, once = _priced(robot, prices, bool(ladders))
     names = list(named)
     if unknown := [name for name in must if name not in named]:
         raise InputError(f"must: {choose('sensor', unknown[0], names)}")
     if budget is not None and target is not None:
         raise InputError("budget and target: give one of them")
-    for what, value in (("budget", budget), ("target", target)):
+    if target_angle is not None and target is None:
+        raise InputError("target_angle: needs a target of the position too")
+    for what, value in (("budget", budget), ("target", target), ("target_angle", target_angle)):
         if value is not None:
             positive(what, value)
+    if target_angle is not None and (angles(robot).all() or not angles(robot).any()):
+        unit = summed(robot).unit
+        raise InputError(f"target_angle: {robot.name}'s coordinates are all in {unit}")
     asked = _Asked(
-        robot, named, ladders, must, survives, asked_poses(robot, poses),
+        robot, named, once, ladders, must, survives, asked_poses(robot, poses),
         Criterion(measure, confidence), reference_sigmas(robot, reference_sigma), budget, target,
+        target / target_angle if target is not None and target_angle is not None else None,
     )  # fmt: skip
     visited = given_poses(robot, calibrated_on, "calibrated_on")
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
-    search = asked.search(visited, touched)
-    best, bound = None, np.nan
+    state = asked.state(visited, touched)
+    search, best, bound = state.search, None, np.nan
     if budget is not None:
-        _fits(search, budget, names, must)
-        best, squared = search.most_accurate(budget)
+        _fits(state, budget)
+        best, squared = search.most_accurate(budget - (state.once or 0.0))
         bound = squared**0.5
     elif target is not None:
         if search.cost(range(len(search.prices))) > target**2:
-            raise InputError(_unreached(asked, search, visited, touched))
+            raise InputError(_unreached(state, visited, touched))
         best, bound = search.cheapest(target**2)
     exact = search.look_round()
 
@@ -143,13 +159,14 @@ def select_sensors(
     return SensorSelection(
         robot=robot,
         prices=named,
-        front=[asked.choice(search, own) for own in search.front()],
-        best=None if best is None else asked.choice(search, best),
+        front=[state.choice(own) for own in search.front()],
+        best=None if best is None else state.choice(best),
         bound=bound,
         compared=len(search.known),
         over=asked.over,
         budget=budget,
         target=target,
+        target_angle=target_angle,
         criterion=asked.by,
         state=state_of(calibrated_on, reference_pose, survives),
         levels=ladders,
@@ -165,6 +182,7 @@ class _Asked:
 
     robot: Robot
     prices: dict[str, float]
+    once: dict[str, float]  #: prices of STEPS
     ladders: list[list[Level]]
     must: Sequence[str]
     survives: bool
@@ -173,6 +191,7 @@ class _Asked:
     reference_sigma: Sequence[float]
     budget: float | None
     target: float | None
+    angle: float | None  #: error of the position, m, that an angle error of 1 rad equals
 
     @property
     def levels(self) -> list[Level]:
@@ -183,63 +202,83 @@ class _Asked:
         """Every candidate: a sensor, or parameters and their σ."""
         return [(name, None) for name in self.prices] + [(x.group, x.sigma) for x in self.levels]
 
-    def search(self, visited: Array, touched: Array) -> Search:
+    def state(self, visited: Array, touched: Array) -> _State:
         names, finer = list(self.prices), [level.information for level in self.levels]
         sigma = self.reference_sigma
-        worth = Worth(self.robot, names, self.over, visited, touched, sigma, finer)
+        worth = Worth(self.robot, names, self.over, visited, touched, sigma, finer, self.angle)
         needed = [names.index(name) for name in self.must]
         prices = [*self.prices.values()]
-        return searched(worth, prices, self.ladders, needed, self.survives, self.by)
-
-    def choice(self, search: Search, own: Set) -> SensorSet:
-        sensors = tuple(name for k, name in enumerate(self.prices) if k in own)
-        levels = enumerate(self.levels, len(self.prices))
-        machined = tuple({x.group: x.sigma for k, x in levels if k in own}.items())
-        return SensorSet(sensors, search.spent(own), search.cost(own) ** 0.5, machined)
+        search = searched(worth, prices, self.ladders, needed, self.survives, self.by)
+        done = [name for name, x in zip(STEPS, (visited, touched), strict=True) if len(x)]
+        missing = not self.once.keys() >= set(done)
+        once = None if missing else float(sum(self.once[name] for name in done))
+        return _State(self, worth, search, once)
 
     def further(self, visited: Array, touched: Array) -> Iterator[tuple[str, SensorSet]]:
         """Yield states after further steps, and the best set there; none where none reaches it."""
-        poses, home = practice(self.robot, OTHERWISE), self.robot.home[None]
-        for calibrated, referenced in itertools.product((False, True), repeat=2):
+        for calibrated, referenced in _STATES:
             done = (calibrated and len(visited)) or (referenced and len(touched))
             if done or not (calibrated or referenced):
                 continue
+            poses = practice(self.robot, OTHERWISE) if calibrated else visited
+            state = self.state(poses, self.robot.home[None] if referenced else touched)
             said = [f"self-calibrated on {len(poses)} poses"] * calibrated
             said += ["referenced at home"] * referenced
-            own = poses if calibrated else visited, home if referenced else touched
-            search, squared = self.search(*own), (self.target or 0.0) ** 2
+            search, squared = state.search, (self.target or 0.0) ** 2
+            room = np.inf if self.budget is None else self.budget - (state.once or 0.0)
+            if search.spent(search.must) > room:
+                continue
             if self.budget is not None:
-                best, _ = search.most_accurate(self.budget)
+                best, _ = search.most_accurate(room)
             elif search.cost(range(len(search.prices))) <= squared:
                 best, _ = search.cheapest(squared)
             else:
                 continue
-            yield " and ".join(said), self.choice(search, best)
+            yield " and ".join(said), state.choice(best)
 
 
-def practice(robot: Robot, count: int) -> Array:
-    """Return poses of a self-calibration, spread over the workspace."""
-    x = drawn(robot, 4 * count, 0)
-    return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
+@dataclass(frozen=True)
+class _State:
+    """The sets in one state of the robot."""
+
+    asked: _Asked
+    worth: Worth
+    search: Search
+    once: float | None  #: price of the steps that brought the robot there; None where one has none
+
+    def choice(self, own: Set) -> SensorSet:
+        asked = self.asked
+        sensors = tuple(name for k, name in enumerate(asked.prices) if k in own)
+        levels = enumerate(asked.levels, len(asked.prices))
+        machined = tuple({x.group: x.sigma for k, x in levels if k in own}.items())
+        squared = [self.worth.each(left, asked.by) for left in self.search.left(own)]
+        error, *angle = (np.max(squared, axis=0) ** 0.5).tolist()
+        turn = angle[0] / asked.angle if angle and asked.angle else None
+        return SensorSet(sensors, self.search.spent(own), error, machined, turn, self.once)
 
 
 def in_other_states(
     found: SensorSelection, calibrated_on: Array, reference_pose: Array
 ) -> dict[str, Array]:
     """Return the front's errors (m) as built, referenced at a pose, self-calibrated, and both."""
-    robot, names = found.robot, list(found.prices)
-    levels = [level for own in found.levels for level in own]
+    asked = _Asked(
+        found.robot, found.prices, {}, found.levels, (), False, found.over, found.criterion,
+        reference_sigmas(found.robot, 0.0), None, None, found.angle,
+    )  # fmt: skip
     sets = []
     for choice in found.front:
         least = dict(choice.machined)
-        own = [k for k, x in enumerate(levels, len(names)) if x.sigma >= least.get(x.group, np.inf)]
-        sets.append([*map(names.index, choice.sensors), *own])
-    states, result = ("as built", "referenced", "self-calibrated", "both"), {}
-    sigma, finer = reference_sigmas(robot, 0.0), [level.information for level in levels]
-    cases = itertools.product((calibrated_on[:0], calibrated_on), (0, 1))
-    for state, (visited, count) in zip(states, cases, strict=True):
-        worth = Worth(robot, names, found.over, visited, reference_pose[None][:count], sigma, finer)
-        result[state] = np.sqrt([worth.squared(own, found.criterion) for own in sets])
+        fits = [
+            name in choice.sensors if sigma is None else sigma >= least.get(name, np.inf)
+            for name, sigma in asked.every
+        ]
+        sets.append(tuple(np.flatnonzero(fits).tolist()))
+    result = {}
+    names = ("as built", "referenced", "self-calibrated", "both")
+    for name, (calibrated, referenced) in zip(names, _STATES, strict=True):
+        state = asked.state(calibrated_on[: calibrated * len(calibrated_on)],
+                            reference_pose[None][:referenced])  # fmt: skip
+        result[name] = np.sqrt([state.search.cost(own) for own in sets])
     return result
 
 
@@ -262,59 +301,64 @@ def searched(
     return Search(cost, whole, tuple(must), survives, numbered, relaxation)
 
 
-def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
-    """Raise InputError where a budget is too small for `must` or any candidate."""
-    needed, least = search.spent(search.must), min(search.prices)
-    if needed > budget:
-        raise InputError(f"budget {budget:g}: {', '.join(must)} cost {needed:g}")
-    if not must and least > budget:
-        what = dict(enumerate(names)).get(search.prices.index(least), "machining")
-        raise InputError(f"budget {budget:g}: too small: the cheapest, {what}, costs {least:g}")
+def _fits(state: _State, budget: float) -> None:
+    """Raise InputError where a budget is too small for steps, `must` or any candidate."""
+    search, asked = state.search, state.asked
+    once, needed, least = state.once or 0.0, search.spent(search.must), min(search.prices)
+    done = f", and one-time steps {once:g}" if once else ""
+    if asked.must and needed + once > budget:
+        raise InputError(f"budget {budget:g}: {', '.join(asked.must)} cost {needed:g}{done}")
+    if not asked.must and least + once > budget:
+        what = dict(enumerate(asked.prices)).get(search.prices.index(least), "machining")
+        what = f"the cheapest, {what}, costs {least:g}"
+        raise InputError(f"budget {budget:g}: too small: {what}{done}")
 
 
-def _unreached(asked: _Asked, search: Search, visited: Array, touched: Array) -> str:
+def _unreached(state: _State, visited: Array, touched: Array) -> str:
     """Return a message: what all candidates together reach, and the cheapest step that helps."""
-    names, survives = asked.prices, asked.survives
+    asked, names = state.asked, state.asked.prices
     together = f"all {len(names)} sensors together" if names else "all levels"
     added = ["all parts machined to the smallest σ"] * bool(names and asked.levels)
-    added += ["after the worst failure of one"] * bool(names and survives)
+    added += ["after the worst failure of one"] * bool(names and asked.survives)
     together += f", {', '.join(added)}," if added else ""
-    errors = asked.target, search.cost(range(len(search.prices))) ** 0.5
-    wanted, least = (printed(value or 0.0, summed(asked.robot).unit, ".4g") for value in errors)
-    steps = sorted(asked.further(visited, touched), key=lambda step: step[1].price)
-    helps = [
-        f"{described(asked.robot, best)} ({best.price:g}) would, once {state}"
-        for state, best in steps
-    ]
-    return "; ".join([f"target {wanted}: {together} reach {least}", *helps[:1]])
+    target, every = asked.target or 0.0, tuple(range(len(asked.every)))
+    angle = None if asked.angle is None else target / asked.angle
+    wanted, reached = printed_errors(asked.robot, target, angle), state.choice(every)
+    least = printed_errors(asked.robot, reached.error, reached.angle)
+    said = [f"target {wanted}: {together} reach {least}"]
+    if angle is not None and reached.angle is not None:
+        missed = reached.error > target, reached.angle > angle
+        limits = itertools.compress(("position", "angle"), missed)
+        said[0] += f", limited by {' and '.join(limits)}"
+    further = asked.further(visited, touched)  # those with an unknown price last
+    steps = sorted(further, key=lambda x: (x[1].once is None, x[1].price + (x[1].once or 0.0)))
+    for name, best in steps[:1]:
+        own = f"{described(asked.robot, best)} ({best.price:g})"
+        if best.once is None:
+            said.append(f"cheapest step: {name} (no price given), with {own}")
+        else:
+            step = best.once - (state.once or 0.0)
+            said.append(f"cheapest step: {name}: {step:g}; with {own} {best.total:g} together")
+    return "; ".join(said)
 
 
 def _priced(
     robot: Robot, prices: Mapping[str, float] | None, machined: bool = False
-) -> dict[str, float]:
-    """Return the price of each candidate sensor: those given, or all of the file."""
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the prices of candidate sensors and of STEPS: those given, or all of the file."""
     every = {sensor.name: sensor.price for sensor in robot.spec.sensor}
-    given = every if prices is None else {**prices}
+    steps = robot.spec.prices.model_dump(exclude_none=True) if robot.spec.prices else {}
+    given = every | steps if prices is None else {**prices}
     for name, price in given.items():
-        if name not in every:
-            raise InputError(f"prices: {choose('sensor', name, every)}")
+        if name not in every and name not in STEPS:
+            raise InputError(f"prices: {choose('sensor', name, [*every, *STEPS])}")
         if price is None:
             raise InputError(
                 f"{robot.name}: sensor {name}: has no price (the file's key price, --price, prices)"
             )
         finite(f"prices: {name}", price, 0)
-    if not given and not machined:
+    if every.keys().isdisjoint(given) and not machined:
         none = "no sensor in its file" if prices is None else "neither sensors nor levels to choose"
         raise InputError(f"{robot.name}: {none}")
-    return {name: float(given[name] or 0.0) for name in every if name in given}
-
-
-def asked_poses(robot: Robot, poses: ArrayLike | None) -> Array:
-    """Return the given poses; by default poses sampled over the workspace."""
-    if poses is not None:
-        return given_poses(robot, poses, "poses")
-    x = workspace_samples(robot, 4 * POSES, np.random.default_rng(0))
-    good = x[reachable(robot.with_sensors(), x, robot.highest_level)][:POSES]
-    if not len(good):
-        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-    return good
+    sensors, once = ({k: float(given[k]) for k in x if k in given} for x in (every, STEPS))
+    return sensors, steps | once

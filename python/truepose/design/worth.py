@@ -17,10 +17,9 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.design.criterion import SIGMA, Criterion
+from truepose.design.criterion import SIGMA, Criterion, parts_of
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
 
 #: Singular value, relative to the largest, below which a combination of unknowns has no effect.
 _NEGLIGIBLE = 1e-10
@@ -33,6 +32,7 @@ class _Left(NamedTuple):
     G: Array  #: (p, p) root of the unknowns' covariance after earlier readings
     position: Array  #: (T, c, p) rows of the position error after the readings there
     across: Array  #: (T, c, S) covariance of position and sensor values after these readings
+    unknowns: list[int]  #: the p of all
 
 
 @dataclass(eq=False)
@@ -47,10 +47,12 @@ class Worth:
     reference_sigma: Sequence[float]  #: of the coordinates of `touched`
     finer: Sequence[Mapping[str, float]] = ()
     #: information that each machining tolerance adds, by parameter; these follow the sensors
+    angle: float | None = None  #: error of the position, m, that an angle error of 1 rad equals
 
     def __post_init__(self) -> None:
         robot, touched = self.robot, self.touched
-        self._linear = summed(robot).columns
+        self.parts = parts_of(robot, self.angle)
+        self._linear, self._scale = self.parts.columns, self.parts.scale[:, None]
         every = list(robot.parameters)
         uncertain = [name for name, p in robot.parameters.items() if p.sigma > 0]
         self._at = [every.index(name) for name in uncertain]
@@ -63,6 +65,9 @@ class Worth:
             motors = there[:n]
             left = np.linalg.inv(np.linalg.cholesky(np.eye(len(root.T)) + motors.T @ motors)).T
             root, there = root @ left, there[n:] @ left
+        #: Of every unknown: its combination of those of `root`, and whether it is uniform.
+        self._mixed = left if more else np.eye(len(root.T))
+        self._uniform = np.pad(knowledge.uniform(robot, uncertain), (0, more))
         self._F, by_motors = self._rows(self.poses, root)
         self._by_motors = by_motors @ by_motors.swapaxes(1, 2)  # noise at the poses
         size = len(self._linear)
@@ -71,10 +76,12 @@ class Worth:
         if more:
             self._R = np.concatenate([self._R, there[None]])
             self._A = np.pad(self._A, ((0, 1), (0, 0), (0, 0)))
-        parts = [
-            np.sqrt([*added.values()])[:, None] * root[[uncertain.index(name) for name in added]]
-            for added in self.finer
-        ]
+        self._share = np.zeros((len(self.finer), len(root.T)))  # of that of the file's tolerance
+        parts = []
+        for k, added in enumerate(self.finer):
+            at = [uncertain.index(name) for name in added]
+            parts.append(np.sqrt([*added.values()])[:, None] * root[at])
+            self._share[k, at] = [robot.parameters[n].sigma ** 2 * i for n, i in added.items()]
         ends = np.cumsum([len(part) for part in parts], dtype=int)
         rows = self._reduce(np.concatenate([*parts, np.zeros((0, len(root.T)))]))
         #: (L, p, p) information that each tolerance adds.
@@ -104,7 +111,7 @@ class Worth:
         def reduced(x: Array) -> Array:
             return np.concatenate([x[..., shared] @ V, x[..., others]], axis=-1)
 
-        self._F, self._R = reduced(self._F), reduced(self._R)
+        self._F, self._R, self._mixed = map(reduced, (self._F, self._R, self._mixed))
         used = (self._F[:, size:] != 0).any(axis=0) | (self._R != 0).any(axis=0)
         used[:, : V.shape[1]] = False
         #: Unknowns of all sets, and of each sensor.
@@ -135,17 +142,39 @@ class Worth:
         B = B @ root
         E = np.linalg.inv(H[:, :n])
         A = H[:, n:] @ E
-        by_motors = np.concatenate([E[:, self._linear], -A], axis=1)
-        rows = np.concatenate([E[:, self._linear] @ B[:, :n], B[:, n:] - A @ B[:, :n]], axis=1)
+        counted = self._scale * E[:, self._linear]
+        by_motors = np.concatenate([counted, -A], axis=1)
+        rows = np.concatenate([counted @ B[:, :n], B[:, n:] - A @ B[:, :n]], axis=1)
         return rows, by_motors
 
     def squared(self, chosen: Sequence[int], by: Criterion) -> float:
-        """Return a criterion of the position, squared, m², with these sensors and tolerances."""
+        """Return a criterion of the position, squared, m², with these sensors and tolerances.
+
+        With `angle`, of the position or the angle, whichever is larger.
+        """
+        return max(self.each(chosen, by))
+
+    def each(self, chosen: Sequence[int], by: Criterion) -> list[float]:
+        """Return a criterion of the position, and with `angle` of the angle, squared, m²."""
         shares = np.zeros(len(self.names) + len(self._finer))
         shares[list(chosen)] = 1.0
         left = self._left(shares, [k for k in chosen if k < len(self.names)])
         L = left.position
-        return by.squared(L, left.covariance - L @ L.swapaxes(1, 2))
+        N = left.covariance - L @ L.swapaxes(1, 2)
+        if by.confidence is None:
+            return [by.squared(L[:, p], N[:, p, p]) for p in self.parts.slices]
+        U = self._by_uniform(L @ (self._mixed[:, left.unknowns] @ left.G).T, shares)
+        return [by.squared(L[:, p], N[:, p, p], U[:, p]) for p in self.parts.slices]
+
+    def _by_uniform(self, by_u: Array, shares: Array) -> Array:
+        """Return the columns, by uniform variables, of a position error by the parameters' own.
+
+        The estimate leaves Σ Σ₀⁻¹ of an error u of the parameters: KB (u - û) = L Gᵀ u + …, u in
+        units of Σ₀. Machined parts are uniform too, within √3 σ.
+        """
+        more = 1 + shares[len(self.names) :] @ self._share
+        own = self._uniform | (more > 1)
+        return by_u[..., own] * np.sqrt(more[own])
 
     def variance(self, chosen: Sequence[int]) -> float:
         """Return the mean variance of the position, m²."""
@@ -178,7 +207,7 @@ class Worth:
         by = (d * np.linalg.solve(eye + d * told * d.T, d * across)).swapaxes(1, 2)
         left = across.swapaxes(1, 2) - by @ told
         covariance, position = P[:, :size, :size] - by @ across, F[:, :size] - by @ F[:, size:]
-        return _Left(covariance, G, position, left)
+        return _Left(covariance, G, position, left, unknowns)
 
     def relaxed(self, shares: Array) -> tuple[float, Array]:
         """Return the mean variance with shares (N,), 0 to 1, of the information; its gradient."""

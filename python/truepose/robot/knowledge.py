@@ -66,6 +66,13 @@ def root(robot: Kinematics, names: list[str]) -> Array:
     return triangular(half)
 
 
+def uniform(robot: Kinematics, names: Sequence[str]) -> Array:
+    """Return which of these parameters have a uniform tolerance, and no calibration, (p,) bool."""
+    learnt = robot.spec.calibration.parameters if robot.spec.calibration else ()
+    own = (None if name in learnt else robot.spec.tolerance(name) for name in names)
+    return np.array([entry is not None and entry.interval is not None for entry in own], dtype=bool)
+
+
 def triangular(half: Array) -> Array:
     """Return the lower triangular S, S Sᵀ = H Hᵀ, with no negative diagonal, for H with p rows."""
     lower = np.asarray(np.linalg.qr(half.T, mode="r")).T

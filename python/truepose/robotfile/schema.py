@@ -217,6 +217,13 @@ class PriceStep(Section):
     price: NonNegative = key("of all parameters of this entry together, in the sensors' currency")
 
 
+class Prices(Section):
+    """Prices of one-time steps, for truepose design, in the sensors' currency."""
+
+    reference_pose: NonNegative | None = key("a pose known from outside, read once", None)
+    self_calibration: NonNegative | None = key("a calibration by the robot's own readings", None)
+
+
 class Tolerance(Section):
     """Uncertainty of a parameter: a σ, or a uniform interval about its value."""
 
@@ -305,6 +312,7 @@ class RobotFile(Section):
     passive_axis: tuple[PassiveAxis, ...] = key("rotational platform's: 1 to 3, base's first", ())
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
     compliance: Compliance | None = key("deflection of rods, legs, belts; without it: stiff", None)
+    prices: Prices | None = key("of one-time steps, for truepose design", None)
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
     tolerances: dict[str, Tolerance] = key("of parameters; the first glob that fits counts", {})
     parameters: Annotated[dict[str, Number], unit("m or rad")] = key(

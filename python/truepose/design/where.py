@@ -1,0 +1,99 @@
+"""Poses where accuracy counts: over the workspace, in a volume of it, or along a path."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array
+from truepose.design.candidates import drawn, given_poses, reachable
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot
+from truepose.robot.units import angles
+from truepose.robot.workspace import LENGTH, workspace, workspace_samples
+from truepose.show.units import printed
+
+#: Default number of poses over which sets are compared.
+POSES = 32
+#: Samples of a volume whose reach is checked, beside its corners.
+CHECKED = 4 * POSES
+
+
+def asked_poses(robot: Robot, poses: ArrayLike | None) -> Array:
+    """Return the given poses; by default poses sampled over the workspace."""
+    if poses is not None:
+        return given_poses(robot, poses, "poses")
+    x = workspace_samples(robot, CHECKED, np.random.default_rng(0))
+    good = x[reachable(robot.with_sensors(), x, robot.highest_level)][:POSES]
+    if not len(good):
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    return good
+
+
+def practice(robot: Robot, count: int) -> Array:
+    """Return poses of a self-calibration, spread over the workspace."""
+    x = drawn(robot, 4 * count, 0)
+    return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
+
+
+def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Array:
+    """Return poses sampled over a box, (32, n): ranges of coordinates, m and rad.
+
+    A coordinate that is not named has the range of the workspace. The robot must reach the whole
+    box: its corners and 128 samples are checked.
+    """
+    names = [name for name, _ in robot.coordinates]
+    box = workspace(robot)
+    low, high = np.array(box.minimum), np.array(box.maximum)
+    for name, ends in ranges.items():
+        if name not in names:
+            raise InputError(f"volume: {choose('coordinate', name, names)}")
+        if ends[0] > ends[1]:
+            raise InputError(f"volume: {name} = {ends[0]:g} to {ends[1]:g}: must be LOW, HIGH")
+        low[names.index(name)], high[names.index(name)] = ends
+    inside = np.random.default_rng(0).uniform(size=(CHECKED, robot.n))
+    unit = np.vstack([inside, list(itertools.product((0.0, 1.0), repeat=robot.n))])
+    bare, middle = robot.with_sensors(), (low + high) / 2
+
+    def missed(size: float) -> Array:
+        """Return which poses cannot be reached of a box of this share of the size."""
+        x = middle + size * (unit - 0.5) * (high - low)
+        return ~reachable(bare, x, robot.highest_level)
+
+    if missed(1.0).any():
+        size, out = 0.0, 1.0
+        for _ in range(10):  # bisection
+            half = (size + out) / 2
+            size, out = (size, half) if missed(half).any() else (half, out)
+        units = dict(robot.coordinates)
+
+        def spans(low: Array, high: Array) -> str:
+            ends = {name: (low[names.index(name)], high[names.index(name)]) for name in ranges}
+            parts = [
+                f"{name} {printed(a, units[name], '.4g')} to {printed(b, units[name], '.4g')}"
+                for name, (a, b) in ends.items()
+            ]
+            return ", ".join(parts)
+
+        near = f"{robot.name} reaches {100 * size:.0f} % of that size about the same centre"
+        if missed(0.0).any():
+            workspace_ = spans(np.array(box.minimum), np.array(box.maximum))
+            near = f"not even its centre is in reach; the workspace has {workspace_}"
+        share = missed(1.0).mean()
+        raise InputError(f"volume {spans(low, high)}: {share:.0%} is out of reach; {near}")
+    return low + inside[:POSES] * (high - low)
+
+
+def path_poses(robot: Robot, path: ArrayLike) -> Array:
+    """Return poses evenly along a path through poses (N, n), straight between them, (32, n)."""
+    x = given_poses(robot, path, "path")
+    steps = np.diff(x, axis=0) * np.where(angles(robot), LENGTH, 1.0)
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    if at[-1] == 0:
+        raise InputError(f"path: {len(x)} poses without a distance: must be two different poses")
+    along = np.linspace(0, at[-1], POSES)
+    x = np.column_stack([np.interp(along, at, column) for column in x.T])
+    return given_poses(robot, x, "path, straight between its poses,")
