@@ -55,7 +55,9 @@ class Scene {
     CHECK(plant.measure(q_e));
     Pose pose = plant.pose();
     CHECK(fkm<K>(robot, motors_of<K>(q_e), pose).status == Status::ok);
-    if (state.started) CHECK(observe_momentum<K>(robot, settings, pose, state.torque, observer));
+    if (state.started) sample_momentum<K>(settings, pose, state.torque, observer);
+    for (int step = 0; step < kMomentumSteps; ++step)
+      CHECK(observe_momentum<K>(robot, settings, observer));
     CHECK(control<K>(robot, control_settings, setpoint, q_e, state));
     carry<K>(robot, settings, setpoint, observer, state.torque);
     CHECK(plant.advance(state.torque, kPeriod, 2));
