@@ -230,19 +230,21 @@ def frozen(which: str, law: str, counter: bool, seed: int) -> list[dict]:
 
 
 def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[tp.faults.Disturbance]:
-    """Return what a healthy robot tolerates: sizes as of `disturbances.py alarms`."""
+    """Return what a healthy robot tolerates."""
     random, disturbance = np.random.default_rng([seed, 4]), tp.faults.Disturbance
+    limits = [chain.torque_limit for chain in robot.spec.chain]
     if kind == "payload":
         return [disturbance("payload", random.uniform(0.3, 3), random.uniform(0.2, 3))]
-    if kind == "contact":  # a push and a blow
-        forces = [[*random.uniform(-most, most, 3), *[0.0] * (robot.n - 3)] for most in (40, 200)]
+    if kind == "contact":  # a push of a quarter, a blow of half the force that the motors hold
+        most = (limits / np.abs(robot.jacobian(robot.home)[:3])).min(axis=1)
         return [
-            disturbance("contact", at, force=force, until=at + lasts)
-            for at, force, lasts in zip((1.0, 3.0), forces, (0.1, 0.02), strict=True)
+            disturbance("contact", at, force=[*force, *[0.0] * (robot.n - 3)], until=at + lasts)
+            for at, share, lasts in ((1.0, 0.25, 0.1), (3.0, 0.5, 0.02))
+            for force in [share * most * random.uniform(-1, 1, 3)]
         ]
     return [  # three times the assumed friction
-        disturbance("friction", 0.0, 0.02 * chain.torque_limit, f"q{i + 1}")
-        for i, chain in enumerate(robot.spec.chain)
+        disturbance("friction", 0.0, 0.02 * limit, f"q{i + 1}")
+        for i, limit in enumerate(limits)
         if kind == "friction"
     ]
 

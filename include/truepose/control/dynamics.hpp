@@ -61,7 +61,7 @@ inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
 
 /// M, c and K at a closed pose moving with the free twist `rate`; without M, at half the cost, M ẍ
 /// + c for a known acceleration.
-/// @return singular (and the chain) where an entry of J_q vanishes
+/// @return singular (and the chain) where an entry of J_q vanishes; without M, jacobian() tests it
 template <Mobility K, bool M = true>
 TRUEPOSE_FLATTEN inline Outcome dynamic_model(
     const Robot& robot, const Closure<K>& closure, const Coordinates& rate, DynamicModel<K>& model,
@@ -106,7 +106,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
     const ChainState& at = closure.chain[i];
     auto& k = model.k[i];
     jx_row<K>(twists, at.v, at.lever, k);
-    if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
+    if (M && !(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
     // The motor's true angle counts here, not an eccentric encoder's reading.
     const Real per_jq = at.rate / at.jq, slope = 1 / at.rate;

@@ -62,6 +62,9 @@ struct Cause {
   Real accounts() const { return score > 0 ? score * score / information : 0; }
 };
 
+/// Filtered sign of a motor's motion below which it rests, and friction of such a motor over the
+/// named one.
+inline constexpr Real kRests = 0.5, kSticks = 1.5;
 inline constexpr int kMomentumSteps = 4;  ///< in which the work on a sample is done
 
 /// State and report. Plain data, the caller's; a new one starts afresh.
@@ -88,9 +91,9 @@ struct MomentumObserver {
   std::array<ChainState, kMaxMotors> chain{};  ///< its closed chains,
   Coordinates needed{};                        ///< and the force M ẍ + c
 
-  Joint once{}, residual{};  ///< ρ, filtered once and twice
-  Joint mass_once{}, mass{};
-  Joint sign_once{}, sign{};  ///< of friction
+  Joint once{}, residual{};     ///< ρ, filtered once and twice
+  std::array<Joint, 3> mass{};  ///< φ of a mass: unfiltered, filtered once and twice
+  std::array<Joint, 3> sign{};  ///< and of friction
   Cause payload;
   std::array<Cause, kMaxMotors> friction;
   Joint energy{};    ///< Σ ρᵀV⁻¹ρ, each motor's part
@@ -130,7 +133,7 @@ Closure<K> closed(const Robot& robot, const MomentumObserver& state) {
   return closure;
 }
 
-/// ρ, φ and the force f, filtered.
+/// ρ and the force f, filtered; φ.
 template <Mobility K>
 TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
                                        MomentumObserver& state) {
@@ -142,21 +145,19 @@ TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSetting
   const Joint rate = jacobians.joint_rate(state.rate);
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
   const Real slow = settings.period * settings.bandwidth * 0.1;
-  Joint slope{}, sign{};
+  Joint slope{};
   for (int i = 0; i < n; ++i) slope[i] = 1 / closure.chain[i].rate;
   Joint residual = motor_torques<K>(jacobians.J, state.needed, slope);
   for (int i = 0; i < n; ++i) {
     const Real turns = rate[i] * closure.chain[i].rate;
     residual[i] += friction(robot.chain[i], turns) - state.held[i];
-    sign[i] = -std::clamp<Real>(turns / slow, -1, 1);  // unknown within its counts
+    state.sign[0][i] = -std::clamp<Real>(turns / slow, -1, 1);  // unknown within its counts
   }
   if (!all_finite(residual, n)) return {Status::not_finite, -1};
-  Joint mass = motor_torques<K>(jacobians.J,
-                                carried<K>(robot, closure, state.rate, state.acceleration), slope);
-  for (int i = 0; i < n; ++i) mass[i] = -mass[i];
+  for (int i = 0; i < n; ++i) slope[i] = -slope[i];
+  state.mass[0] = motor_torques<K>(
+      jacobians.J, carried<K>(robot, closure, state.rate, state.acceleration), slope);
   filter(gain, residual, state.once, state.residual);
-  filter(gain, mass, state.mass_once, state.mass);
-  filter(gain, sign, state.sign_once, state.sign);
   state.force = {};
   for (int i = 0; i < n; ++i) {
     const Real per_jq = state.residual[i] * closure.chain[i].rate / jacobians.jq[i];
@@ -165,10 +166,13 @@ TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSetting
   return outcome;
 }
 
-/// Names the disturbance, from its start until it is over.
+/// Filters φ and names the disturbance, from its start until it is over.
 template <int n>
 TRUEPOSE_APART void name(const MomentumSettings& settings, MomentumObserver& state) {
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
+  filter(gain, state.mass[0], state.mass[1], state.mass[2]);
+  filter(gain, state.sign[0], state.sign[1], state.sign[2]);
+  const Joint &mass = state.mass[2], &sign = state.sign[2];
   Joint weight{};  // V⁻¹
   state.chi2 = 0;
   for (int i = 0; i < n; ++i) {
@@ -204,15 +208,24 @@ TRUEPOSE_APART void name(const MomentumSettings& settings, MomentumObserver& sta
   Real whole = 0;
   Cause every;  // the same friction of all motors, dry joints or cold grease, is one cause
   for (int i = 0; i < n; ++i) {
-    const Real w = weight[i], rho = state.residual[i];
-    state.payload.information += state.mass[i] * w * state.mass[i];
-    state.payload.score += state.mass[i] * w * rho;
     Cause& cause = state.friction[i];
-    cause.information = keep * cause.information + state.sign[i] * w * state.sign[i];
-    cause.score = keep * cause.score + state.sign[i] * w * rho;
-    every.information += cause.information;
-    every.score += cause.score;
-    state.energy[i] = keep * state.energy[i] + rho * w * rho;
+    cause.information *= keep;
+    cause.score *= keep;
+    state.energy[i] *= keep;
+    // A motor at rest rubs with anything up to its friction: that tells no cause from another.
+    const Real w = weight[i], rho = state.residual[i];
+    const bool rubs = state.disturbance == Disturbance::friction && std::fabs(sign[i]) < kRests &&
+                      std::fabs(rho) < kSticks * state.size;
+    if (rubs) continue;
+    state.payload.information += mass[i] * w * mass[i];
+    state.payload.score += mass[i] * w * rho;
+    cause.information += sign[i] * w * sign[i];
+    cause.score += sign[i] * w * rho;
+    state.energy[i] += rho * w * rho;
+  }
+  for (int i = 0; i < n; ++i) {
+    every.information += state.friction[i].information;
+    every.score += state.friction[i].score;
     whole += state.energy[i];
   }
   Disturbance found = Disturbance::payload;

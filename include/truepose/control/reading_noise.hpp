@@ -12,7 +12,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 
@@ -34,17 +33,18 @@ inline constexpr Real kLeastShare = 0.02, kMostShare = 0.7, kSampledShare = 0.3;
 struct ReadingNoise {
   std::array<Real, 3> past{};         ///< last samples, the newest first
   std::array<Real, kThirds> third{};  ///< magnitudes of the last third differences
-  std::uint32_t large = 0;  ///< those beyond any healthy one, as bits: noise may be beginning
-  int newest = -3;          ///< place of the next third difference; below 0: samples that it lacks
-  Real sigma = 0;           ///< beyond the expected noise; 0: not noisy
-  Real grain = 0;           ///< motion between two changes of a held or coarse reading; 0: neither
-  Real interval = 0;        ///< cycles between two changes
-  Tracker off;              ///< model minus reading, smoothed,
-  Real gain = 1;            ///< by this gain on the noise's variance
+  std::uint32_t beyond = 0;           ///< those beyond any healthy one, as bits,
+  int large = 0;                      ///< and their number: noise may be beginning
+  int newest = -3;    ///< place of the next third difference; below 0: samples that it lacks
+  Real sigma = 0;     ///< beyond the expected noise; 0: not noisy
+  Real grain = 0;     ///< motion between two changes of a held or coarse reading; 0: neither
+  Real interval = 0;  ///< cycles between two changes
+  Tracker off;        ///< model minus reading, smoothed,
+  Real gain = 1;      ///< by this gain on the noise's variance
 
   bool noisy() const { return sigma + grain > 0; }
   /// Whether it is noisy or may become so. A jump leaves three large differences.
-  bool may_be_noisy() const { return noisy() || std::popcount(large) > 3; }
+  bool may_be_noisy() const { return noisy() || large > 3; }
   /// Variance beyond that of the expected noise.
   Real variance() const { return sigma * sigma + grain * grain / 12; }
 
@@ -56,11 +56,12 @@ struct ReadingNoise {
     const Real usual = std::max(expected, kFinest), limit = kNoisy * kLowerMedian * usual;
     const int place = std::max(newest, 0);
     third[place] = newest < 0 ? 0 : difference;
-    const std::uint32_t bit = 1U << place;
-    large = third[place] > limit ? large | bit : large & ~bit;
+    const std::uint32_t now = third[place] > limit;
+    large += static_cast<int>(now) - static_cast<int>(beyond >> place & 1U);
+    beyond = (beyond & ~(1U << place)) | now << place;
     newest = newest < kThirds - 1 ? newest + 1 : 0;
     // Else the lower median is below the limit.
-    if (sigma == 0 && std::popcount(large) <= kThirds / 2) return;
+    if (sigma == 0 && large <= kThirds / 2) return;
     auto sorted = third;
     std::nth_element(sorted.begin(), sorted.begin() + kThirds / 2 - 1, sorted.end());
     const Real level = sorted[kThirds / 2 - 1] / kLowerMedian;
