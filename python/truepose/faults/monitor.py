@@ -287,7 +287,7 @@ def _moved(
     # The error at which the PD overcomes friction; unknown without a torque limit.
     sticks = _STICKS * _limits(robot)
     if effects is not None:
-        sticks = np.maximum(sticks, 3 * effects.plant(robot).friction[: robot.n])
+        sticks = np.maximum(sticks, 3 * np.array(effects.plant(robot).friction[: robot.n]))
     away = sticks / (controller.frequency**2 * _inertia(robot, controller))
     if controller.gains == "inertia":  # one motor's friction moves the others, too
         J, home = robot.jacobian(robot.home), robot.home
