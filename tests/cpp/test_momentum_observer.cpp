@@ -167,7 +167,7 @@ TEST("friction of motors that have come to rest is not a contact") {
     scene.until = 0.8;
     for (int motor = 0; motor < scene.n; ++motor)
       scene.plant.disturb(
-          {.kind = Disturbance::friction, .motor = motor, .size = 20 * scene.unit[motor]});
+          {.kind = Disturbance::friction, .motor = motor, .size = 40 * scene.unit[0]});
     scene.run(0.6);
     CHECK(scene.observer.disturbance == Disturbance::friction);
     for (int k = 0; k < 1500; ++k) {

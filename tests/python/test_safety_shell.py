@@ -91,7 +91,7 @@ def test_a_frozen_bus_is_stopped_within_the_printed_distance(
         ([Fault("q2", "sign", at=0.1)], "motor range of motor 2", 1),
         ([Fault("q1", "jump", at=0.1, size=0.2)], "overspeed of motor 1", 1),
         ([Fault("q1", "bias", at=0.1, size=0.02)], "tracking error of motor 1", 1),
-        ([Fault("q3", "stuck", at=0.1)], "tracking error of motor 3", 6),
+        ([Fault("q3", "stuck", at=0.1)], "stale frame of motor 3", 6),
         ([Fault(FRAME, "dropout", at=0.1)], "stale frame", 1),
         ([Fault(f"q{k}", "dropout", at=0.1) for k in (1, 2, 3, 4)], "missing reading", 1),
     ],

@@ -11,7 +11,7 @@ namespace truepose {
 /// motors off their nominal positions by its image.
 inline constexpr Real kUncalibrated = 0.010;
 /// Friction of motors whose robot file has none, over their torque limit (assumed).
-inline constexpr Real kFriction = 0.05;
+inline constexpr Real kFriction = 0.03;
 
 namespace safety_detail {
 /// Model at home: K M⁻¹ Kᵀ and its relatives.
@@ -59,7 +59,7 @@ inline Real travel(const Chain& chain) {
 ///     window      count is at most a tenth of the speed limit over it; 8 ms at most
 /// still       three times that: a reading, the measured pace, and the motor's dither by a count
 /// rests       count, and the error at which the loops balance the friction of all motors: three
-///             times the robot's, 5 % of τ_i where it has none
+///             times the robot's, 3 % of τ_i where it has none
 ///     low, high   the stops, as read
 ///     saturation  5/ω, of the slowest motor: a loop leaves saturation in that time
 ///     standstill  speed_i I_i / τ_i, the longest: the brake rubs with τ_i (assumed)

@@ -33,7 +33,7 @@ SYMPTOMS = tuple(_core.symptoms)
 _POSES, _MARGIN = 256, 1.5
 #: A reading is stuck if the model moves by so many counts and σ of its own error; share of its
 #: torque limit at which a motor may stick (assumed).
-_COUNTS, _SIGMAS, _STICKS = 8, 6, 0.03
+_COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
 #: Largest error of a resting motor, counts.
 _BEAR = 2
 #: Largest torque rms over the limit of a motor on its virtual reading: it saturates at 5 σ.
@@ -287,7 +287,7 @@ def _moved(
     # The error at which the PD overcomes friction; unknown without a torque limit.
     sticks = _STICKS * _limits(robot)
     if effects is not None:
-        sticks = np.maximum(sticks, 3 * np.array(effects.plant(robot).friction[: robot.n]))
+        sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.n])
     away = sticks / (controller.frequency**2 * _inertia(robot, controller))
     if controller.gains == "inertia":  # one motor's friction moves the others, too
         J, home = robot.jacobian(robot.home), robot.home
