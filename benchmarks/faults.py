@@ -3,7 +3,7 @@
 faults.py consequences [--moves 30] [--seed 0] [--calibrated]   # the paper's H4, minutes
 faults.py campaign [--plant own] [--robots 8] [--jobs 2] [--out FILE]  # every kind, in the shell
 faults.py frozen [--robots 8]                                   # all readings at once
-faults.py healthy [--robots 30] [--seconds 7]                   # false alarms, all effects
+faults.py healthy [--robots 200] [--seconds 10] [--out FILE]    # false alarms, all effects
 
 Consequences: the nominal H4 without other errors makes the paper's move and others between poses of
 Table 2. At a random time in each, one reading becomes faulty; errors count until 0.3 s after the
@@ -11,8 +11,13 @@ move. With --calibrated the controller's model is calibrated at Table 2's poses.
 
 Campaign: robots, paths and sizes of faults as of `fault_monitor.py faults`, in the safety shell
 alone and with the fault monitor. A fault's delay counts from the first cycle in which its reading
-is off by the limit of `tp.faults.detectability` (median over the path). Results are added to FILE,
-a row of JSON for each robot; rows that it has are not computed again.
+is off by the limit of `tp.faults.detectability` (median over the path).
+
+Healthy: robots of each sensor set with all effects, in shell and monitor; laws and disturbances
+take turns.
+
+Results of both are added to FILE, a row of JSON for each robot; rows that it has are not computed
+again.
 """
 
 import argparse
@@ -31,6 +36,7 @@ import numpy as np
 import truepose as tp
 from truepose import _core
 from truepose.control.safety import CAUSES, SafetyLimits
+from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
 from truepose.paper import article, faulty, tables
 from truepose.show.table import markdown
@@ -38,6 +44,7 @@ from truepose.show.table import markdown
 SETS = fm.SETS | fm.MORE
 LAWS = ("joint", "estimated")
 MODES = {"shell": None, "monitor and shell": tp.FaultMonitor()}
+DISTURBED = "none", "payload", "contact", "friction"
 AFTER = 0.3  #: s of a path after the fault
 SLOW = 0.01  #: m/s, from which on stops are compared with the printed distance
 
@@ -222,41 +229,75 @@ def frozen(which: str, law: str, counter: bool, seed: int) -> list[dict]:
     return results
 
 
-def healthy(which: str, law: str, monitored: bool, seconds: float, seed: int) -> dict | None:
-    """Count the cycles of one healthy robot with all effects, and how it ended."""
+def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[tp.faults.Disturbance]:
+    """Return what a healthy robot tolerates."""
+    random, disturbance = np.random.default_rng([seed, 4]), tp.faults.Disturbance
+    limits = [chain.torque_limit for chain in robot.spec.chain]
+    if kind == "payload":
+        return [disturbance("payload", random.uniform(0.3, 3), random.uniform(0.2, 3))]
+    if kind == "contact":  # a push of a quarter, a blow of half the force that the motors hold
+        most = (limits / np.abs(robot.jacobian(robot.home)[:3])).min(axis=1)
+        return [
+            disturbance("contact", at, force=[*force, *[0.0] * (robot.n - 3)], until=at + lasts)
+            for at, share, lasts in ((1.0, 0.25, 0.1), (3.0, 0.5, 0.02))
+            for force in [share * most * random.uniform(-1, 1, 3)]
+        ]
+    return [  # three times the assumed friction
+        disturbance("friction", 0.0, 0.02 * limit, f"q{i + 1}")
+        for i, limit in enumerate(limits)
+        if kind == "friction"
+    ]
+
+
+def healthy(seconds: float, which: str, law: str, kind: str, seed: int) -> dict:
+    """Return the cycles of one healthy robot with all effects, its alarms, and the names given."""
     effects = tp.Effects()
     robot, truth = fm.drawn(which, seed, True, effects)
     try:
         control = tp.Controller.for_robot(robot, effects, law)
         run = tp.simulate(
             robot, truth, control, path=fm.way(robot, seconds, seed, 0.7), effects=effects,
-            seed=seed, safety=tp.control.SafetyShell(),
-            monitor=tp.FaultMonitor(effects=effects) if monitored else None,
+            seed=seed, safety=tp.control.SafetyShell(), monitor=tp.FaultMonitor(effects=effects),
+            disturbances=disturbances(robot, kind, seed),
         )  # fmt: skip
     except (tp.PoseError, tp.InputError) as error:
-        return {"cycles": 0, "status": str(error)}
-    stopped = run.stop_cause.any() or (run.health > 0).any()
-    return {"cycles": len(run.x), "status": run.status if stopped else ""}
+        return {"cycles": 0, "alarm": "", "status": str(error), "names": []}
+    alarm = ""
+    if run.stop_cause.any() or (run.health > 0).any():
+        faulty = [name for name, of in zip(robot.readings, run.health.T, strict=True) if of.any()]
+        alarm = f"{CAUSES[run.stop_cause[-1]]}; {', '.join(faulty)}"
+    names = list(dict.fromkeys(KINDS[k] for k in run.disturbance[run.disturbance > 0]))
+    return {"cycles": len(run.x), "alarm": alarm, "status": run.status, "names": names}
+
+
+def resumed(pool: ProcessPoolExecutor, work: Callable, keys: list[tuple], out: Path) -> list:
+    """Return the results of all keys; those that `out` does not have are computed and added."""
+    text = out.read_text() if out.exists() else ""
+    have = {tuple(row["job"]): row["found"] for row in map(json.loads, text.splitlines())}
+    missing = [key for key in keys if key not in have]
+    with out.open("a") as file:
+        for key, found in zip(missing, pool.map(partial(_starred, work), missing), strict=True):
+            have[key] = found
+            print(json.dumps({"job": key, "found": found}), file=file, flush=True)
+    return [have[key] for key in keys]
+
+
+def _starred(work: Callable, key: tuple) -> object:
+    return work(*key)
 
 
 def run_campaign(
     pool: ProcessPoolExecutor, plant: str, sets: list[str], robots: int, out: Path
 ) -> list[dict]:
-    """Compute the jobs that `out` does not have, add them to it, and return all cases."""
-    text = out.read_text() if out.exists() else ""
-    have = {tuple(row["job"]): row["cases"] for row in map(json.loads, text.splitlines())}
+    """Return all cases of the campaign."""
     keys = [(plant, *key) for key in product(sets, LAWS, range(robots))]
-    missing = [key for key in keys if key not in have]
-    with out.open("a") as file:
-        for key, cases in zip(missing, pool.map(_job, missing), strict=True):
-            have[key] = cases
-            print(json.dumps({"job": key, "cases": cases}), file=file, flush=True)
     names = "plant", "which", "law", "seed"
-    return [dict(zip(names, key, strict=True)) | one for key in keys for one in have[key] or ()]
-
-
-def _job(key: tuple) -> list[dict] | None:
-    return job(*key)
+    found = resumed(pool, job, keys, out)
+    return [
+        dict(zip(names, key, strict=True)) | one
+        for key, cases in zip(keys, found, strict=True)
+        for one in cases or ()
+    ]
 
 
 def print_campaign(cases: list[dict]) -> None:
@@ -311,7 +352,7 @@ def print_campaign(cases: list[dict]) -> None:
 def print_frozen(pool: ProcessPoolExecutor, robots: int) -> None:
     keys = list(product(SETS, LAWS, (True, False), range(robots)))
     table = defaultdict(list)
-    for key, rows in zip(keys, pool.map(_frozen, keys), strict=True):
+    for key, rows in zip(keys, pool.map(partial(_starred, frozen), keys), strict=True):
         for one in rows:
             table[one["speed"], key[2]].append(one)
     fm.row("speed (m/s)", "frames", "cases", "detected after (cycles)", "way (mm)", "over printed")
@@ -328,24 +369,29 @@ def print_frozen(pool: ProcessPoolExecutor, robots: int) -> None:
         )
 
 
-def _frozen(key: tuple) -> list[dict]:
-    return frozen(*key)
-
-
-def print_healthy(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
-    fm.row("sensors", "law", "monitor", "robots", "cycles", "stops")
-    fm.row("---", "---", "---", "---:", "---:", "---")
-    for which, law, monitored in product(SETS, LAWS, (False, True)):
-        work = partial(healthy, which, law, monitored, seconds)
-        found = list(pool.map(work, range(robots)))
-        said = sorted({one["status"] for one in found if one["status"]})
+def print_healthy(
+    pool: ProcessPoolExecutor, sets: list[str], robots: int, seconds: float, out: Path
+) -> None:
+    """Print one row per sensor set and disturbance."""
+    keys = [
+        (seconds, which, LAWS[seed % 2], DISTURBED[seed // 2 % len(DISTURBED)], seed)
+        for seed, which in product(range(robots), sets)
+    ]
+    table = defaultdict(list)
+    for (_, which, _, kind, _), one in zip(keys, resumed(pool, healthy, keys, out), strict=True):
+        table[which, kind].append(one)
+    fm.row("sensors", "disturbance", "robots", "cycles", "alarms", "named")
+    fm.row("---", "---", "---:", "---:", "---:", "---")
+    for (which, kind), found in sorted(table.items()):
+        alarms = Counter(one["alarm"] for one in found if one["alarm"])
+        names = Counter(", then ".join(one["names"]) or "none" for one in found if one["cycles"])
         fm.row(
             which,
-            law,
-            "yes" if monitored else "no",
+            kind,
             sum(one["cycles"] > 0 for one in found),
             sum(one["cycles"] for one in found),
-            "; ".join(said) or 0,
+            "; ".join(f"{alarm}: {times}" for alarm, times in alarms.items()) or 0,
+            "; ".join(f"{name}: {times}" for name, times in names.most_common()),
         )
 
 
@@ -364,7 +410,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--calibrated", action="store_true")
     parser.add_argument("--robots", type=int, default=8)
-    parser.add_argument("--seconds", type=float, default=7.0)
+    parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
     parser.add_argument("--plant", choices=PLANTS, default="own")
@@ -378,7 +424,7 @@ def main() -> None:
         elif args.what == "frozen":
             print_frozen(pool, args.robots)
         else:
-            print_healthy(pool, args.robots, args.seconds)
+            print_healthy(pool, args.sets, args.robots, args.seconds, args.out)
     return None
 
 

@@ -295,3 +295,27 @@ TEST("a rod moves as its points do, between B and A") {
     }
   });
 }
+
+TEST("dynamics of a known acceleration, without the mass matrix, are M ẍ + c") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(59);
+    for (int k = 0; k < 100; ++k) {
+      const PlantState state = random_state<K>(mechanism, random);
+      const Joint acceleration = random_joint(random, 20);
+      Closure<K> closure;
+      DynamicModel<K> whole, known;
+      CHECK(ikm<K>(mechanism.robot, state.pose, closure));
+      CHECK(dynamic_model<K>(mechanism.robot, closure, state.rate, whole));
+      CHECK((dynamic_model<K, false>(mechanism.robot, closure, state.rate, known, acceleration)));
+      for (int i = 0; i < kDof<K>; ++i) {
+        double force = whole.bias[i], size = std::fabs(whole.bias[i]);
+        for (int j = 0; j < kDof<K>; ++j) {
+          force += whole.mass[i][j] * acceleration[j];
+          size += std::fabs(whole.mass[i][j] * acceleration[j]);
+        }
+        CHECK_NEAR(known.bias[i], force, 1e-12 * (1 + size));
+      }
+    }
+  });
+}

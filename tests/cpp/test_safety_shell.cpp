@@ -67,7 +67,7 @@ TEST("no false alarm: healthy robots with friction, ripple and wrong lengths, fa
   CHECK(cycles > 10000 * moves);
 }
 
-TEST("a frozen frame of all readings is named within 3 or 4 cycles; the robot stops as printed") {
+TEST("a frozen frame of all readings is named within 3 cycles; the robot stops as printed") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     for (const bool counted : {false, true})
@@ -104,7 +104,8 @@ TEST("a frozen frame of all readings is named within 3 or 4 cycles; the robot st
               counts = std::max(counts, std::fabs(bench.shell.wanted[i] - wanted[i]) /
                                             bench.robot.chain[i].encoder_step);
             const int named = bench.cycles(300, [&] { return bench.shell.causes != 0; }, freeze);
-            const int most_cycles = counted || counts > 2 ? 3 : counts < 1 ? 60 : 4;
+            // Slower motors may stand within a count for longer.
+            const int most_cycles = counted || counts >= 1 ? 3 : 60;
             CHECK(named > 0 && named <= most_cycles);
             CHECK(bench.shell.cause == StopCause::stale_frame);
             CHECK(bench.shell.machine.stop == StopKind::brake);

@@ -15,7 +15,7 @@ template <Mobility K>
 struct DynamicModel {
   static constexpr int n = kDof<K>;
   Matrix<kDof<K>, kDof<K>> mass;  ///< M, full symmetric
-  std::array<Real, n> bias;       ///< c: Coriolis, centrifugal and gravity forces
+  std::array<Real, n> bias;       ///< c: Coriolis, centrifugal and gravity forces; or M ẍ + c
   Matrix<kDof<K>, kDof<K>> k;     ///< K, rows k_i
   std::array<Real, n> rate;       ///< q̇
   std::array<Real, n> slope;      ///< ∂(q as read)/∂(q as the motor turns)
@@ -59,18 +59,26 @@ inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
   return drift;
 }
 
-/// M, c and K at a closed pose moving with the free twist `rate`.
-/// @return singular (and the chain) where an entry of J_q vanishes
-template <Mobility K>
-TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
-                                              const Coordinates& rate, DynamicModel<K>& model) {
+/// M, c and K at a closed pose moving with the free twist `rate`; without M, at half the cost, M ẍ
+/// + c for a known acceleration.
+/// @return singular (and the chain) where an entry of J_q vanishes; without M, jacobian() tests it
+template <Mobility K, bool M = true>
+TRUEPOSE_FLATTEN inline Outcome dynamic_model(
+    const Robot& robot, const Closure<K>& closure, const Coordinates& rate, DynamicModel<K>& model,
+    [[maybe_unused]] const Coordinates& acceleration = {}) {
   constexpr int n = kDof<K>;
   const Carried<K>& twists = closure.carried;
   const Twist twist = to_twist<K>(twists, rate);
-  const Twist drift = drifting<K>(twists, rate);  // of the platform at ẍ = 0
+  Twist drift = drifting<K>(twists, rate);  // acceleration of the platform: at ẍ = 0, or at ẍ
+  constexpr bool drifts = kRotational<K> || !M;
+  if constexpr (!M) {
+    const Twist known = to_twist<K>(twists, acceleration);
+    drift.velocity += known.velocity;
+    drift.omega += known.omega;
+  }
   const Vec3 g = robot.gravity();
   for (int i = 0; i < n; ++i) {
-    model.mass[i].fill(0);
+    if constexpr (M) model.mass[i].fill(0);
     model.bias[i] = 0;
   }
 
@@ -80,11 +88,13 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   Mat3 second = Mat3::Zero();  // Σ m (|l|² - l lᵀ), and the bodies' own inertia
   Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
   const auto hang = [&](Real m, const Vec3& l, const Vec3& f) {
-    mass += m;
-    first += m * l;
-    if constexpr (K == Mobility::spatial || kRotational<K>) {
+    if constexpr (M) {
+      mass += m;
+      first += m * l;
+    }
+    if constexpr (M && (K == Mobility::spatial || kRotational<K>)) {
       second += m * (l.squaredNorm() * Mat3::Identity() - l * l.transpose());
-    } else if constexpr (kTurnsAboutZ<K>) {
+    } else if constexpr (M && kTurnsAboutZ<K>) {
       second(2, 2) += m * (l.x() * l.x() + l.y() * l.y());
     }
     force += f;
@@ -96,7 +106,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     const ChainState& at = closure.chain[i];
     auto& k = model.k[i];
     jx_row<K>(twists, at.v, at.lever, k);
-    if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
+    if (M && !(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
     // The motor's true angle counts here, not an eccentric encoder's reading.
     const Real per_jq = at.rate / at.jq, slope = 1 / at.rate;
@@ -112,7 +122,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     // Second derivative of the closure: q̈ = k ẍ + h. aA, aB: accelerations of A and B at ẍ = 0.
     const Vec3 swing = turning<K>(twist.omega, at.lever);
     Vec3 centripetal = turning<K>(twist.omega, swing);  // acceleration of A at ẍ = 0
-    if constexpr (kRotational<K>) centripetal += drift.velocity + drift.omega.cross(at.lever);
+    if constexpr (drifts) centripetal += drift.velocity + turning<K>(drift.omega, at.lever);
     const Vec3 stretch = dB * qd - twist.velocity - swing;  // v̇
     Vec3 aB = Vec3::Zero();
     Real right = at.v.dot(centripetal) - stretch.squaredNorm();
@@ -132,11 +142,12 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     hang(m3, at.lever, fA);
     const Real carried = chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
     const Real own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
+    for (int row = 0; row < n; ++row) model.bias[row] += k[row] * own;
+    if constexpr (!M) continue;
     std::array<Real, n> b;  // J_Aᵀ ∂B/∂q
     free_columns<K>(twists, dB, at.lever.cross(dB), b.data());
     const Real kk = chain.drive_inertia + m3 * dB.squaredNorm();
     for (int row = 0; row < n; ++row) {
-      model.bias[row] += k[row] * own;
       const Real kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
       for (int column = 0; column <= row; ++column)
         model.mass[row][column] += kr * k[column] + br * b[column];
@@ -148,25 +159,27 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     const Mat3& R = closure.placed().R;
     const Vec3 l = turned<K>(R, body.pivot());
     Vec3 centripetal = turning<K>(twist.omega, turning<K>(twist.omega, l));
-    if constexpr (kRotational<K>) centripetal += drift.velocity + drift.omega.cross(l);
+    if constexpr (drifts) centripetal += drift.velocity + turning<K>(drift.omega, l);
     hang(body.mass, l, body.mass * (centripetal - g));
     if constexpr (K == Mobility::spatial || kRotational<K>) {
       const Mat3 inertia = R * body.inertia() * R.transpose();
-      second += inertia;
+      if constexpr (M) second += inertia;
       moment += twist.omega.cross(inertia * twist.omega);
-      if constexpr (kRotational<K>) moment += inertia * drift.omega;
+      if constexpr (drifts) moment += inertia * drift.omega;
     } else if constexpr (kTurnsAboutZ<K>) {
-      second(2, 2) += body.inertia()(2, 2);
+      if constexpr (M) second(2, 2) += body.inertia()(2, 2);
+      if constexpr (drifts) moment.z() += body.inertia()(2, 2) * drift.omega.z();
     }
   }
 
   // [m, -[Σml]×; [Σml]×, second], its free rows and columns.
   std::array<Real, n> wrench;
   free_columns<K>(twists, force, moment, wrench.data());
+  for (int row = 0; row < n; ++row) model.bias[row] += wrench[row];
+  if constexpr (!M) return {};
   Mat3 cross;
   cross << 0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0;
   for (int row = 0; row < n; ++row) {
-    model.bias[row] += wrench[row];
     if constexpr (kRotational<K>) {  // Tᵀ of all this T
       const Vec3 &linear = twists.linear[row], &turn = twists.axis[row];
       const Vec3 pushed = mass * linear + turn.cross(first);
@@ -191,19 +204,27 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   return {};
 }
 
+/// Motor torques Jᵀ f of a force of the platform's coordinates.
+template <Mobility K, class Force, class Slope>
+inline Joint motor_torques(const Matrix<kDof<K>, kDof<K>>& J, const Force& force,
+                           const Slope& slope) {
+  constexpr int n = kDof<K>;
+  Joint torque{};
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force[i];
+  for (int j = 0; j < n; ++j) torque[j] *= slope[j];
+  return torque;
+}
+
 /// Motor torques for an acceleration, without friction: τ = Jᵀ (M ẍ + c).
 template <Mobility K>
 inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
                               const Coordinates& acceleration) {
   constexpr int n = kDof<K>;
-  Joint torque{};
-  for (int i = 0; i < n; ++i) {
-    Real force = model.bias[i];
-    for (int j = 0; j < n; ++j) force += model.mass[i][j] * acceleration[j];
-    for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force;
-  }
-  for (int j = 0; j < n; ++j) torque[j] *= model.slope[j];
-  return torque;
+  std::array<Real, n> force = model.bias;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) force[i] += model.mass[i][j] * acceleration[j];
+  return motor_torques<K>(J, force, model.slope);
 }
 
 /// Twist J v of the platform for rates v of the readings.

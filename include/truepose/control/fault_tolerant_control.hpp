@@ -89,23 +89,23 @@ void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, R
   constexpr int n = kDof<K>;
   FaultMonitor& monitor = state.monitor;
   MomentumObserver& observer = state.observer;
-  bool observed = moves && !state.stops;
-  for (int i = 0; i < n; ++i)
-    observed =
-        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
+  bool observed = moves && !state.stops && !(monitor.noisy & (bit(n) - 1));
+  for (int i = 0; i < n; ++i) observed = observed && monitor.reading[i].health == Health::valid;
   if (!observed) {
     observer = {};
-  } else {  // the observer takes several periods as one
+  } else {  // the observer takes several periods as one, and works in each of them
     const Real several = settings.momentum.period / period;
     const int every = several > 1 && several < 100 ? static_cast<int>(several + Real(0.5)) : 1;
-    for (int i = 0; i < n; ++i) observer.sum[i] += torque[i] / static_cast<Real>(every);
+    for (int i = 0; i < n; ++i) observer.sum[i] += torque[i];
     if (++observer.waited >= every) {
-      const Joint mean = observer.sum;
+      Joint mean{};
+      for (int i = 0; i < n; ++i) mean[i] = observer.sum[i] / static_cast<Real>(every);
       observer.sum = {};
       observer.waited = 0;
-      static_cast<void>(
-          observe_momentum<K>(robot, settings.momentum, monitor.pose, mean, observer));
+      sample_momentum<K>(settings.momentum, monitor.pose, mean, observer);
     }
+    for (int done = 0; done < kMomentumSteps; done += every)
+      static_cast<void>(observe_momentum<K>(robot, settings.momentum, observer));
   }
   for (int i = 0; i < n; ++i)
     monitor.pushed[i] = std::fabs(observer.residual[i]) * settings.momentum.give[i];
@@ -145,32 +145,28 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   Outcome outcome = monitored;
   if (monitored) {
     ControlSettings now = settings;
-    fault_state.known = *weighing.known;
-    bool any = false, left = false, motor = false, noisy = false;
-    for (int c = 0; c < n + robot.r; ++c) {
-      const bool failed = monitor.reading[c].health == Health::failed;
+    const std::uint32_t noisy = monitor.noisy;
+    std::uint32_t failed = 0;
+    for (int c = 0; c < n + robot.r; ++c)
+      failed |= monitor.reading[c].health == Health::failed ? bit(c) : 0;
+    const bool reweigh = failed || noisy || late;
+    if (reweigh) fault_state.known = *weighing.known;
+    for (int c = 0; c < n + robot.r && (failed || noisy); ++c) {
+      Real& sigma = fault_state.known.sigma[c];
       // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
       // from readings that hardly determine it, and drive it by that.
-      if (failed && !(monitor.lost >> c & 1U)) fault_state.known.sigma[c] *= kDisbelieved;
+      if (failed & ~monitor.lost & bit(c)) sigma *= kDisbelieved;
       const ReadingNoise& noise = monitor.reading[c].noise;
-      if (noise.noisy())
-        fault_state.known.sigma[c] =
-            std::sqrt(fault_state.known.sigma[c] * fault_state.known.sigma[c] +
-                      noise.gain * noise.variance());
-      any = any || failed;
-      noisy = noisy || noise.noisy();
-      motor = motor || (c < n && failed);
-      left = left || (c >= n && !failed);
+      if (noisy & bit(c)) sigma = std::sqrt(sigma * sigma + noise.gain * noise.variance());
     }
     if (late) {
-      low_pass(robot, *late, believed, motor);
+      low_pass(robot, *late, believed, failed & (bit(n) - 1));
       weigh(robot, *late, fault_state.known);
     }
-    if (any && !left) now.law = Law::joint;
+    if (failed && !(~failed & (bit(n + robot.r) - bit(n)))) now.law = Law::joint;
     state.switched = state.switched || monitor.changed;
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
-    outcome = control<K>(robot, now, setpoint, believed, state,
-                         any || noisy || late ? reweighed : weighing);
+    outcome = control<K>(robot, now, setpoint, believed, state, reweigh ? reweighed : weighing);
   }
   if (outcome)
     carry<K>(robot, fault_settings.momentum, setpoint, fault_state.observer, state.torque);

@@ -10,6 +10,8 @@
 // in these periods. (De Luca, Albu-Schäffer, Haddadin and Hirzinger, Collision detection and safe
 // reaction with the DLR-III lightweight manipulator arm, 2006, for serial robots.)
 //
+// The work on a sample is done in four steps, one in a control cycle.
+//
 // The residual is kept in motor torques, ρ = Jᵀ f, where its σ is known: unknown friction, an error
 // of torque and masses, counts. One unknown cause accounts for (ΣφᵀV⁻¹ρ)²/ΣφᵀV⁻¹φ of ΣρᵀV⁻¹ρ, φ its
 // effect through the same filter: a mass at D, -Jᵀ (a_D - g), or friction of motor i, -sign(q̇_i),
@@ -51,13 +53,19 @@ struct MomentumSettings {
   bool carry = false;   ///< feeds an identified payload forward
 };
 
-/// Sums of the residual's regression on one cause.
+/// Sums of the residual's regression on one unknown cause.
 struct Cause {
-  Joint once{}, effect{};  ///< φ, filtered once and twice
-  Real information = 0;    ///< Σ φᵀV⁻¹φ
-  Real score = 0;          ///< Σ φᵀV⁻¹ρ
-  Real energy = 0;         ///< of friction: Σ of that motor's share of ρᵀV⁻¹ρ
+  Real information = 0;  ///< Σ φᵀV⁻¹φ
+  Real score = 0;        ///< Σ φᵀV⁻¹ρ
+
+  /// What it accounts for of Σ ρᵀV⁻¹ρ. A mass and friction are not negative.
+  Real accounts() const { return score > 0 ? score * score / information : 0; }
 };
+
+/// Filtered sign of a motor's motion below which it rests, and friction of such a motor over the
+/// named one.
+inline constexpr Real kRests = 0.5, kSticks = 1.5;
+inline constexpr int kMomentumSteps = 4;  ///< in which the work on a sample is done
 
 /// State and report. Plain data, the caller's; a new one starts afresh.
 struct MomentumObserver {
@@ -69,20 +77,30 @@ struct MomentumObserver {
   Real chi2 = 0;         ///< of the residual
   bool refused = false;  ///< payload too heavy for the motors: it is not fed forward
 
-  int cycles = 0;            ///< observed, saturated
-  Pose pose;                 ///< the latest,
-  Coordinates motion{};      ///< and the motion to it
-  Joint torque{};            ///< applied before the latest
-  Joint sum{};               ///< mean torque of the period so far,
-  int waited = 0;            ///< and its control cycles
-  Joint once{}, residual{};  ///< ρ, filtered once and twice
+  int cycles = 0;        ///< sampled, saturated
+  Joint sum{};           ///< torques of the period so far,
+  int waited = 0;        ///< and its control cycles
+  Pose pose;             ///< the latest sample,
+  Coordinates motion{};  ///< the motion to it,
+  Joint torque{};        ///< and the torque applied before it
+
+  int step = 0;  ///< the next of the work on the sample before it; 0: done
+  Pose before;   ///< that sample's pose,
+  Coordinates rate{}, acceleration{};
+  Joint held{};                                ///< torque around it,
+  std::array<ChainState, kMaxMotors> chain{};  ///< its closed chains,
+  Coordinates needed{};                        ///< and the force M ẍ + c
+
+  Joint once{}, residual{};     ///< ρ, filtered once and twice
+  std::array<Joint, 3> mass{};  ///< φ of a mass: unfiltered, filtered once and twice
+  std::array<Joint, 3> sign{};  ///< and of friction
   Cause payload;
   std::array<Cause, kMaxMotors> friction;
-  Real energy = 0;   ///< Σ ρᵀV⁻¹ρ
+  Joint energy{};    ///< Σ ρᵀV⁻¹ρ, each motor's part
   Real count = 0;    ///< of samples in the sums
-  int since = 0;     ///< cycles since the disturbance began; 0: none
+  int since = 0;     ///< samples since the disturbance began; 0: none
   Real largest = 0;  ///< norm of the force since the disturbance began
-  int quiet = 0;     ///< cycles below a quarter of `alarm`
+  int quiet = 0;     ///< samples below a quarter of `alarm`
 };
 
 namespace momentum_detail {
@@ -94,163 +112,209 @@ inline void filter(Real gain, const Joint& input, Joint& once, Joint& twice) {
   }
 }
 
-/// Motor torques for a mass of 1 kg at D. @param acceleration  ẍ
+/// Force of the platform's coordinates for a mass of 1 kg at D. @param acceleration  ẍ
 template <Mobility K>
-inline Joint carried(const Robot& robot, const Closure<K>& closure, const DynamicModel<K>& model,
-                     const Matrix<kDof<K>, kDof<K>>& J, const Coordinates& rate,
-                     const Coordinates& acceleration) {
-  constexpr int n = kDof<K>;
+inline std::array<Real, kDof<K>> carried(const Robot& robot, const Closure<K>& closure,
+                                         const Coordinates& rate, const Coordinates& acceleration) {
   const Twist twist = to_twist<K>(closure.carried, acceleration);
   const Vec3 force = twist.velocity + drifting<K>(closure.carried, rate).velocity - robot.gravity();
-  std::array<Real, n> wrench;
-  free_columns<K>(closure.carried, force, Vec3::Zero(), wrench.data());
-  Joint torque{};
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) torque[i] += J[j][i] * wrench[j];
-    torque[i] *= model.slope[i];
-  }
-  return torque;
+  std::array<Real, kDof<K>> columns;
+  free_columns<K>(closure.carried, force, Vec3::Zero(), columns.data());
+  return columns;
 }
-}  // namespace momentum_detail
 
-/// Runs one cycle. Bounded work; a failure changes nothing but the start.
-/// @param pose    given by the believed motors
-/// @param torque  applied since the last cycle
+/// The sample's closed chains.
 template <Mobility K>
-inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
-                                const Pose& pose, const Joint& torque, MomentumObserver& state) {
-  constexpr int n = kDof<K>;
-  if (!kObserves || !(settings.period > 0 && settings.sigma[0] > 0)) return {};
-  const Coordinates motion = state.cycles > 0 ? difference<K>(pose, state.pose) : Coordinates{};
-  const Pose before = state.pose;
-  const Coordinates last = state.motion;
-  const Joint applied = state.torque;
-  state.pose = pose;
-  state.motion = motion;
-  state.torque = torque;
-  if (state.cycles < 2) {
-    ++state.cycles;
-    return {};
-  }
-  const Real per = 1 / settings.period;
-  Coordinates rate{}, acceleration{};
-  for (int i = 0; i < n; ++i) {
-    rate[i] = 0.5 * per * (motion[i] + last[i]);
-    acceleration[i] = per * per * (motion[i] - last[i]);
-  }
+Closure<K> closed(const Robot& robot, const MomentumObserver& state) {
   Closure<K> closure;
-  Jacobians<K> jacobians;
-  DynamicModel<K> model;
-  Outcome outcome = ikm<K, false>(robot, before, closure);
-  if (outcome) outcome = jacobian<K>(closure, jacobians);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
-  Joint residual{};
-  if (outcome) residual = inverse_dynamics<K>(model, jacobians.J, acceleration);
-  for (int i = 0; i < n && outcome; ++i)
-    residual[i] += friction(robot.chain[i], model.rate[i]) - 0.5 * (applied[i] + torque[i]);
-  if (outcome && !all_finite(residual, n)) outcome = {Status::not_finite, -1};
-  if (!outcome) {
-    state.cycles = 0;
-    return outcome;
-  }
+  closure.pose = state.before;
+  closure.carried = carry<K>(robot, state.before);
+  std::copy_n(state.chain.begin(), kDof<K>, closure.chain.begin());
+  return closure;
+}
 
+/// ρ and the force f, filtered; φ.
+template <Mobility K>
+TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
+                                       MomentumObserver& state) {
+  constexpr int n = kDof<K>;
+  const Closure<K> closure = closed<K>(robot, state);
+  Jacobians<K> jacobians;
+  const Outcome outcome = jacobian<K>(closure, jacobians);
+  if (!outcome) return outcome;
+  const Joint rate = jacobians.joint_rate(state.rate);
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
-  momentum_detail::filter(gain, residual, state.once, state.residual);
-  Joint mass = momentum_detail::carried<K>(robot, closure, model, jacobians.J, rate, acceleration);
-  for (int i = 0; i < n; ++i) mass[i] = -mass[i];
-  momentum_detail::filter(gain, mass, state.payload.once, state.payload.effect);
-  Joint weight{};
-  state.chi2 = 0;
+  const Real slow = settings.period * settings.bandwidth * 0.1;
+  Joint slope{};
+  for (int i = 0; i < n; ++i) slope[i] = 1 / closure.chain[i].rate;
+  Joint residual = motor_torques<K>(jacobians.J, state.needed, slope);
+  for (int i = 0; i < n; ++i) {
+    const Real turns = rate[i] * closure.chain[i].rate;
+    residual[i] += friction(robot.chain[i], turns) - state.held[i];
+    state.sign[0][i] = -std::clamp<Real>(turns / slow, -1, 1);  // unknown within its counts
+  }
+  if (!all_finite(residual, n)) return {Status::not_finite, -1};
+  for (int i = 0; i < n; ++i) slope[i] = -slope[i];
+  state.mass[0] = motor_torques<K>(
+      jacobians.J, carried<K>(robot, closure, state.rate, state.acceleration), slope);
+  filter(gain, residual, state.once, state.residual);
   state.force = {};
   for (int i = 0; i < n; ++i) {
-    // Within its counts a motor's direction is unknown.
-    const Real slow = settings.period * settings.bandwidth * 0.1;
-    Joint sign{};
-    sign[i] = -std::clamp<Real>(model.rate[i] / slow, -1, 1);
-    Cause& cause = state.friction[i];
-    momentum_detail::filter(gain, sign, cause.once, cause.effect);
-    const Real sigma = settings.sigma[i], share = settings.share * torque[i];
+    const Real per_jq = state.residual[i] * closure.chain[i].rate / jacobians.jq[i];
+    for (int j = 0; j < n; ++j) state.force[j] += jacobians.jx[i][j] * per_jq;
+  }
+  return outcome;
+}
+
+/// Filters φ and names the disturbance, from its start until it is over.
+template <int n>
+TRUEPOSE_APART void name(const MomentumSettings& settings, MomentumObserver& state) {
+  const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
+  filter(gain, state.mass[0], state.mass[1], state.mass[2]);
+  filter(gain, state.sign[0], state.sign[1], state.sign[2]);
+  const Joint &mass = state.mass[2], &sign = state.sign[2];
+  Joint weight{};  // V⁻¹
+  state.chi2 = 0;
+  for (int i = 0; i < n; ++i) {
+    const Real sigma = settings.sigma[i], share = settings.share * state.torque[i];
     weight[i] = 1 / (sigma * sigma + share * share);
     state.chi2 += state.residual[i] * state.residual[i] * weight[i];
-    for (int j = 0; j < n; ++j) state.force[j] += model.k[i][j] * state.residual[i];
   }
-  const auto product = [&](const Joint& a, const Joint& b) {
-    Real sum = 0;
-    for (int i = 0; i < n; ++i) sum += a[i] * weight[i] * b[i];
-    return sum;
-  };
-
-  // From the start of a disturbance until it is over.
   constexpr int kLong = 1 << 30;  // cycles: a payload may be carried for months
   state.quiet = state.chi2 < settings.alarm / 4 ? std::min(state.quiet + 1, kLong) : 0;
   if (state.since == 0 ? state.chi2 < settings.alarm
                        : state.quiet * settings.period > settings.over) {
     if (state.since > 0) {
-      state.payload.information = state.payload.score = 0;
-      for (Cause& cause : state.friction) cause.information = cause.score = cause.energy = 0;
-      state.energy = state.count = state.size = state.sigma = state.largest = 0;
+      state.payload = {};
+      state.friction.fill({});
+      state.energy.fill(0);
+      state.count = state.size = state.sigma = state.largest = 0;
       state.disturbance = Disturbance::none;
       state.motor = -1;
       state.since = 0;
     }
-    return {};
+    return;
   }
   constexpr Real kSettled = 4;  // time constants of the filter
   state.since = std::min(state.since + 1, kLong);
   Real square = 0;
   for (int i = 0; i < n; ++i) square += state.force[i] * state.force[i];
   state.largest = std::max(state.largest, std::sqrt(square));
-  if (state.since * gain < kSettled) return {};
+  if (state.since * gain < kSettled) return;
   const Real keep = 1 - settings.period / settings.window;
-  const auto add = [&](Cause& cause) {
-    cause.information = keep * cause.information + product(cause.effect, cause.effect);
-    cause.score = keep * cause.score + product(cause.effect, state.residual);
-  };
-  add(state.payload);
-  state.energy = keep * state.energy + product(state.residual, state.residual);
   state.count = keep * state.count + 1;
-  // A mass and friction are not negative. A motor at rest may rub with less than its friction, in
-  // either direction: all of its residual counts as friction's, as soon as any is against motion.
-  const Real from_mass = state.payload.score > 0
-                             ? state.payload.score * state.payload.score / state.payload.information
-                             : 0;
-  Real most = from_mass;
-  int motor = -1;
-  Cause every;  // friction of all motors
+  state.payload.information *= keep;
+  state.payload.score *= keep;
+  Real whole = 0;
+  Cause every;  // the same friction of all motors, dry joints or cold grease, is one cause
   for (int i = 0; i < n; ++i) {
     Cause& cause = state.friction[i];
-    add(cause);
-    cause.energy = keep * cause.energy + state.residual[i] * state.residual[i] * weight[i];
-    if (cause.score > 0 && cause.energy > most) {
-      most = cause.energy;
+    cause.information *= keep;
+    cause.score *= keep;
+    state.energy[i] *= keep;
+    // A motor at rest rubs with anything up to its friction: that tells no cause from another.
+    const Real w = weight[i], rho = state.residual[i];
+    const bool rubs = state.disturbance == Disturbance::friction && std::fabs(sign[i]) < kRests &&
+                      std::fabs(rho) < kSticks * state.size;
+    if (rubs) continue;
+    state.payload.information += mass[i] * w * mass[i];
+    state.payload.score += mass[i] * w * rho;
+    cause.information += sign[i] * w * sign[i];
+    cause.score += sign[i] * w * rho;
+    state.energy[i] += rho * w * rho;
+  }
+  for (int i = 0; i < n; ++i) {
+    every.information += state.friction[i].information;
+    every.score += state.friction[i].score;
+    whole += state.energy[i];
+  }
+  Disturbance found = Disturbance::payload;
+  const Cause* of = &state.payload;
+  int motor = -1;
+  Real most = of->accounts();
+  // A motor at rest may rub with less than its friction, in either direction: all of its residual
+  // counts as friction's, as soon as any is against motion.
+  for (int i = 0; i < n; ++i)
+    if (state.friction[i].score > 0 && state.energy[i] > most) {
+      most = state.energy[i];
+      found = Disturbance::friction;
+      of = &state.friction[i];
       motor = i;
     }
-    every.information += cause.information;
-    every.score += cause.score;
-  }
-  // The same friction of all motors, dry joints or cold grease, is one cause.
-  const bool all = every.score > 0 && every.score * every.score > most * every.information;
+  const bool all = every.accounts() > most;
   if (all) {
-    most = every.score * every.score / every.information;
+    most = every.accounts();
+    found = Disturbance::friction;
+    of = &every;
     motor = -1;
   }
-  const bool payload = motor < 0 && !all;
-  const Disturbance cause = payload ? Disturbance::payload : Disturbance::friction;
-  const bool same = cause == state.disturbance && motor == state.motor;
-  if (most > (same ? settings.kept : settings.named) * state.energy) {
-    const Cause& of = payload ? state.payload : all ? every : state.friction[motor];
-    state.disturbance = cause;
+  const bool same = found == state.disturbance && motor == state.motor;
+  if (most > (same ? settings.kept : settings.named) * whole) {
+    state.disturbance = found;
     state.motor = motor;
-    state.size = of.score / of.information;
+    state.size = of->score / of->information;
     // Errors of torque, masses and friction are systematic: more samples do not reduce them.
-    state.sigma = std::sqrt(state.count / of.information);
+    state.sigma = std::sqrt(state.count / of->information);
   } else if (state.since * settings.period > settings.over + kSettled / settings.bandwidth) {
     state.disturbance = Disturbance::contact;
     state.motor = -1;
     state.size = state.largest;
     state.sigma = 0;
   }
-  return {};
+}
+}  // namespace momentum_detail
+
+/// Takes a sample, after whose steps the report is of the sample before it.
+/// @param pose    given by the believed motors
+/// @param torque  applied since the last sample, mean
+template <Mobility K>
+inline void sample_momentum(const MomentumSettings& settings, const Pose& pose, const Joint& torque,
+                            MomentumObserver& state) {
+  if (!kObserves || !(settings.period > 0 && settings.sigma[0] > 0)) return;
+  const Coordinates motion = state.cycles > 0 ? difference<K>(pose, state.pose) : Coordinates{};
+  if (state.cycles < 2) {
+    ++state.cycles;
+  } else {
+    state.step = 1;
+    state.before = state.pose;
+    const Real per = 1 / settings.period;
+    for (int i = 0; i < kDof<K>; ++i) {
+      state.rate[i] = 0.5 * per * (motion[i] + state.motion[i]);
+      state.acceleration[i] = per * per * (motion[i] - state.motion[i]);
+      state.held[i] = 0.5 * (state.torque[i] + torque[i]);
+    }
+  }
+  state.pose = pose;
+  state.motion = motion;
+  state.torque = torque;
+}
+
+/// Does the next step of the work on a sample, if any is left. Bounded; a failure changes nothing
+/// but the start.
+template <Mobility K>
+inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
+                                MomentumObserver& state) {
+  Outcome outcome;
+  if (!kObserves || state.step == 0) return outcome;
+  switch (state.step++) {
+    case 1: {
+      Closure<K> closure;
+      outcome = ikm<K, false>(robot, state.before, closure);
+      std::copy_n(closure.chain.begin(), kDof<K>, state.chain.begin());
+      break;
+    }
+    case 2: {
+      DynamicModel<K> model;
+      const Closure<K> closure = momentum_detail::closed<K>(robot, state);
+      outcome = dynamic_model<K, false>(robot, closure, state.rate, model, state.acceleration);
+      std::copy_n(model.bias.begin(), kDof<K>, state.needed.begin());
+      break;
+    }
+    case 3: outcome = momentum_detail::update_residual<K>(robot, settings, state); break;
+    default: state.step = 0; momentum_detail::name<kDof<K>>(settings, state);
+  }
+  if (!outcome) state.cycles = state.step = 0;
+  return outcome;
 }
 
 /// Adds the torques of an identified payload along the setpoint. If the motors cannot hold its
@@ -269,10 +333,12 @@ inline void carry(const Robot& robot, const MomentumSettings& settings, const Se
   if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
   if (!outcome) return;
   const Joint own = inverse_dynamics<K>(model, jacobians.J, Coordinates{});
-  const Joint held =
-      momentum_detail::carried<K>(robot, closure, model, jacobians.J, Coordinates{}, Coordinates{});
-  const Joint more = momentum_detail::carried<K>(robot, closure, model, jacobians.J, setpoint.rate,
-                                                 setpoint.acceleration);
+  const auto torques = [&](const Coordinates& rate, const Coordinates& acceleration) {
+    return motor_torques<K>(
+        jacobians.J, momentum_detail::carried<K>(robot, closure, rate, acceleration), model.slope);
+  };
+  const Joint held = torques({}, {});
+  const Joint more = torques(setpoint.rate, setpoint.acceleration);
   for (int i = 0; i < n; ++i) {
     const Real most = robot.chain[i].torque_limit;
     if (!std::isfinite(state.size * (std::fabs(held[i]) + std::fabs(more[i]))))

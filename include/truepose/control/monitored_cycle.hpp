@@ -88,7 +88,7 @@ struct MonitoredCycle {
 
   /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
   bool covariance(Real gain, Real share, ReadingCovariance& V) const {
-    Extended variance{};
+    Extended variance;
     for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
     parity_.covariance(r_, variance, monitor_.geometry, monitor_.known ? share : 0, V);
     return V.factor(r_);

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "truepose/control/tracker.hpp"
 
@@ -32,7 +33,8 @@ inline constexpr Real kLeastShare = 0.02, kMostShare = 0.7, kSampledShare = 0.3;
 struct ReadingNoise {
   std::array<Real, 3> past{};         ///< last samples, the newest first
   std::array<Real, kThirds> third{};  ///< magnitudes of the last third differences
-  int large = 0;      ///< number of those beyond any healthy one: noise may be beginning
+  std::uint32_t beyond = 0;           ///< those beyond any healthy one, as bits,
+  int large = 0;                      ///< and their number: noise may be beginning
   int newest = -3;    ///< place of the next third difference; below 0: samples that it lacks
   Real sigma = 0;     ///< beyond the expected noise; 0: not noisy
   Real grain = 0;     ///< motion between two changes of a held or coarse reading; 0: neither
@@ -40,7 +42,7 @@ struct ReadingNoise {
   Tracker off;        ///< model minus reading, smoothed,
   Real gain = 1;      ///< by this gain on the noise's variance
 
-  bool noisy() const { return sigma > 0 || grain > 0; }
+  bool noisy() const { return sigma + grain > 0; }
   /// Whether it is noisy or may become so. A jump leaves three large differences.
   bool may_be_noisy() const { return noisy() || large > 3; }
   /// Variance beyond that of the expected noise.
@@ -50,13 +52,16 @@ struct ReadingNoise {
   void sample(Real raw, Real expected, int fades) {
     const Real difference = std::fabs(raw - 3 * past[0] + 3 * past[1] - past[2]);
     past = {raw, past[0], past[1]};
-    third[std::max(newest, 0)] = newest < 0 ? 0 : difference;
-    newest = newest < kThirds - 1 ? newest + 1 : 0;
     constexpr Real kLowerMedian = 0.58 * 4.47;  // of |N(0, 20)|, the fourth of eight
     const Real usual = std::max(expected, kFinest), limit = kNoisy * kLowerMedian * usual;
-    large = 0;
-    for (const Real size : third) large += size > limit;
-    if (sigma == 0 && large <= kThirds / 2) return;  // the lower median is below the limit
+    const int place = std::max(newest, 0);
+    third[place] = newest < 0 ? 0 : difference;
+    const std::uint32_t now = third[place] > limit;
+    large += static_cast<int>(now) - static_cast<int>(beyond >> place & 1U);
+    beyond = (beyond & ~(1U << place)) | now << place;
+    newest = newest < kThirds - 1 ? newest + 1 : 0;
+    // Else the lower median is below the limit.
+    if (sigma == 0 && large <= kThirds / 2) return;
     auto sorted = third;
     std::nth_element(sorted.begin(), sorted.begin() + kThirds / 2 - 1, sorted.end());
     const Real level = sorted[kThirds / 2 - 1] / kLowerMedian;

@@ -16,7 +16,6 @@
 #include "truepose/control/parity.hpp"
 #include "truepose/control/safety_limits.hpp"
 #include "truepose/control/safety_states.hpp"
-#include "truepose/control/tracker.hpp"
 
 namespace truepose {
 /// Requests of the operator. An acknowledgement and a start act when they begin.
@@ -87,24 +86,24 @@ struct SafetyShell {
   Joint weight{};                              ///< and the torques that hold the robot there
   FrameClock counter, time;
   unsigned cycle = 0;
-  std::array<Joint, kMostWindow> past{};     ///< motor readings of the last cycles
-  std::array<int, kMaxMotors> have{};        ///< of these, valid ones without a gap
-  int uneven = 0;                            ///< cycles for which a repeated frame is among them
-  int same = 0;                              ///< cycles with identical readings of all motors
-  std::array<Tracker, kMaxMotors> moving{};  ///< motor readings, per cycle
-  Joint pace{};                              ///< their motion per cycle before these
-  DrivenWays frame, alone;                   ///< of all motors together, and of each
-  Joint wanted{};                            ///< setpoint of the last cycle
-  std::uint32_t unread = 0;                  ///< motors whose reading is missing, as bits
-  Joint missing{}, saturated{}, clipped{};   ///< time, s,
-  std::uint32_t timed = 0;                   ///< and the causes with times above 0, as bits
+  std::array<Joint, kMostWindow> past{};    ///< motor readings of the last cycles
+  std::array<int, kMaxMotors> have{};       ///< of these, valid ones without a gap
+  int uneven = 0;                           ///< cycles for which a repeated frame is among them
+  int same = 0;                             ///< cycles with identical readings of all motors
+  Joint pace{};                             ///< their motion per cycle before these
+  DrivenWays frame, alone;                  ///< of all motors together, and of each
+  std::uint32_t alike = 0;                  ///< motors whose reading is the last one, as bits
+  Joint wanted{};                           ///< setpoint of the last cycle
+  std::uint32_t unread = 0;                 ///< motors whose reading is missing, as bits
+  Joint missing{}, saturated{}, clipped{};  ///< time, s,
+  std::uint32_t timed = 0;                  ///< and the causes with times above 0, as bits
 };
 
 namespace safety_detail {
-inline constexpr Real kPacePole = 0.85;   ///< of the trackers of the motors' motion per cycle
-inline constexpr Real kLeastPace = 0.02;  ///< smallest motion per cycle that counts, over `still`
-inline constexpr int kLongest = 1000;     ///< cycles without a change that are counted
-inline constexpr int kFrozen = 3;         ///< identical frames that are one too many
+inline constexpr Real kOneCount = 1.0 / 3;  ///< that motion leaves unseen, over `still`
+inline constexpr Real kLeastPace = 0.02;    ///< smallest motion per cycle that counts, over `still`
+inline constexpr int kLongest = 1000;       ///< cycles without a change that are counted
+inline constexpr int kFrozen = 3;           ///< identical frames that are one too many
 /// One motor stands still while its loop drives it: ways over `still` and over `tracking`, the
 /// larger of which is too far.
 inline constexpr Real kStuckStill = 7, kStuckTracking = 0.1;
@@ -181,26 +180,34 @@ struct Step {
     judge(shell.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
     const Joint& last = past(1);
     const bool same = first([&](int i) { return cycle.q[i] != last[i] || !number(last[i]); }) == n;
-    if (!shell.follows || !same) {
-      for (int i = 0; i < n; ++i) {
-        shell.pace[i] = std::fabs(shell.moving[i].rate);
-        shell.frame.begin(i, cycle.answer ? cycle.q_d[i] : shell.wanted[i]);
-      }
-      shell.same = 0;
-    }
     // Marked frames need no such test: motors that rest under friction look alike.
-    if (!shell.follows || !same || !cycle.answer || cycle.counter.given || cycle.time.given) return;
+    if (!shell.follows || !same || cycle.counter.given || cycle.time.given) {
+      shell.same = 0;
+      return;
+    }
+    if (!cycle.answer) return;
+    if (shell.same == 0)
+      for (int i = 0; i < n; ++i) {
+        constexpr int kBack = kMostWindow - 1;
+        const bool full = shell.have[i] == kMostWindow;
+        shell.pace[i] = full ? std::fabs(last[i] - past(kMostWindow)[i]) / kBack : 0;
+        shell.frame.begin(i, shell.wanted[i]);
+      }
     shell.same = std::min(shell.same + 1, kLongest);
     bool moved = false;
+    Real unseen = 0;  // Σ of squares, beyond the count that each motor may move unseen
     for (int i = 0; i < n; ++i) {
       const Real asked = std::fabs(cycle.q_d[i] - shell.frame.from[i]);
       const Real still = limits.still[i], expected = shell.pace[i] * shell.same;
       // A robot at rest may start late, but not one that just moved, faster than by its noise.
       const bool just =
           shell.pace[i] > kLeastPace * still && (shell.same <= kMostWindow || expected < 3 * still);
+      const Real beyond = std::min(asked, expected) - kOneCount * still;
+      if (just && beyond > 0) unseen += beyond * beyond / (still * still);
       const Real way = shell.frame.drive(limits, i, cycle.q_d[i], limits.rests[i]);
-      moved = moved || (just && std::min(asked, expected) > still) || !(std::fabs(way) <= still);
+      moved = moved || !(std::fabs(way) <= still);
     }
+    moved = moved || unseen > (1 - kOneCount) * (1 - kOneCount);
     fresh = fresh && !moved;
     found.add(moved && shell.same >= kFrozen, StopCause::stale_frame);
   }
@@ -210,10 +217,12 @@ struct Step {
     const Joint& last = past(1);
     flag(StopCause::stale_frame, [&](int i) {
       if (!shell.follows || cycle.q[i] != last[i] || cycle.unused & bit(i)) {
-        shell.alone.begin(i, cycle.answer ? cycle.q_d[i] : shell.wanted[i]);
+        shell.alike &= ~bit(i);
         return false;
       }
       if (!cycle.answer) return false;
+      if (!(shell.alike & bit(i))) shell.alone.begin(i, shell.wanted[i]);
+      shell.alike |= bit(i);
       const Real way = shell.alone.drive(limits, i, cycle.q_d[i], limits.rests[i]);
       return shell.alone.cycles[i] >= kFrozen &&
              !(std::fabs(way) <=
@@ -259,13 +268,7 @@ struct Step {
              (m >= window ? too_fast(i, before[i], window) : m > 0 && too_fast(i, past(m)[i], m));
     });
     for (int i = 0; i < n; ++i) {
-      if (!(read & bit(i))) {
-        shell.have[i] = 0;
-        continue;
-      }
-      if (shell.have[i] == 0) shell.moving[i] = {cycle.q[i], 0};
-      shell.moving[i].correct(1, kPacePole, cycle.q[i] - shell.moving[i].predicted(1));
-      shell.have[i] = std::min(shell.have[i] + 1, kMostWindow);
+      shell.have[i] = read & bit(i) ? std::min(shell.have[i] + 1, kMostWindow) : 0;
     }
     shell.past[shell.cycle % kMostWindow] = cycle.q;
   }

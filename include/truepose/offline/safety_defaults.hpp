@@ -58,7 +58,8 @@ inline Real travel(const Chain& chain) {
 /// count       one count, and 8 σ of the noise of a difference
 ///     window      count is at most a tenth of the speed limit over it; 8 ms at most
 /// still       three times that: a reading, the measured pace, and the motor's dither by a count
-/// rests       count, and friction over kp_i: 3 % of τ_i where the robot has none
+/// rests       count, and the error at which the loops balance the friction of all motors: three
+///             times the robot's, 3 % of τ_i where it has none
 ///     low, high   the stops, as read
 ///     saturation  5/ω, of the slowest motor: a loop leaves saturation in that time
 ///     standstill  speed_i I_i / τ_i, the longest: the brake rubs with τ_i (assumed)
@@ -77,6 +78,8 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
     limits.period = settings.period;
 
     const bool corrects = properties(settings.law).corrects != Corrects::motors;
+    const bool shaped = settings.gains == Gains::inertia;
+    Joint friction{};
     int window = 1;
     Real slowest = INFINITY, rest = 0;
     for (int i = 0; i < n; ++i) {
@@ -84,7 +87,7 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
       const Real torque = chain.torque_limit;
       // Of an encoder that counts backwards both gains are negative.
-      const Real kp = std::fabs(settings.kp[i]) * (settings.gains == Gains::inertia ? inertia : 1);
+      const Real kp = std::fabs(settings.kp[i]) * (shaped ? inertia : 1);
       if (!(torque > 0 && kp > 0 && inertia > 0)) return Outcome{Status::no_such_value, i};
       limits.torque[i] = torque;
       limits.slew[i] = 2 * torque / kReaction;
@@ -99,9 +102,9 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
           static_cast<int>(std::ceil(std::min<Real>(limits.count[i] / per_cycle, kMostWindow))));
       limits.still[i] = 3 * limits.count[i];
       limits.kp[i] = kp / inertia;
-      limits.kd[i] = std::fabs(settings.kd[i]) / (settings.gains == Gains::inertia ? 1 : inertia);
-      const Real friction = chain.coulomb > 0 ? chain.coulomb : kFriction * torque;
-      limits.rests[i] = limits.count[i] + friction / kp;
+      limits.kd[i] = std::fabs(settings.kd[i]) / (shaped ? 1 : inertia);
+      friction[i] = chain.coulomb > 0 ? 3 * chain.coulomb : kFriction * torque;
+      limits.rests[i] = limits.count[i] + (shaped ? 0 : friction[i] / kp);
       if (std::isfinite(chain.low) && std::isfinite(chain.high)) {
         const Real low = motor_reading(chain, chain.low), high = motor_reading(chain, chain.high);
         limits.low[i] = std::min(low, high) - limits.count[i];
@@ -110,9 +113,18 @@ inline Outcome default_limits(const Robot& robot, const ControlSettings& setting
       slowest = std::min(slowest, std::sqrt(kp / inertia));
       rest = std::max(rest, limits.speed[i] * inertia / torque);
     }
+    std::array<Real, n> size;
+    for (int i = 0; i < n; ++i) size[i] = home.inertia[i][i];
+    const Ldlt<n> factor(home.inertia, size);
+    for (int j = 0; j < n && shaped; ++j) {  // one motor's friction moves the others, too
+      std::array<Real, n> error{};
+      error[j] = friction[j] / home.model.slope[j];
+      factor.solve(error);
+      for (int i = 0; i < n; ++i) limits.rests[i] += std::fabs(error[i] / settings.kp[i]);
+    }
     for (int i = 0; i < n; ++i) {
       const Real answer = sum_of(n, [&](int j) {
-        if (j != i && settings.gains != Gains::inertia) return Real{0};
+        if (j != i && !shaped) return Real{0};
         return std::fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
                (limits.kp[j] + limits.kd[j] * settings.velocity_bandwidth);
       });

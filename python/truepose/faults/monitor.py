@@ -287,8 +287,12 @@ def _moved(
     # The error at which the PD overcomes friction; unknown without a torque limit.
     sticks = _STICKS * _limits(robot)
     if effects is not None:
-        sticks = np.maximum(sticks, effects.plant(robot).friction[: robot.n])
+        sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.n])
     away = sticks / (controller.frequency**2 * _inertia(robot, controller))
+    if controller.gains == "inertia":  # one motor's friction moves the others, too
+        J, home = robot.jacobian(robot.home), robot.home
+        inertia = J.T @ robot.mass_matrix(home) @ J
+        away = np.abs(np.linalg.inv(inertia)) @ sticks / controller.frequency**2
     moved[: robot.n] += away
     return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
 
