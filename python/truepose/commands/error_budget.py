@@ -7,6 +7,7 @@ from pathlib import Path
 from typer import Option
 
 from truepose.commands import options
+from truepose.commands.conditions import ConditionsOption, under
 from truepose.commands.design import Calibrated, Confidence, parse_confidence, visited
 from truepose.design.criterion import Measure
 from truepose.design.error_budget import error_budget
@@ -24,6 +25,7 @@ def command(
     poses: Path | None = Option(
         None, help="CSV file of the poses to evaluate.", show_default="32 over the workspace"
     ),
+    conditions: ConditionsOption = None,
     confidence: Confidence = "95%",
     measure: Measure = "rms",
     plot: Path | None = options.plot_option("the contributions"),
@@ -37,7 +39,7 @@ def command(
 
     Example: **truepose error-budget h4 --calibrated 20 --plot budget.svg**
     """
-    loaded = options.load_with(robot, sensors)
+    loaded = under(options.load_with(robot, sensors), conditions)
     csv = None if calibrated is None or calibrated.isdigit() else calibrated
     write = options.writer((robot, poses, csv), force, plot=plot)
     found = error_budget(

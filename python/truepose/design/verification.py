@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import check_seed
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.influences import at_other_temperature
 from truepose.design.candidates import given_poses
 from truepose.design.criterion import CYCLES
 from truepose.design.selection import SensorSelection
 from truepose.exceptions import InputError
+from truepose.robot.conditions import sampled
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.robotfile.schema import Tolerance
@@ -76,13 +78,16 @@ def verify(
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     x, errors = np.tile(over, (cycles, 1)), []
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
-        true, noise = robot.sample(own), own.generate_state(3).tolist()
+        true, noise = robot.sample(own), own.generate_state(4).tolist()
+        at_reference, at_work = sampled(true, noise[3])
         known = robot.expected()
-        if len(visited) or len(touched):
-            readings = true.read(visited, noise[0]) if len(visited) else None
-            at = (true.read(touched, noise[1]), touched) if len(touched) else None
-            known = calibrate(robot, readings, known_pose=at, cause="ignore").robot
-        estimate = known.estimate(true.read(x, noise[2]), guess=x)
+        if len(visited):
+            known = calibrate(robot, true.read(visited, noise[0]), cause="ignore").robot
+        if len(touched):
+            at = at_reference.read(touched, noise[1]), touched
+            known = at_other_temperature(known)
+            known = calibrate(known, known_pose=at, cause="ignore").robot
+        estimate = known.estimate(at_work.read(x, noise[2]), guess=x)
         watch(advance=1)
         errors.append((estimate.x - x)[:, columns].reshape(cycles, len(over), -1))
     each, kept = found.criterion.of_errors(np.array(errors))
