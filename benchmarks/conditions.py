@@ -19,7 +19,12 @@ SENSORS = {
     "delta": (["z_telemeter"],),
     "stewart": (["roll", "pitch"],),
 }
-PAYLOAD = (0, 5)
+CONDITIONS = {
+    "payload": (0, 5),
+    "payload_centre_sigma": 0.01,
+    "temperature": (10, 40),
+    "gradient": 4,
+}
 STATES = {
     "as built": (False, False),
     "self-calibrated": (True, False),
@@ -38,11 +43,8 @@ def at_work(name, sensors):
     tolerances = robot.spec.tolerances | doubt
     update = {"compliance": Compliance(**soft), "tolerances": tolerances}
     robot = tp.Robot(robot.spec.model_copy(update=update))
-    heat = {"temperature": (10, 40), "gradient": 4}
     backlash = 1e-4 if "all_arms" in soft else 2e-5
-    return robot.with_conditions(
-        payload=PAYLOAD, payload_centre_sigma=0.01, backlash=backlash, **heat
-    )
+    return robot.with_conditions(**CONDITIONS, backlash=backlash)
 
 
 def error(robot, visited, home, x, seed):

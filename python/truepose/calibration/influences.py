@@ -19,7 +19,7 @@ from truepose.robot.compliance import Payloads, under_load
 from truepose.robot.robot import Robot
 
 #: Share of a common cause by which parameters may differ from it: keeps a covariance regular.
-SURE = 1e-4
+SURE = 1e-2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -92,11 +92,12 @@ def under_load(
     robot: Description,
     x: Array,
     full: bool,
+    core: _core.Robot | None = None,
+    /,
     *,
     compliance: Array | None = None,
     force: Array | None = None,
     tension: Array | None = None,
-    core: _core.Robot | None = None,
 ) -> UnderLoad:
     """Compute readings under load, their derivatives and the tensions at poses x, (N, n).
 

@@ -31,6 +31,9 @@ AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 When = Literal["work", "reference", "calibration"]
 #: Lever of a unit payload in the derivatives by its centre, m.
 _LEVER = 0.01
+#: Part whose growth moves a point of a chain or a sensor, or a bar's hinge.
+_CARRIERS = {"base": "base", "origin": "base"}
+_CARRIERS |= dict.fromkeys(("anchor", "pivot", "target"), "platform")
 
 
 class Condition(NamedTuple):
@@ -53,20 +56,17 @@ def lengths(robot: Description) -> dict[str, dict[str, float]]:
     with it: it reads less.
     """
     result: dict[str, dict[str, float]] = {}
-    legs = [chain.actuator == "telescopic" for chain in robot.spec.chain]
+    chains = enumerate(robot.spec.chain, 1)
+    legs = {f"chain{i}.gain" for i, chain in chains if chain.actuator == "telescopic"}
     for name, p in robot.parameters.items():
         part, key = name.split(".")[:2]
         number = part.removeprefix("chain")
-        of = {"base": "base", "origin": "base", "anchor": "platform", "pivot": "platform"}.get(key)
-        of = "platform" if key == "target" else of
-        if part.startswith("axis"):
-            of = None
-        if key in ("arm", "rod"):
-            of = f"{key}{number}"
-        if key == "gain" and number.isdigit() and legs[int(number) - 1]:
+        if name in legs:
             result.setdefault(f"rod{number}", {})[name] = -p.value
-        elif of is not None:
-            result.setdefault(of, {})[name] = p.value
+        elif key in ("arm", "rod"):
+            result.setdefault(f"{key}{number}", {})[name] = p.value
+        elif key in _CARRIERS and not part.startswith("axis"):
+            result.setdefault(_CARRIERS[key], {})[name] = p.value
     return result
 
 
@@ -209,7 +209,7 @@ def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) ->
     def by_one(off: Array) -> Array:
         one = _core.Body()
         one.mass, one.pivot = 1.0, np.array(section.payload_centre) + off
-        return under_load(robot, x, full, core=_with(robot, one)).readings - usual
+        return under_load(robot, x, full, _with(robot, one)).readings - usual
 
     result = {"payload": by_one(np.zeros(3))}
     low, high = section.payload
@@ -239,7 +239,7 @@ def _growth(robot: Description) -> dict[str, Array]:
 def common_growth(robot: Description) -> dict[str, float]:
     """Return what one σ of the ambient temperature adds to the parameters that readings show."""
     section = robot.spec.conditions or Conditions()
-    growth = _spread(section.temperature) * sum(_growth(robot).values())
+    growth = _spread(section.temperature) * np.sum([*_growth(robot).values()], axis=0)
     read = {name for name, _ in to_core.columns(robot.spec)}
     every = zip(robot.parameters, growth.tolist(), strict=True)
     return {name: by for name, by in every if by and name in read}

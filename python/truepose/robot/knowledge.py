@@ -77,7 +77,7 @@ def beside_root(lower: Array, sigma: Array) -> Array:
 def triangular(half: Array) -> Array:
     """Return the lower triangular S, S Sᵀ = H Hᵀ, with no negative diagonal, for H with p rows."""
     lower = np.asarray(np.linalg.qr(half.T, mode="r")).T
-    return lower * np.sign(np.diag(lower))
+    return lower * np.where(np.diag(lower) < 0, -1.0, 1.0)
 
 
 def reading_sigma(robot: Kinematics) -> Array:
