@@ -11,7 +11,6 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import check_seed, finite
 from truepose.exceptions import InputError, choose
-from truepose.robot.conditions import lengths
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
 from truepose.robotfile.to_core import PAIRED
@@ -125,10 +124,9 @@ class Effects:
         parts = {"base": self.base_expansion, "arm": self.arm_expansion, "rod": self.rod_expansion}
         return [
             {
-                name: value * rate * self.warm_up
-                for one, own in lengths(robot).items()
-                if one.rstrip("0123456789") == part
-                for name, value in own.items()
+                name: p.value * rate * self.warm_up
+                for name, p in robot.parameters.items()
+                if name.startswith("chain") and name.split(".")[1] == part
             }
             for part, rate in parts.items()
         ]
