@@ -204,29 +204,36 @@ class Compliance(Section):
     )
 
 
+#: kg, °C, K and relative expansions that machines can have.
+Payload = Annotated[Number, Field(ge=0, le=1e6)]
+Celsius = Annotated[Number, Field(ge=-273.15, le=2000)]
+Kelvin = Annotated[Number, Field(ge=0, le=2000)]
+Expansion = Annotated[Number, Field(ge=-1e-3, le=1e-3), unit("1/K")]
+
+
 class Conditions(Section):
     """Uncertain conditions at work, for predictions; the model has the middle of each range."""
 
-    payload: Annotated[tuple[NonNegative, NonNegative], unit("kg")] = key(
+    payload: Annotated[tuple[Payload, Payload], unit("kg")] = key(
         "smallest and largest mass on the platform, uniformly distributed", (0.0, 0.0)
     )
     payload_centre: Point = key("its centre of mass, platform frame", (0, 0, 0))
-    payload_centre_sigma: Annotated[NonNegative, unit("m")] = key(
+    payload_centre_sigma: Annotated[Number, Field(ge=0, le=100), unit("m")] = key(
         "σ of each coordinate of its centre of mass", 0.0
     )
-    temperature: Annotated[tuple[Number, Number], unit("°C")] = key(
+    temperature: Annotated[tuple[Celsius, Celsius], unit("°C")] = key(
         "lowest and highest ambient temperature, uniformly distributed, of all parts; lengths are "
         "those at the middle",
         (20.0, 20.0),
     )
-    gradient: Annotated[NonNegative, unit("K")] = key(
+    gradient: Annotated[Kelvin, unit("K")] = key(
         "σ by which the base, the platform, each arm and each rod are warmer or colder than that",
         0.0,
     )
-    base_expansion: Annotated[Number, unit("1/K")] = key("of the base (aluminium)", 23e-6)
-    platform_expansion: Annotated[Number, unit("1/K")] = key("of the platform (aluminium)", 23e-6)
-    arm_expansion: Annotated[Number, unit("1/K")] = key("of the arms (aluminium)", 23e-6)
-    rod_expansion: Annotated[Number, unit("1/K")] = key("of rods and legs (carbon fibre)", 1e-6)
+    base_expansion: Expansion = key("of the base (aluminium)", 23e-6)
+    platform_expansion: Expansion = key("of the platform (aluminium)", 23e-6)
+    arm_expansion: Expansion = key("of the arms (aluminium)", 23e-6)
+    rod_expansion: Expansion = key("of rods and legs (carbon fibre)", 1e-6)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
