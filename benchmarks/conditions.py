@@ -56,7 +56,8 @@ def at_work(name, sensors, conditions=True):
 
 def error(robot, visited, home, x, seed):
     """Return the error of a sampled robot's estimates, (T, c)."""
-    true, noise = robot.sample(seed), np.random.SeedSequence(seed).generate_state(4).tolist()
+    true = robot.sample(seed).with_level(robot.highest_level)
+    noise = np.random.SeedSequence(seed).generate_state(4).tolist()
     on_the_day, now = sampled(true, noise[0])
     model = robot
     if visited is not None:
@@ -73,23 +74,20 @@ def main():
     parser.add_argument("--robots", type=int, default=400)
     parser.add_argument("--cases", nargs="+", default=list(SENSORS))
     asked = parser.parse_args()
-    print("| robot, sensors | state | predicted (mm) | simulated | ratio | without (mm) | ratio |")
-    print("|---|---|---:|---:|---:|---:|---:|")
+    print("| robot, sensors | state | predicted (mm) | simulated (mm) | ratio | without (mm) |")
+    print("|---|---|---:|---:|---:|---:|")
     for name in asked.cases:
         for sensors in SENSORS[name]:
-            both = [at_work(name, sensors, conditions).expected() for conditions in (True, False)]
-            x, poses = asked_poses(both[0], None)[:8], practice(both[0], 20)
+            robot, bare = (at_work(name, sensors, yes).expected() for yes in (True, False))
+            x, poses = asked_poses(robot, None)[:8], practice(robot, 20)
             for state, (learns, touches) in STATES.items():
-                known = poses if learns else None, both[0].home if touches else None
-                cells = []
-                for robot in both:
-                    off = [error(robot, *known, x, seed) for seed in range(asked.robots)]
-                    rms = np.sqrt((np.array(off) ** 2).sum(axis=-1).mean())
-                    sigma = tp.accuracy(robot, x, *known).rms
-                    cells.append((1e3 * sigma, 1e3 * rms, rms / sigma))
-                (sigma, rms, ratio), (bare, _, other) = cells
-                figures = f"{sigma:.3g} | {rms:.3g} | {ratio:.2f} | {bare:.3g} | {other:.2f}"
-                print(f"| {name}: {', '.join(sensors)} | {state} | {figures} |", flush=True)
+                known = poses if learns else None, robot.home if touches else None
+                off = [error(robot, *known, x, seed) for seed in range(asked.robots)]
+                rms = np.sqrt((np.array(off) ** 2).sum(axis=-1).mean())
+                sigma, without = (tp.accuracy(r, x, *known).rms for r in (robot, bare))
+                figures = f"{1e3 * sigma:.3g} | {1e3 * rms:.3g} | {rms / sigma:.2f}"
+                label = f"{name}: {', '.join(sensors)}"
+                print(f"| {label} | {state} | {figures} | {1e3 * without:.3g} |", flush=True)
 
 
 if __name__ == "__main__":

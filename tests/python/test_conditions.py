@@ -96,7 +96,7 @@ def test_four_hundred_robots_at_work_are_as_far_off_as_predicted(name, reference
     x = anywhere(robot, 3, rng)
     home, off = robot.home, []
     for seed in range(400):
-        true = robot.sample(seed)
+        true = robot.sample(seed).with_level(robot.highest_level)
         before, now = sampled(true, seed)
         model = robot
         if referenced:

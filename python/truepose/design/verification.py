@@ -78,7 +78,8 @@ def verify(
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     x, errors = np.tile(over, (cycles, 1)), []
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
-        true, noise = robot.sample(own), own.generate_state(4).tolist()
+        true = robot.sample(own).with_level(robot.highest_level)
+        noise = own.generate_state(4).tolist()
         at_reference, at_work = sampled(true, noise[3])
         known = robot.expected()
         if len(visited):
