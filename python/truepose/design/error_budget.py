@@ -144,7 +144,8 @@ def error_budget(
         variance = float(variances[own].sum())
         if variance > 0:
             _, *halved = model.errors(np.where(own, 0.5, 1.0))
-            stated = {(sigma, unit) for source, sigma, unit in model.sources if source == key}
+            own_of = [one for one in model.sources if one[0] == key and one[1] != 0]
+            stated = {(sigma, unit) for _, sigma, unit in own_of}
             sigma, unit = stated.pop() if len(stated) == 1 else (None, "")
             error, share = variance**0.5, variance / whole
             found.append(Contribution(key, sigma, unit, error, share, by.squared(*halved) ** 0.5))
