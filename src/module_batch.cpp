@@ -108,22 +108,26 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
   });
 }
 
-/// Under load: readings, (N, n + r), their derivatives by every chain's compliance, (N, n + r, n),
-/// and the tension of every chain, (N, n).
+/// Under load: readings, (N, n + r), their derivatives by the compliances of every chain and then
+/// of every arm, (N, n + r, 2 n), and the tension of every chain, (N, n).
 /// @param force    on the platform's reference point, (N, 3)
 /// @param tension  measured, (N, n), NaN where missing
-auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance, const Rows& force,
-                      const Rows& tension, bool full) {
+auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance, const Joint& arms,
+                      const Rows& force, const Rows& tension, bool full) {
   const std::size_t n = x.shape(1), e = n + robot.r;
   const Kernels model = kernels(robot.mobility, full);
-  return batch(x.shape(0), {{e}, {e, n}, {n}}, [&](std::size_t i, auto& out) {
+  return batch(x.shape(0), {{e}, {e, 2 * n}, {n}}, [&](std::size_t i, auto& out) {
     Load load{Vec3(force(i, 0), force(i, 1), force(i, 2)), row<Joint>(tension, i)};
     UnderLoad at;
     const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
-    const Outcome outcome = under_load(robot, model, full, pose, compliance, load,
+    const Outcome outcome = under_load(robot, model, full, pose, compliance, arms, load,
                                        scratch(e * parameter_count(robot)).data(), at);
     std::copy_n(at.q_e.begin(), e, out[0]);
-    write(at.by_compliance, e, n, out[1]);
+    for (std::size_t c = 0; c < e; ++c)
+      for (std::size_t k = 0; k < n; ++k) {
+        out[1][2 * n * c + k] = at.by_compliance[c][k];
+        out[1][2 * n * c + n + k] = c == k ? at.by_arm[k] : 0;
+      }
     std::copy_n(at.tension.begin(), n, out[2]);
     return outcome;
   });

@@ -2,6 +2,7 @@
 #include "truepose/offline/stretch.hpp"
 
 #include "mechanisms.hpp"
+#include "truepose/offline/plant.hpp"
 
 using namespace mechanisms;
 
@@ -131,18 +132,19 @@ TEST("under load every reading changes with every chain's compliance as finite d
     for (int sample = 0; sample < 5; ++sample) {
       const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
       Joint compliance{};
-      for (int i = 0; i < model.n; ++i) compliance[i] = 1e-6 * (1 + i);
+      Joint arms{};
+      for (int i = 0; i < model.n; ++i) compliance[i] = 1e-6 * (1 + i), arms[i] = 1e-5 * (1 + i);
       Load load = some_load();
       if (sample % 2) load.tension[0] = 120;  // measured
       UnderLoad at;
-      CHECK(under_load(robot, model, full, pose, compliance, load, H_xi.data(), at));
+      CHECK(under_load(robot, model, full, pose, compliance, arms, load, H_xi.data(), at));
       if (sample % 2) CHECK_NEAR(at.tension[0], 120, 0);
       for (int i = 0; i < model.n; ++i) {
         UnderLoad side[2];
         for (const int s : {0, 1}) {
           Joint other = compliance;
           other[i] += s ? kStep : -kStep;
-          CHECK(under_load(robot, model, full, pose, other, load, H_xi.data(), side[s]));
+          CHECK(under_load(robot, model, full, pose, other, arms, load, H_xi.data(), side[s]));
         }
         for (int c = 0; c < model.n + robot.r; ++c) {
           const double slope = (side[1].q_e[c] - side[0].q_e[c]) / (2 * kStep);
@@ -155,6 +157,37 @@ TEST("under load every reading changes with every chain's compliance as finite d
       }
     }
     CHECK(most > 1);
+  });
+}
+
+TEST("an arm turns by its compliance times the torque at which its motor holds the load") {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Kernels model = kernels(robot.mobility, full);
+    std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
+    check::Random random(84);
+    Robot level = robot;  // bodies of the dynamics do not turn with their bars
+    for (int k = 0; k < level.bodies; ++k) level.body[k].anchor = Vec3::Zero();
+    for (int i = 0; i < model.n; ++i) level.chain[i].rod_difference = 0;
+    CHECK(finish(level) && finish_full(level));
+    for (int sample = 0; sample < 5; ++sample) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+      Joint arms{}, torque{};
+      arms.fill(1e-5);
+      UnderLoad stiff, soft;
+      CHECK(under_load(level, model, full, pose, {}, {}, {}, H_xi.data(), stiff));
+      CHECK(under_load(level, model, full, pose, {}, arms, {}, H_xi.data(), soft));
+      CHECK(hold<K>(level, pose, torque));
+      for (int i = 0; i < model.n; ++i) {
+        const bool arm = level.chain[i].actuator == Actuator::revolute;
+        const double turns = arm ? level.chain[i].encoder_gain * torque[i] : 0;
+        const double off = full ? 1e-3 * (1 + std::fabs(turns)) : 1e-9;
+        CHECK_NEAR(soft.by_arm[i], turns, off);
+        CHECK_NEAR(soft.q_e[i] - stiff.q_e[i], 1e-5 * turns, 1e-5 * off + 1e-13);
+      }
+      for (int c = model.n; c < model.n + robot.r; ++c)
+        CHECK_NEAR(soft.q_e[c], stiff.q_e[c], 1e-13);
+    }
   });
 }
 
@@ -175,7 +208,7 @@ TEST("what carries nothing, or is stiff, stays as long as it is") {
     for (const bool stiff : {false, true}) {
       UnderLoad at;
       CHECK(under_load(stiff ? robot : weightless, model, full, pose, stiff ? Joint{} : soft,
-                       stiff ? some_load() : Load{}, H_xi.data(), at));
+                       stiff ? Joint{} : soft, stiff ? some_load() : Load{}, H_xi.data(), at));
       for (int c = 0; c < model.n + robot.r; ++c) CHECK_NEAR(at.q_e[c], q_e[c], 1e-12);
     }
   });

@@ -1,4 +1,4 @@
-// Deflection of rods, legs and belts under load.
+// Deflection of rods, legs, belts and arms under load.
 //
 // A rod of length L under the tension T has length L (1 + c T), c its compliance. The rods alone
 // hold the load on the platform, a force and weights (half of each rod's weight). Along every
@@ -9,7 +9,10 @@
 // At the ideal level z is x, with as many chains. At the full level each rod counts; where one is
 // too many, all act as equal springs: T is the smallest that holds. Tensions are those of the
 // unloaded geometry; they differ by the order of the strain. Readings are therefore those of a
-// robot with other rods, and ∂q_e/∂c follows from H_ξ.
+// robot with other rods, and ∂q_e/∂c follows from H_ξ. An arm turns by its compliance times the
+// motor's torque, which its encoder does not see:
+//
+//     τ_i = Σ T_k v_k/|v_k| · ∂B_i/∂p - (m_arm + m_rods)/2 g · ∂B_i/∂p
 #pragma once
 
 #include <Eigen/QR>
@@ -36,6 +39,7 @@ struct Pull {
   Joint length{};      ///< mean growth of its rods per unit of compliance, m·N
   Joint difference{};  ///< growth of the rod on the +u side minus that of the other
   Joint rate{};        ///< ∂position/∂q of its motor
+  Joint torque{};      ///< of its motor, N·m or N
 };
 
 /// Computes the smallest tensions T that hold w, G T = -w. @return whether every load can be held
@@ -43,6 +47,11 @@ inline bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::Vect
   const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> rods(G);
   T = rods.solve(-w);
   return rods.rank() == G.rows() && T.allFinite();
+}
+
+/// Returns a revolute motor's torque, by rate, against the weight of its arm and half of its rods.
+inline Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB) {
+  return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity().dot(dB);
 }
 
 /// Ideal level. @return singular where the rods hold nothing along some freedom
@@ -71,6 +80,9 @@ Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& p
     pull.length[i] = pull.tension[i] * at.chain[i].v.norm();
     pull.difference[i] = 0;
     pull.rate[i] = at.chain[i].rate;
+    pull.torque[i] = (pull.tension[i] * at.chain[i].jq / at.chain[i].v.norm() +
+                      weight_of_arm(robot, robot.chain[i], at.chain[i].dB)) /
+                     pull.rate[i];
   }
   return {};
 }
@@ -110,7 +122,13 @@ Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pul
       for (Real& one : of) one += 0.5 * (load.tension[i] - sum);
       sum = load.tension[i];
     }
-    for (int side = 0; side < 2; ++side) of[side] *= at.v[2 * i + side].norm();
+    pull.torque[i] = weight_of_arm(robot, robot.chain[i], at.driven[i].dB);
+    for (int side = 0; side < 2; ++side) {
+      const Real length = at.v[2 * i + side].norm();
+      pull.torque[i] += of[side] * at.jq[2 * i + side] / length;
+      of[side] *= length;
+    }
+    pull.torque[i] /= at.driven[i].rate;
     pull.tension[i] = sum;
     pull.length[i] = of[0] + of[1];
     pull.difference[i] = 2 * (of[0] - of[1]);
@@ -141,15 +159,17 @@ struct UnderLoad {
   Extended q_e;
   Joint tension;                                   ///< of every chain, N
   Matrix<kMaxReadings, kMaxChains> by_compliance;  ///< ∂q_e/∂c of every chain, x held
+  Joint by_arm{};                                  ///< ∂q/∂(compliance of its arm), x held
 };
 
 /// Computes the readings under load and their derivatives by compliance.
 /// @param full        level of `model`
 /// @param compliance  of every chain, 1/N
+/// @param arms        compliance of every arm, rad/(N·m)
 /// @param H_xi        work space, (n + r) × parameter_count
 inline Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Pose& pose,
-                          const Joint& compliance, const Load& load, double* H_xi,
-                          UnderLoad& result) {
+                          const Joint& compliance, const Joint& arms, const Load& load,
+                          double* H_xi, UnderLoad& result) {
   Pull by;
   Outcome outcome = pull(robot, pose, full, load, by);
   if (!outcome) return outcome;
@@ -162,6 +182,8 @@ inline Outcome under_load(const Robot& robot, const Kernels& model, bool full, c
     (telescopic(i) ? chain.encoder_offset : chain.rod) +=
         telescopic(i) ? length / by.rate[i] : length;
     chain.rod_difference += compliance[i] * by.difference[i];
+    result.by_arm[i] = chain.actuator == Actuator::revolute ? chain.encoder_gain * by.torque[i] : 0;
+    chain.encoder_offset -= arms[i] * result.by_arm[i];
   }
   PoseRows H_x;
   Parasitic rest;

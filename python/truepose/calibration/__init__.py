@@ -2,7 +2,11 @@
 
 from truepose.calibration.differences import DistanceMeasurements, PlaneContacts, RepeatedPoses
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import NuisanceParameter, rehomed
+from truepose.calibration.influences import (
+    NuisanceParameter,
+    at_other_temperature,
+    rehomed,
+)
 from truepose.calibration.registration import Registration
 from truepose.calibration.zeroing import Zeroing, zero
 from truepose.robot.compliance import Payloads
@@ -16,6 +20,7 @@ __all__ = [
     "Registration",
     "RepeatedPoses",
     "Zeroing",
+    "at_other_temperature",
     "rehomed",
     "zero",
 ]

@@ -12,7 +12,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
-from truepose.robot import compliance, knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.maps import draw_map
 from truepose.robot.robot import Robot
@@ -148,7 +148,7 @@ def accuracy(
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
     model, level = robot.expected(), robot.highest_level if level is None else level
-    known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
+    known = knowledge.knowledge(robot, level=level, error=model_error, at_work=True)
     rows, lead = flattened(robot, poses, robot.n, "poses", errors)
     nowhere = np.zeros((0, robot.n))
 
@@ -166,7 +166,7 @@ def accuracy(
     if calibrated_on is not None or reference_pose is not None:
         given = nowhere if calibrated_on is None else calibrated_on
         root = after_visiting(robot, given, level, model_error, touched, sigma, differences)
-        known = knowledge.knowledge(robot, root, level=level, error=model_error, stretches=True)
+        known = knowledge.knowledge(robot, root, level=level, error=model_error, at_work=True)
     P = _bound(model, known, rows, lead, level, errors, "poses", reference)
     state = state_of(calibrated_on, reference_pose)
     return Accuracy(P, robot=robot, poses=rows.reshape(*lead, robot.n), state=state)
@@ -183,7 +183,7 @@ def _bound(
     reference: Array | None = None,
 ) -> Array:
     reference, full = at[:0] if reference is None else reference, model.is_full(level)
-    influence = compliance.acting(model, np.vstack([at, reference]), full)
+    influence = conditions.together(model, full, {"work": at, "reference": reference})
     P, status, chain = _core.accuracy(model.core, known.core, at, reference, full, influence)
     require_answers(model, "pose", at, lead, status, chain, errors, name)
     return P.reshape(*lead, model.n, model.n)
@@ -209,7 +209,7 @@ def after_visiting(
         level=level,
         error=False,
         beside=between.sigma if between else None,
-        stretches=True,
+        at_work=True,
     )
     known_poses = np.zeros((0, robot.n)) if touched is None else touched
     root, status, _ = _core.after_visiting(
@@ -221,10 +221,10 @@ def after_visiting(
         between.core if between else _core.Links([], 0),
         full,
         known.nuisances,
-        compliance.acting(model, np.vstack([visited, known_poses]), full),
+        conditions.together(model, full, {"calibration": visited, "reference": known_poses}),
     )
     if status:  # raises for the pose concerned
-        prior = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
+        prior = knowledge.knowledge(robot, level=level, error=model_error, at_work=True)
         _bound(model, prior, visited, lead, level, "raise", "calibrated_on")
         raise PoseError(f"{robot.name}: model_error: {_core.describe(status)} at the full level")
     return known.own(root)

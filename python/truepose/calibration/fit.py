@@ -17,7 +17,7 @@ from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import VERDICTS, Departure, Learnt, chi2_quantile, departure
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
-from truepose.robot import compliance, knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 from truepose.robot.units import in_print
@@ -147,9 +147,9 @@ class Calibration(Shown):
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
         robot, by = self.robot, self.registration
         x, _ = flattened(robot, poses, robot.n, "poses", "raise")
-        known = knowledge.knowledge(robot, level=self.level, stretches=True)
+        known = knowledge.knowledge(robot, level=self.level, at_work=True)
         full = robot.is_full(self.level)
-        acting = compliance.acting(robot, x, full)
+        acting = conditions.acting(robot, x, full)
         gain, _, status, chain = _core.gain(robot.core, known.core, x, full, acting)
         require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
         view = by.see(robot, x)

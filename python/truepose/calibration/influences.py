@@ -13,10 +13,13 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError
-from truepose.robot import compliance, knowledge
+from truepose.robot import compliance, conditions, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import Payloads, under_load
 from truepose.robot.robot import Robot
+
+#: Share of a common cause by which parameters may differ from it: keeps a covariance regular.
+SURE = 1e-2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,7 +70,7 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
     x, _ = flattened(robot, poses, robot.n, "poses", "raise")
     pull = np.broadcast_to(np.asarray(tension, dtype=float), (len(x), robot.n + robot.r))
     at = under_load(robot, x, False, tension=pull[:, : robot.n])
-    result = at.by_compliance.sum(axis=-1)
+    result = at.by_compliance[..., : robot.n].sum(axis=-1)
     for k, sensor in enumerate(robot.spec.used, start=robot.n):
         if sensor.kind == "distance":
             offset = robot.parameters[f"{sensor.name}.offset"].value
@@ -117,18 +120,50 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     return relaxed(robot, zeros, "homed anew")
 
 
-def relaxed(robot: Robot, sigma: Mapping[str, float], source: str) -> Robot:
-    """Return a robot with `sigma` added to the uncertainty of parameters by name (in squares)."""
+def relaxed(
+    robot: Robot, sigma: Mapping[str, float], source: str, common: Mapping[str, float] | None = None
+) -> Robot:
+    """Return a robot with `sigma` added to the uncertainty of parameters by name (in squares).
+
+    `common` is what one σ of a further, common cause adds to them.
+    """
+    shared = common or {}
+    sigma = {name: SURE * abs(by) for name, by in shared.items()} | {**sigma}
     uncertain = set(knowledge.learnable(robot)) | {name for name, by in sigma.items() if by > 0}
     names = [name for name in robot.parameters if name in uncertain]
     before = knowledge.root(robot, names)
-    root = knowledge.triangular(
-        np.hstack([before, np.diag([sigma.get(name, 0) for name in names])])
-    )
+    together = np.array([[shared.get(name, 0.0)] for name in names])
+    own = np.diag([sigma.get(name, 0) for name in names])
+    root = knowledge.triangular(np.hstack([before, own, together]))
     learnt = robot.spec.calibration
     source = f"{learnt.source}; {source}" if learnt else source
     values = {name: robot.parameters[name].mean for name in names}
     return calibrated(robot, values, root, source, knowledge.stated_error(robot))
+
+
+def at_other_temperature(robot: Robot) -> Robot:
+    """Return a robot at an unknown ambient temperature of its range, as of another day.
+
+    Its lengths' uncertainty then includes their common growth, so that a reference pose identifies
+    it: calibrate this robot there, for the work of that day.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("h4").with_conditions(temperature=(15, 35))
+    >>> day = tp.calibration.at_other_temperature(robot)
+    >>> day.spec.conditions.temperature, day.parameters["chain1.rod"].sigma > 0.00375
+    ((25.0, 25.0), True)
+    """
+    section = robot.spec.conditions
+    if section is None or section.temperature[0] == section.temperature[1]:
+        return robot
+    middle = section.temperature[0] / 2 + section.temperature[1] / 2
+    growth = conditions.common_growth(robot)
+    sure = section.model_copy(update={"temperature": (middle, middle)})
+    spec = robot.spec.model_copy(update={"conditions": sure})
+    mean = {name: p.value for name, p in robot.parameters.items()}
+    return relaxed(Robot(spec, mean), {}, "another temperature", growth)
 
 
 def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> list[NuisanceParameter]:
@@ -162,10 +197,10 @@ class Stretching:
         self._robot, self._full = robot, full
         self._prior = [robot.parameters[name] for name in self.names]
         expected = robot.expected()
-        self._usual = expected.compliance
+        self._usual = compliance.of_all(expected)
         self.acts = bool(self.names) or expected.is_compliant
         self._loads = (loads or Payloads()).arrays(robot, len(readings))
-        self._by = np.zeros((*readings.shape, robot.n))  #: per unit of every chain's compliance
+        self._by = np.zeros((*readings.shape, 2 * robot.n))  #: per unit of every compliance
         if self.acts:
             _, x = relieved(expected, readings, full, self._loads)
             self.follow(expected, x)
@@ -173,13 +208,13 @@ class Stretching:
     def follow(self, model: Robot, x: Array) -> Array:
         """Update the patterns, but of rows without a pose; return the change, m or rad."""
         at = compliance.under_load(
-            model, x, self._full, compliance=model.compliance / 2, **self._loads
+            model, x, self._full, compliance=compliance.of_all(model) / 2, **self._loads
         )
         by = np.where(np.isfinite(at.by_compliance), at.by_compliance, self._by)
         change = np.abs(by - self._by)
         self._by = by
         unknown: Array = compliance.columns(self._robot, self.names, change)
-        return change @ np.abs(model.compliance) + unknown @ [p.sigma for p in self._prior]
+        return change @ np.abs(compliance.of_all(model)) + unknown @ [p.sigma for p in self._prior]
 
     def patterns(self) -> Array:
         """Return the patterns of the unknown compliances, (N, n + r, k)."""

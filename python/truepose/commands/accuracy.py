@@ -9,6 +9,7 @@ from typer import Option
 
 from truepose.calibration.bound import accuracy
 from truepose.commands import options
+from truepose.commands.conditions import ConditionsOption, under
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.reading import read_poses
 from truepose.robot.maps import workspace_slice
@@ -30,6 +31,7 @@ def command(
         False, "--calibrated", help="Also after self-calibration over these poses."
     ),
     reference_pose: options.ReferencePose = None,
+    conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
     plot: Path | None = options.plot_option("a map of the first set's position σ"),
     how: options.How = Format.table,
@@ -44,7 +46,7 @@ def command(
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
     write = options.writer([robot, poses], force, plot=plot)
-    loaded = load(robot)
+    loaded = under(load(robot), conditions)
     sets = [options.parse_set(loaded, text) for text in sensors] if sensors else None
     touched = options.parse_pose(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None

@@ -12,6 +12,7 @@ from typer import Option
 
 from truepose.arguments import Array
 from truepose.commands import options, where
+from truepose.commands.conditions import ConditionsOption, under
 from truepose.design.criterion import Measure
 from truepose.design.placement import Placement, place_sensors
 from truepose.design.selection import (
@@ -81,6 +82,7 @@ def command(
     must: str | None = Option(None, metavar="A,B*", help="Sensors that every set contains."),
     calibrated: Calibrated = None,
     reference_pose: options.ReferencePose = None,
+    conditions: ConditionsOption = None,
     survives: bool = Option(
         False, "--survives", help="Accuracy after the worst failure of one sensor."
     ),
@@ -121,7 +123,7 @@ def command(
             other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
     write = options.writer((robot, poses, path, visits), force, robot=out, plot=plot, report=report)
-    loaded = load(robot)
+    loaded = under(load(robot), conditions)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
         "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),

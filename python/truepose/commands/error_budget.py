@@ -8,6 +8,7 @@ from typing import Any
 from typer import Option
 
 from truepose.commands import options, where
+from truepose.commands.conditions import ConditionsOption, under
 from truepose.commands.design import (
     Calibrated,
     Confidence,
@@ -40,6 +41,7 @@ def command(
     poses: where.Poses = None,
     volume: where.Volume = None,
     path: where.Path_ = None,
+    conditions: ConditionsOption = None,
     confidence: Confidence = "95%",
     measure: Measure = "rms",
     target: str | None = Option(
@@ -63,7 +65,7 @@ def command(
     Example: **truepose error-budget h4 --calibrated 20 --plot budget.svg**, then
     **truepose error-budget h4 --target 3mm --price-steps 'chain?.rod=1mm:300,0.1mm:700'**
     """
-    loaded = options.load_with(robot, sensors)
+    loaded = under(options.load_with(robot, sensors), conditions)
     csv = None if calibrated is None or calibrated.isdigit() else calibrated
     write = options.writer((robot, poses, path, csv), force, plot=plot)
     state: dict[str, Any] = {

@@ -13,6 +13,7 @@ from typer import Argument, Option
 from truepose import logs
 from truepose.arguments import Array, Level
 from truepose.commands import options
+from truepose.commands.conditions import ConditionsOption, under
 from truepose.exceptions import InputError
 from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import (
@@ -54,6 +55,7 @@ def command(
     effects: str = options.effects_option(
         "none", "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
     ),
+    conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
     false_alarm: float | None = Option(
         None,
@@ -79,7 +81,7 @@ def command(
     Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**, then
     **truepose faults calibrated.toml tour.csv**
     """
-    loaded = options.load_with(robot, sensors)
+    loaded = under(options.load_with(robot, sensors), conditions)
     if log is not None:
         given = {"--poses": poses, "--calibrated": calibrated, "--plot": plot}
         given |= {"--effects": effects != "none", "--boxes": boxes > 1}

@@ -12,6 +12,7 @@ from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.commands import options, where
+from truepose.commands.conditions import ConditionsOption, under
 from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, plan_poses
@@ -56,6 +57,7 @@ def command(
         None, metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."
     ),
     sensors: options.SensorsOption = None,
+    conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
     out: Path | None = Option(None, "-o", "--out", help="Poses to write, in tour order (CSV)."),
     plot: Path | None = options.plot_option("predictions and the tour"),
@@ -72,7 +74,7 @@ def command(
     """
     given = None if candidates.isdigit() else Path(candidates)
     write = options.writer((robot, after, poses, path, given), force, plan=out, plot=plot)
-    loaded = options.load_with(robot, sensors)
+    loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = int(candidates) if given is None else read_poses(loaded, given)
     found = plan_poses(

@@ -16,7 +16,7 @@ from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter, patterns
 from truepose.calibration.registration import Registration, registration_of, sigmas
 from truepose.exceptions import InputError
-from truepose.robot import compliance, knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.batches import as_row, as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
@@ -164,7 +164,7 @@ def rows_of(
         level=level,
         error=False,
         beside=np.array([*tracker.sigma, *others.values()]),
-        stretches=True,
+        at_work=True,
     )
     nuisances = [*knowledge.left_out(robot).values()] if guarded else []
     root = _root(robot, tracker.sigma, others, nuisances, after)
@@ -172,10 +172,15 @@ def rows_of(
     model, none = robot.expected(), _core.Links([], 0)
 
     def linearized(
-        x: Array, seen: _External, first: int, links: _core.Links, acting: Array
+        x: Array,
+        seen: _External,
+        first: int,
+        links: _core.Links,
+        acting: Array,
+        when: conditions.When = "calibration",
     ) -> tuple[Array, Array]:
         """Return rows in units of the root, and the visit of each."""
-        beside = _beside(acting, compliance.acting(model, x, full))
+        beside = _beside(acting, conditions.acting(model, x, full, when))
         B, visit, status, _ = _core.rows_of_visits(
             model.core, known.core, x, *seen, first, links, full, known.nuisances, beside
         )
@@ -190,7 +195,7 @@ def rows_of(
     information = np.eye(len(root.T))
     if touched is not None and len(touched):
         seen = (touched, np.array([reference_sigma], dtype=float), np.eye(4), np.eye(4))
-        T, _ = linearized(touched, seen, -1, none, 0 * acting[:1])
+        T, _ = linearized(touched, seen, -1, none, 0 * acting[:1], "reference")
         information += T.T @ T
     return Rows(
         [Step(steps[k][0], x[steps[k][1]], k) for k in kept],
@@ -269,23 +274,24 @@ def _root(
     from scipy.linalg import block_diag  # takes its time to import
 
     names = knowledge.learnable(robot)
-    parameters = knowledge.root(robot, names)
+    prior = knowledge.root(robot, names)
+    parameters = knowledge.beside_root(prior, conditions.sigmas(robot))
     p, free = len(parameters), np.array([*frames, *others.values(), *nuisances])
     if after is None or tuple(names) != after.names:
         return block_diag(parameters, np.diag(free))
-    joint = block_diag(parameters @ parameters.T, np.diag(free**2))
+    joint, own = block_diag(parameters @ parameters.T, np.diag(free**2)), len(names)
     learnt, earlier = after.registration, list(after.others)
     shared = [name for name, sigma in others.items() if name in earlier and sigma > 0]
     if len(frames) and learnt is not None and learnt.sigma.any():
         at = slice(p, p + len(frames))
-        joint[:p, at], joint[at, :p] = learnt.cross, learnt.cross.T
+        joint[:own, at], joint[at, :own] = learnt.cross, learnt.cross.T
         joint[at, at] = learnt.covariance
     elif shared:
         old = [earlier.index(name) for name in shared]
         new = [p + len(frames) + list(others).index(name) for name in shared]
-        joint[:p, new] = after.beside[old, :p].T
-        joint[new, :p] = joint[:p, new].T
-        joint[np.ix_(new, new)] = after.beside[:, p:][np.ix_(old, old)]
+        joint[:own, new] = after.beside[old, :own].T
+        joint[new, :own] = joint[:own, new].T
+        joint[np.ix_(new, new)] = after.beside[:, own:][np.ix_(old, old)]
     scale = np.sqrt(np.diag(joint))
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
     values, vectors = np.linalg.eigh(inverse[:, None] * joint * inverse)

@@ -6,7 +6,7 @@ does not reach; Qᵀy of a self-calibration's poses v leaves u an information J 
     u - û = J⁻¹ u - J⁻¹ Σ BᵀQQᵀ ε_v,     dx̂ - dx = K (B (u - û) + ε),
 
 K by weighted least squares. Both are linear in independent errors: the contributions' squares are
-the variance (GUM: JCGM 100:2008, 5.1).
+the variance (GUM: JCGM 100:2008, 5.1). Conditions at work are in u; no calibration depends on them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import given_poses
 from truepose.design.criterion import Criterion, Measure
 from truepose.design.where import asked_poses
-from truepose.robot import knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
 from truepose.show.results import Shown
@@ -37,8 +37,8 @@ CALIBRATION = "calibration"
 class Contribution(NamedTuple):
     """The contribution of one source to the position error."""
 
-    source: str  #: entry of [tolerances], or name of a reading
-    sigma: float | None  #: of each of its errors: m, rad, 1/N or without unit; None: they differ
+    source: str  #: entry of [tolerances], key of [conditions], "backlash", or name of a reading
+    sigma: float | None  #: of each of its errors, in SI units; None: they differ
     unit: str
     error: float  #: standard deviation, rms over the poses, m
     share: float  #: of the variance
@@ -144,7 +144,8 @@ def error_budget(
         variance = float(variances[own].sum())
         if variance > 0:
             _, *halved = model.errors(np.where(own, 0.5, 1.0))
-            stated = {(sigma, unit) for source, sigma, unit in model.sources if source == key}
+            own_of = [one for one in model.sources if one[0] == key and one[1] != 0]
+            stated = {(sigma, unit) for _, sigma, unit in own_of}
             sigma, unit = stated.pop() if len(stated) == 1 else (None, "")
             error, share = variance**0.5, variance / whole
             found.append(Contribution(key, sigma, unit, error, share, by.squared(*halved) ** 0.5))
@@ -164,29 +165,39 @@ class _Linear:
         touched: Array,
         reference_sigma: Sequence[float],
     ):
-        names = knowledge.require_uncertain(robot)
+        knowledge.require_uncertain(robot)
+        names = knowledge.learnable(robot)
         model, level, n = robot.expected(), robot.highest_level, robot.n * len(touched)
         stated = knowledge.stated_sigma(robot, None)
-        root = np.pad(knowledge.root(robot, names), ((0, 0), (0, n)))
+        prior = knowledge.beside_root(knowledge.root(robot, names), conditions.sigmas(robot))
+        root = np.pad(prior, ((0, 0), (0, n)))
 
-        def rows(x: Array) -> tuple[Array, Array]:
+        def rows(x: Array, when: conditions.When) -> tuple[Array, Array]:
             H, B = knowledge.linearized(model, x, names, level=level)
-            return H / stated[:, None], (B / stated[:, None]) @ root
+            by = conditions.columns(model, x, model.is_full(level), when)
+            return H / stated[:, None], (np.concatenate([B, by], axis=2) / stated[:, None]) @ root
 
-        self.H, self.B = rows(over)
-        H, B = rows(visited)
+        self.H, self.B = rows(over, "work")
+        H, B = rows(visited, "calibration")
         if n:  # its pose is known, or among the unknowns
-            there, own = rows(touched)
+            there, own = rows(touched, "reference")
             own[0, :, -n:] += there[0] * np.asarray(reference_sigma)
             H, B = np.concatenate([H, 0 * there]), np.concatenate([B, own])
         self.earlier = H, B
         self.columns = summed(robot).columns
         self.uniform = np.pad(knowledge.uniform(robot, names), (0, n))
-        #: Of every error: its source, σ and unit. Parameters, the touched pose, readings.
+        #: Of every error: its source, σ and unit. Parameters, conditions, the touched pose,
+        #: readings, their backlash.
         self.sources = [_parameter(robot, name) for name in names]
+        self.sources += [(one.source, one.sigma, one.unit) for one in conditions.known(robot)]
         self.sources += [("reference pose", None, "")] * n
-        motors = ["motors"] * robot.n + list(robot.sensors)
-        self.sources += [*zip(motors, stated.tolist(), reading_units(robot), strict=True)]
+        motors, units = ["motors"] * robot.n + list(robot.sensors), reading_units(robot)
+        half = robot.backlash / 2
+        rest = np.sqrt(np.maximum(stated**2 - half**2, 0.0))
+        self.sources += [*zip(motors, rest.tolist(), units, strict=True)]
+        self.sources += [*zip(["backlash"] * len(half), half.tolist(), units, strict=True)]
+        #: (2 (n + r), n + r) share of the last errors in the variance of each reading.
+        self.parts = np.vstack([np.diag(own**2 / stated**2) for own in (rest, half)])
 
     def errors(self, scale: Array) -> tuple[Array, Array, Array, Array]:
         """Return the position's variance by each error, then L, N and U of a :class:`Criterion`.
@@ -194,7 +205,7 @@ class _Linear:
         Each error's σ is multiplied by `scale`.
         """
         p = self.B.shape[-1]
-        of_u, of_readings = scale[:p], scale[p:, None]
+        of_u, of_readings = scale[:p], np.sqrt(scale[p:] ** 2 @ self.parts)[:, None]
         H, B = self.H / of_readings, self.B * of_u / of_readings
         before, earlier = self.earlier[0] / of_readings, self.earlier[1] * of_u / of_readings
         seen = earlier - before @ (np.linalg.pinv(before) @ earlier)
@@ -207,7 +218,8 @@ class _Linear:
         L = K @ L
         by_u = L @ G.T  # (T, c, p): J⁻¹ = G Gᵀ
         by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
-        parts = (by_u**2).sum(axis=(0, 1)), by_readings.sum(axis=(0, 1))
+        by_readings = by_readings.sum(axis=(0, 1)) / of_readings[:, 0] ** 2
+        parts = (by_u**2).sum(axis=(0, 1)), scale[p:] ** 2 * (self.parts @ by_readings)
         N = K @ K.swapaxes(1, 2)
         return np.concatenate(parts) / len(H), L, N, by_u[..., self.uniform]
 

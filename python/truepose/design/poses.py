@@ -20,7 +20,7 @@ from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.pose_plan import PosePlan
 from truepose.design.refining import refined
 from truepose.exceptions import InputError
-from truepose.robot import compliance, knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
@@ -247,33 +247,38 @@ class Sought:
         robot, rows = self.robot, self.rows
         self._model, self._full = robot.expected(), robot.is_full(self.level)
         names = knowledge.learnable(robot)
-        self._root = rows.root[: len(names)]
+        self._root = rows.root[: len(names) + len(conditions.known(robot))]
         every = list(robot.parameters)
         self._at = [every.index(name) for name in names]
         self._linear = summed(robot).columns
         given = workspace_grid(robot) if self.asked is None else self.asked
         x, _ = flattened(robot, given, robot.n, "poses", "raise")
-        good = np.isfinite(self._variance(x, self._root)).all(axis=1)
+        good = np.isfinite(self._variance(x, self._root, self._acting(x))).all(axis=1)
         if not good.all() and self.asked is not None:
             raise InputError(f"poses {np.flatnonzero(~good)[0]}: cannot be reached, or is singular")
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
         self.poses = x[good]
-        self._H = self._by_parameters(self.poses)
-        self._H_reference = self._by_parameters(self.reference)
+        self._by = self._acting(self.poses)
+        self._H = self._by_parameters(self.poses, "work")
+        self._H_reference = self._by_parameters(self.reference, "reference")
 
-    def _by_parameters(self, x: Array) -> Array:
-        return self._model.linearize(x, level=self.level)[1][..., self._at]
+    def _by_parameters(self, x: Array, when: conditions.When) -> Array:
+        H_xi = self._model.linearize(x, level=self.level)[1][..., self._at]
+        return np.concatenate([H_xi, conditions.columns(self._model, x, self._full, when)], axis=2)
 
     def _known(self, half: Array) -> _core.Knowledge:
         lower, error = knowledge.triangular(half), self.model_error
         return knowledge.knowledge(
-            self.robot, lower, level=self.level, error=error, stretches=True
+            self.robot, lower, level=self.level, error=error, at_work=True
         ).core
 
-    def _variance(self, x: Array, half: Array) -> Array:
+    def _acting(self, x: Array) -> Array | None:
+        when: dict[conditions.When, Array] = {"work": x, "reference": self.reference}
+        return conditions.together(self._model, self._full, when)
+
+    def _variance(self, x: Array, half: Array, acting: Array | None) -> Array:
         """Return the variances (T, c) of the coordinates at poses x."""
-        acting = compliance.acting(self._model, np.vstack([x, self.reference]), self._full)
         P, *_ = _core.accuracy(
             self._model.core, self._known(half), x, self.reference, self._full, acting
         )
@@ -289,7 +294,7 @@ class Sought:
 
     def sigma(self, G: Array) -> Array:
         """Return σ of each coordinate and of the position, rms over the poses."""
-        return self._rms(self._variance(self.poses, self._root @ G))
+        return self._rms(self._variance(self.poses, self._root @ G, self._by))
 
     def _rms(self, variance: Array) -> Array:
         mean = variance.mean(axis=0)
@@ -303,14 +308,15 @@ class Sought:
         """Return M of the optimal gains for a Σ: tr(M Σ) is the variance due to the geometry."""
         known = self._known(self._root @ G)
 
-        def leak(x: Array, H: Array) -> Array:
-            acting = compliance.acting(self._model, x, self._full)
+        def leak(x: Array, H: Array, acting: Array | None) -> Array:
             gain, *_ = _core.gain(self._model.core, known, x, self._full, acting)
             return (gain[:, self._linear] @ H) @ self._root
 
-        A = leak(self.poses, self._H)
+        count, by = len(self.poses), self._by
+        work, there = (None, None) if by is None else (by[:count], by[count:])
+        A = leak(self.poses, self._H, work)
         if len(self.reference):
-            A = A - leak(self.reference, self._H_reference)
+            A = A - leak(self.reference, self._H_reference, there)
         return _squared(A)
 
 

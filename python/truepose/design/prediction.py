@@ -13,7 +13,7 @@ from truepose import _core
 from truepose.arguments import Array, Level, numbers_of
 from truepose.calibration.bound import accuracy, state_of
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, summed
 from truepose.robot.workspace import workspace_grid
@@ -87,13 +87,16 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
     """Predict the rms position error at rest under a law over desired poses, (P, n).
 
     To first order it is the law's cross-sensitivity times the errors of the readings by tolerances,
-    encoder counts and the mean of tolerances that are not centered, which the law omits.
+    encoder counts, conditions at work and the mean of tolerances that are not centered, which the
+    law omits.
     """
-    names, every = knowledge.uncertain(robot), list(robot.parameters)
+    names, every = knowledge.learnable(robot), list(robot.parameters)
     H_xi = robot.linearize(poses, "nan", level)[1][..., [every.index(name) for name in names]]
+    acting = conditions.columns(robot, poses, robot.is_full(level)) * conditions.sigmas(robot)
     off = [[robot.parameters[name].mean - robot.parameters[name].value] for name in names]
     S = robot.cross_sensitivity(poses, law, "nan")
-    by_parameters = S @ H_xi @ np.hstack([knowledge.root(robot, names), off])
+    geometry = H_xi @ np.hstack([knowledge.root(robot, names), off])
+    by_parameters = S @ np.concatenate([geometry, acting], axis=2)
     roots = np.concatenate([by_parameters, S * knowledge.reading_sigma(robot)], axis=-1)
     return float(np.sqrt(np.nanmean((roots[:, summed(robot).columns] ** 2).sum(axis=(1, 2)))))
 

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import check_seed
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.influences import at_other_temperature
 from truepose.design.candidates import given_poses
 from truepose.design.criterion import CYCLES, parts_of
 from truepose.design.selection import SensorSelection
 from truepose.exceptions import InputError
+from truepose.robot.conditions import sampled
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
 
@@ -73,13 +75,17 @@ def verify(
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     x, errors, expected = np.tile(over, (cycles, 1)), [], robot.expected()
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
-        true, noise = robot.sample(own).at_highest_level, own.generate_state(3).tolist()
+        true = robot.sample(own).at_highest_level
+        noise = own.generate_state(4).tolist()
+        at_reference, at_work = sampled(true, noise[3])
         known = expected
-        if len(visited) or len(touched):
-            readings = true.read(visited, noise[0]) if len(visited) else None
-            at = (true.read(touched, noise[1]), touched) if len(touched) else None
-            known = calibrate(robot, readings, known_pose=at, cause="ignore").robot
-        estimate = known.estimate(true.read(x, noise[2]), guess=x)
+        if len(visited):
+            known = calibrate(robot, true.read(visited, noise[0]), cause="ignore").robot
+        if len(touched):
+            at = at_reference.read(touched, noise[1]), touched
+            known = at_other_temperature(known)
+            known = calibrate(known, known_pose=at, cause="ignore").robot
+        estimate = known.estimate(at_work.read(x, noise[2]), guess=x)
         watch(advance=1)
         e = (estimate.x - x)[:, parts.columns] * parts.scale
         errors.append(e.reshape(cycles, len(over), -1))

@@ -18,7 +18,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.design.criterion import SIGMA, Criterion, parts_of
-from truepose.robot import knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 
 #: Singular value, relative to the largest, below which a combination of unknowns has no effect.
@@ -57,9 +57,10 @@ class Worth:
         uncertain = [name for name, p in robot.parameters.items() if p.sigma > 0]
         self._at = [every.index(name) for name in uncertain]
         n, more = robot.n, robot.n * len(touched)  # unknowns: parameters, the touched pose
-        root = np.pad(knowledge.root(robot, uncertain), ((0, 0), (0, more)))
+        prior = knowledge.beside_root(knowledge.root(robot, uncertain), conditions.sigmas(robot))
+        root = np.pad(prior, ((0, 0), (0, more)))
         if more:  # the motor readings there do not depend on the set
-            H, B = self._jacobians(touched)
+            H, B = self._jacobians(touched, "reference")
             there = B[0] @ root
             there[:, -more:] = H[0] * np.asarray(self.reference_sigma)
             motors = there[:n]
@@ -68,11 +69,12 @@ class Worth:
         #: Of every unknown: its combination of those of `root`, and whether it is uniform.
         self._mixed = left if more else np.eye(len(root.T))
         self._uniform = np.pad(knowledge.uniform(robot, uncertain), (0, more))
-        self._F, by_motors = self._rows(self.poses, root)
+        self._F, by_motors = self._rows(self.poses, root, "work")
         self._by_motors = by_motors @ by_motors.swapaxes(1, 2)  # noise at the poses
         size = len(self._linear)
         #: (V, S, p) rows of earlier readings; (V, S, n) of the motors' noise in them.
-        self._R, self._A = (x[:, size:] for x in self._rows(self.calibrated_on, root))
+        earlier = self._rows(self.calibrated_on, root, "calibration")
+        self._R, self._A = (x[:, size:] for x in earlier)
         if more:
             self._R = np.concatenate([self._R, there[None]])
             self._A = np.pad(self._A, ((0, 1), (0, 0), (0, 0)))
@@ -119,8 +121,8 @@ class Worth:
         self._own = [np.flatnonzero(one).tolist() for one in used]
         return reduced(finer)
 
-    def _jacobians(self, x: Array) -> tuple[Array, Array]:
-        """Return H_x and H_ξ of motors and all sensors, in units of each reading's σ."""
+    def _jacobians(self, x: Array, when: conditions.When) -> tuple[Array, Array]:
+        """Return H_x and H_ξ, conditions last, of all readings, in units of each one's σ."""
         robot = self.robot
         most = min(_core.max_sensors, _core.max_readings - robot.n)
         groups = [self.names[k : k + most] for k in range(0, len(self.names), most)]
@@ -129,16 +131,18 @@ class Worth:
         for group in groups or [[]]:
             one = robot.with_sensors(*group)
             sigma = knowledge.stated_sigma(one, None)[:, None]
-            H_x, H_xi = one.expected().linearize(x, level=one.highest_level)
+            model, level = one.expected(), one.highest_level
+            H_x, H_xi = model.linearize(x, level=level)
+            by = conditions.columns(model, x, model.is_full(level), when)
             first = robot.n if H else 0
             H.append((H_x / sigma)[:, first:])
-            B.append((H_xi[..., self._at] / sigma)[:, first:])
+            B.append((np.concatenate([H_xi[..., self._at], by], axis=2) / sigma)[:, first:])
         return np.concatenate(H, axis=1), np.concatenate(B, axis=1)
 
-    def _rows(self, x: Array, root: Array) -> tuple[Array, Array]:
+    def _rows(self, x: Array, root: Array, when: conditions.When) -> tuple[Array, Array]:
         """Return rows of the position error and of all sensors, and the motors' noise in them."""
         n = self.robot.n
-        H, B = self._jacobians(x)
+        H, B = self._jacobians(x, when)
         B = B @ root
         E = np.linalg.inv(H[:, :n])
         A = H[:, n:] @ E

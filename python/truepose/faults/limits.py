@@ -232,7 +232,9 @@ def detectability(
     if calibrated_on is not None:
         root = bound.after_visiting(robot, calibrated_on, level, model_error)
         mean = {name: model.parameters[name].mean for name in knowledge.learnable(model)}
-        model = calibrated(model, mean, root, "predicted", knowledge.stated_error(model))
+        model = calibrated(
+            model, mean, root[: len(mean), : len(mean)], "predicted", knowledge.stated_error(model)
+        )
     rows, lead = flattened(model, poses, model.n, "poses", "raise")
     if not len(rows):
         raise InputError("poses: none")

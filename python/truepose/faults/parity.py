@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Level
-from truepose.robot import knowledge
+from truepose.robot import conditions, knowledge
 from truepose.robot.kinematics import Kinematics
 
 #: Rounding errors of zero: of a signature in σ of its reading, of sin² of the angle between two.
@@ -57,13 +57,16 @@ def parity(
     """Eliminate the pose from the readings, for χ² tests of the rest.
 
     About the robot's expected geometry, at poses (..., n) and a model level, by default
-    :attr:`Robot.highest_level`. `model_error` adds the ideal level's as a constant error of each
-    reading.
+    :attr:`Robot.highest_level`; with its compliances and conditions at work. `model_error` adds the
+    ideal level's as a constant error of each reading.
     """
     level = robot.highest_level if level is None else level
-    uncertain = knowledge.uncertain(robot)
+    uncertain = knowledge.learnable(robot)
     H_x, H_xi = knowledge.linearized(robot, poses, uncertain, level=level)
+    x = np.reshape(poses, (-1, robot.n))
+    by = conditions.columns(robot, x, robot.is_full(level)) * conditions.sigmas(robot)
     moved = H_xi @ knowledge.root(robot, uncertain)
+    moved = np.concatenate([moved, by.reshape(*moved.shape[:-1], -1)], axis=-1)
     stated = knowledge.stated_error(robot)
     if model_error and level == "ideal" and stated.any():
         fixed = np.broadcast_to(np.diag(stated), (*moved.shape[:-1], len(stated)))

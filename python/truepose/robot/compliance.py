@@ -1,8 +1,9 @@
-"""Rod forces and the deflection of compliant rods, legs and belts.
+"""Rod forces and the deflection of compliant rods, legs, belts and arms.
 
 Under its tension T a chain's rods of length L are L (1 + c T) long: c is the chain's own
 compliance plus the common `compliance.all_chains`, T carries the platform's weight and the file's
-load. Kinematics and estimates in Python include it; code for controllers does not.
+load. An arm turns by its compliance times the motor's torque. Kinematics and estimates in Python
+include it; code for controllers does not.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from truepose import _core
 from truepose.arguments import Array, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot.description import Description
-from truepose.robotfile.base import COMMON, is_compliance
+from truepose.robotfile.base import ARMS, COMMON, is_compliance
 from truepose.robotfile.to_core import padded
 
 #: Maximum fixed-point steps; each shrinks by about the strain and the tension's rate of change.
@@ -77,11 +78,12 @@ class Payloads:
 
 
 class UnderLoad(NamedTuple):
-    """Readings and tensions under load at N poses of k chains."""
+    """Readings and tensions under load at N poses of n chains."""
 
     readings: Array  #: (N, n + r)
-    by_compliance: Array  #: (N, n + r, k) their derivatives by each chain's compliance, m·N, rad·N
-    tension: Array  #: (N, k) of all rods of a chain together, N
+    by_compliance: Array
+    #: (N, n + r, 2 n) their derivatives by the compliance of each chain, m·N, rad·N, and each arm
+    tension: Array  #: (N, n) of all rods of a chain together, N
     status: Array  #: (N,)
     chain: Array  #: (N,)
 
@@ -90,6 +92,8 @@ def under_load(
     robot: Description,
     x: Array,
     full: bool,
+    core: _core.Robot | None = None,
+    /,
     *,
     compliance: Array | None = None,
     force: Array | None = None,
@@ -97,21 +101,28 @@ def under_load(
 ) -> UnderLoad:
     """Compute readings under load, their derivatives and the tensions at poses x, (N, n).
 
-    `compliance`, (n,), is by default the robot's; `force`, (N, 3), N, is added to the file's load;
-    `tension`, (N, n), N, holds measured values, NaN where there is none.
+    `compliance`, (2 n,) of chains and arms, is by default the robot's; `force`, (N, 3), N, is added
+    to the file's load; `tension`, (N, n), N, holds measured values, NaN where there is none; `core`
+    replaces the robot's.
     """
     load = robot.spec.compliance.load if robot.spec.compliance else (0.0, 0.0, 0.0)
     force = np.tile(load, (len(x), 1)) + (0.0 if force is None else force)
     tension = np.full((len(x), robot.n), np.nan) if tension is None else tension
-    strains = padded(robot.compliance if compliance is None else compliance)
+    chains, arms = np.split(of_all(robot) if compliance is None else compliance, 2)
     x, tension = np.ascontiguousarray(x), np.ascontiguousarray(tension)
-    return UnderLoad(*_core.under_load(robot.core, x, strains, force, tension, full))
+    by = padded(chains), padded(arms)
+    return UnderLoad(*_core.under_load(core or robot.core, x, *by, force, tension, full))
+
+
+def of_all(robot: Description) -> Array:
+    """Return the compliances of chains, then of arms, (2 n,)."""
+    return np.concatenate([robot.compliance, robot.arm_compliance])
 
 
 def given_way(robot: Description, x: Array, full: bool, **loads: Array) -> UnderLoad:
     """Return the readings' change due to compliance, exactly; the rest as :func:`under_load`."""
     at = under_load(robot, x, full, **loads)
-    stiff = under_load(robot, x, full, compliance=np.zeros(robot.n), **loads)
+    stiff = under_load(robot, x, full, compliance=np.zeros(2 * robot.n), **loads)
     return at._replace(readings=at.readings - stiff.readings)
 
 
@@ -134,18 +145,10 @@ def unknown(robot: Description) -> list[str]:
 
 
 def columns(robot: Description, names: Sequence[str], by_compliance: Array) -> Array:
-    """Select derivatives by these compliances, (N, n + r, len(names)), from all chains'."""
-    own = np.array([f"chain{i + 1}.compliance" for i in range(robot.n)])
-    wanted = np.array(names, dtype=str)
-    return by_compliance @ ((own[:, None] == wanted) | (wanted == COMMON)).astype(float)
-
-
-def acting(robot: Description, x: Array, full: bool) -> Array | None:
-    """Return the columns of the uncertain compliances, as the core's bounds take them."""
-    if not (names := unknown(robot)):
-        return None
-    by = columns(robot, names, under_load(robot, x, full).by_compliance)
-    return np.ascontiguousarray(by.reshape(len(x), -1))
+    """Select derivatives by these compliances, (N, n + r, len(names)), from all."""
+    kinds = {COMMON: "compliance", ARMS: "arm_compliance"}
+    own = [(f"chain{i + 1}.{key}", common) for common, key in kinds.items() for i in range(robot.n)]
+    return by_compliance @ np.array([[float(n in every) for n in names] for every in own])
 
 
 Answer = tuple[Array, Array, Array]  #: poses, status, chain

@@ -14,8 +14,14 @@ from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level, finite, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
-from truepose.robotfile.base import COMMON, is_compliance
-from truepose.robotfile.schema import CalibrationSection, Compliance, RobotFile, Tolerance
+from truepose.robotfile.base import ARMS, COMMON, is_compliance
+from truepose.robotfile.schema import (
+    CalibrationSection,
+    Compliance,
+    Conditions,
+    RobotFile,
+    Tolerance,
+)
 from truepose.robotfile.to_core import build, columns, drawn, encoder_step
 
 
@@ -174,7 +180,7 @@ class Description:
 
     @property
     def reading_sigma(self) -> Array:
-        """σ of every reading, shape (n + r,): its noise and its quantization as a uniform error.
+        """σ of every reading, shape (n + r,): noise, quantization as a uniform error, backlash.
 
         Examples
         --------
@@ -185,7 +191,12 @@ class Description:
         """
         noise = [part.encoder_noise for part in self.spec.chain]
         noise += [sensor.noise for sensor in self.spec.used]
-        return np.sqrt(np.square(noise) + self.resolution**2 / 12)
+        return np.sqrt(np.square(noise) + self.resolution**2 / 12 + self.backlash**2 / 4)
+
+    @property
+    def backlash(self) -> Array:
+        """Whole width of every reading's backlash, shape (n + r,)."""
+        return np.array([part.backlash for part in (*self.spec.chain, *self.spec.used)])
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -226,18 +237,24 @@ class Description:
     @functools.cached_property
     def compliance(self) -> Array:
         """Strain of each chain's rods per newton of tension, own and common, 1/N, shape (n,)."""
-        names = [f"chain{i + 1}.compliance" for i in range(self.n)]
-        own = np.array([self._values.get(name, 0.0) for name in names])
-        return own + self._values.get(COMMON, 0.0)
+        return self._own("compliance") + self._values.get(COMMON, 0.0)
+
+    @functools.cached_property
+    def arm_compliance(self) -> Array:
+        """Turn of each arm per torque of its motor, own and common, rad/(N·m), shape (n,)."""
+        return self._own("arm_compliance") + self._values.get(ARMS, 0.0)
+
+    def _own(self, key: str) -> Array:
+        return np.array([self._values.get(f"chain{i + 1}.{key}", 0.0) for i in range(self.n)])
 
     @property
     def is_compliant(self) -> bool:
-        """Whether any chain is compliant."""
-        return bool(self.compliance.any())
+        """Whether any chain or arm is compliant."""
+        return bool(self.compliance.any() or self.arm_compliance.any())
 
     @functools.cached_property
     def stiff(self) -> Self:
-        """The robot with stiff rods, as controllers model it."""
+        """The robot with stiff rods and arms, as controllers model it."""
         return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
     def replace(self, values: dict[str, float]) -> Self:
@@ -357,6 +374,32 @@ class Description:
         table = self.spec.compliance or Compliance()
         load = {"load": _vector("load", force, "N")}
         return self._with(compliance=table.model_copy(update=load))
+
+    def with_conditions(self, **keys: Any) -> Self:
+        """Return a copy under uncertain conditions at work.
+
+        Parameters
+        ----------
+        **keys
+            Keys of the file's [conditions]; `backlash`, whole width, of all motors, rad or m.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> hot = h4.with_conditions(temperature=(15, 35), gradient=2)
+        >>> wires = ["wire1", "wire2", "wire3"]
+        >>> cold, warm = (tp.accuracy(r.with_sensors(*wires), r.home) for r in (h4, hot))
+        >>> bool(cold.rms < warm.rms)
+        True
+        """
+        chain = self.spec.chain
+        if (backlash := keys.pop("backlash", None)) is not None:
+            finite("backlash", backlash, 0)
+            chain = tuple(one.model_copy(update={"backlash": float(backlash)}) for one in chain)
+        own = (self.spec.conditions or Conditions()).model_dump()
+        section = robotfile.reading.section(Conditions, own | keys, f"{self.name}: conditions")
+        return self._with(conditions=section, chain=chain)
 
     def without_quantization(self) -> Self:
         """Return a copy with unquantized encoders and sensors."""

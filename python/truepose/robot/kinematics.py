@@ -112,7 +112,7 @@ class Kinematics(Description):
     def read(
         self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Simulate readings [q; r], (..., n + r), with noise and quantization.
+        """Simulate readings [q; r], (..., n + r), with noise, backlash and quantization.
 
         The same `seed` gives the same noise; true poses x, errors and level as for :meth:`ikm`.
 
@@ -125,6 +125,9 @@ class Kinematics(Description):
         """
         exact = self.extended_positions(x, errors, level)
         rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
+        if self.backlash.any():  # approached from either side
+            sides = np.random.default_rng([seed, 1]).choice((-0.5, 0.5), rows.shape)
+            rows = rows + sides * self.backlash
         return np.asarray(_core.spoil(self.core, rows, check_seed(seed))).reshape(exact.shape)
 
     def residual_motion(self, x: ArrayLike, errors: Errors = "raise") -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level
 from truepose.exceptions import InputError
-from truepose.robot import compliance
+from truepose.robot import compliance, conditions
 from truepose.robot.kinematics import Kinematics
 from truepose.robotfile.to_core import columns
 
@@ -67,16 +67,28 @@ def root(robot: Kinematics, names: list[str]) -> Array:
 
 
 def uniform(robot: Kinematics, names: Sequence[str]) -> Array:
-    """Return which of these parameters have a uniform tolerance, and no calibration, (p,) bool."""
+    """Return which of these parameters, then of the conditions at work, are uniform, (p,) bool.
+
+    A parameter is if it has a uniform tolerance, and no calibration.
+    """
     learnt = robot.spec.calibration.parameters if robot.spec.calibration else ()
-    own = (None if name in learnt else robot.spec.tolerance(name) for name in names)
-    return np.array([entry is not None and entry.interval is not None for entry in own], dtype=bool)
+    own = [None if name in learnt else robot.spec.tolerance(name) for name in names]
+    ranges = [entry is not None and entry.interval is not None for entry in own]
+    return np.array(ranges + [one.uniform for one in conditions.known(robot)], dtype=bool)
+
+
+def beside_root(lower: Array, sigma: Array) -> Array:
+    """Return a root (p + k, …) with k independent quantities after its own."""
+    p, width = lower.shape
+    whole = np.zeros((p + len(sigma), width + len(sigma)))
+    whole[:p, :width], whole[p:, width:] = lower, np.diag(sigma)
+    return whole
 
 
 def triangular(half: Array) -> Array:
     """Return the lower triangular S, S Sᵀ = H Hᵀ, with no negative diagonal, for H with p rows."""
     lower = np.asarray(np.linalg.qr(half.T, mode="r")).T
-    return lower * np.sign(np.diag(lower))
+    return lower * np.where(np.diag(lower) < 0, -1.0, 1.0)
 
 
 def reading_sigma(robot: Kinematics) -> Array:
@@ -134,7 +146,7 @@ class Known(NamedTuple):
     core: _core.Knowledge
     parameters: int  #: p
     nuisances: int  #: count, at the end
-    compliances: int = 0  #: count, before the nuisances
+    compliances: int = 0  #: count of these and of the conditions at work, before the nuisances
 
     def own(self, root: Array) -> Array:
         """Extract the root of the parameters' part from a root with auxiliary unknowns."""
@@ -154,19 +166,22 @@ def knowledge(
     error: bool = True,  #: add the ideal level's model error to the readings, unless guarded
     beside: Array | None = None,  #: (k,) σ of auxiliary unknowns on which no reading depends
     stretches: bool = False,  #: add the compliances, after those; last in `posterior`
+    at_work: bool = False,  #: add these and then the conditions at work, likewise
     sigma_scale: int = 1,  #: factor on the readings' σ
 ) -> Known:
     """Build the core's struct of parameter and reading covariances."""
     names, column = uncertain(robot), dict(columns(robot.spec))
-    more = compliance.unknown(robot) if stretches else []
+    more = compliance.unknown(robot) if stretches or at_work else []
+    free = conditions.sigmas(robot) if at_work else np.zeros(0)
     errors = left_out(robot) if guarded else {}
     others = [] if beside is None else beside.tolist()
-    p, k, last = len(names), len(others), len(more)
+    p, k, last = len(names), len(others), len(more) + len(free)
     at = [column[name] for name in names] + [-1] * (k + last) + [column[name] for name in errors]
     whole = np.diag([0.0] * p + others + [0.0] * last + list(errors.values()))
     own = [*range(p), *range(p + k, p + k + last)]
-    lower = root(robot, names + more) if posterior is None else posterior[: p + last, : p + last]
-    whole[np.ix_(own, own)] = lower
+    if posterior is None:
+        posterior = beside_root(root(robot, names + more), free)
+    whole[np.ix_(own, own)] = posterior[: p + last, : p + last]
     counts = error and not guarded
     sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
     return Known(_core.Knowledge(at, whole, sigma.tolist()), p, len(errors), last)

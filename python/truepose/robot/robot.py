@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from truepose import _core, files, robotfile
 from truepose.arguments import Array, Errors, Level, check_seed, fraction, whole
 from truepose.exceptions import InputError, RobotFileError, choose
-from truepose.robot import compliance, knowledge
+from truepose.robot import compliance, conditions, knowledge
 from truepose.robot.batches import as_row, at_poses, flattened, require_answers, together
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
@@ -27,6 +27,10 @@ from truepose.show.units import SI
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+#: Newton steps of an estimate that compliances and conditions at work weight too.
+REFINED = 3
 
 
 class Robot(Kinematics, Shown):
@@ -237,22 +241,49 @@ class Robot(Kinematics, Shown):
             by = compliance.given_way(self, x, full)
             answer(rows - by.readings, x)
         covariance, chi2 = found
-        if compliance.unknown(self):
-            covariance = self._not_knowing_compliance(x, level)
+        if (acting := conditions.acting(self, x, full)) is not None:
+            every = knowledge.knowledge(self, level=level, at_work=True).core
+            x, chi2 = self._weighted_by_all(rows, x, level, every, acting, answer)
+            covariance, *_ = _core.accuracy(self.core, every, x, x[:0], full, acting)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
         x, covariance = x.reshape(*lead, self.n), covariance.reshape(*lead, self.n, self.n)
         return Estimate(self, x, covariance, chi2.reshape(lead)[()], words.reshape(lead)[()])
 
-    def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
-        """Return the covariance of estimates whose weights neglect uncertain compliances."""
-        names = knowledge.learnable(self)
-        known = knowledge.knowledge(self, level=level).core
-        gain = _core.gain(self.core, known, x, self.is_full(level))[0]
-        H_xi = knowledge.linearized(self, x, names, "nan", level)[1]
-        half = gain @ H_xi @ knowledge.root(self, names)
-        own = gain * knowledge.stated_sigma(self, level)
-        return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))
+    def _weighted_by_all(
+        self,
+        rows: Array,
+        x: Array,
+        level: Level,
+        known: _core.Knowledge,
+        acting: Array,
+        answer: Callable[[Array, Array | None], compliance.Answer],
+    ) -> tuple[Array, Array]:
+        """Return estimates that compliances and conditions at work weight too, and χ²."""
+        names, every, full = knowledge.learnable(self), list(self.parameters), self.is_full(level)
+
+        def residual(x: Array) -> tuple[Array, Array]:
+            stiff = self.stiff.extended_positions(x, "nan", level)
+            by = compliance.given_way(self, x, full).readings if self.is_compliant else 0.0
+            return stiff, np.asarray(_core.innovation(self.core, rows, stiff + by))
+
+        for _ in range(REFINED):  # by readings that agree on the step of the optimal gain
+            stiff, off = residual(x)
+            H_x, gain = (
+                self.linearize(x, "nan", level)[0],
+                _core.gain(self.core, known, x, full, acting)[0],
+            )
+            moved = answer(stiff + (H_x @ (gain @ off[..., None]))[..., 0], x)[0]
+            x = np.where(np.isfinite(moved), moved, x)
+        H_xi = self.linearize(x, "nan", level)[1][..., [every.index(name) for name in names]]
+        parts = [
+            H_xi @ knowledge.root(self, names),
+            conditions.columns(self, x, full) * conditions.sigmas(self),
+        ]
+        B = np.concatenate(parts, axis=2)
+        C = B @ B.swapaxes(1, 2) + np.diag(knowledge.stated_sigma(self, level) ** 2)
+        off = residual(x)[1]
+        return x, (off * np.linalg.solve(C, off[..., None])[..., 0]).sum(axis=1)
 
     def tej(
         self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0

@@ -1,4 +1,4 @@
-"""Units of readings and parameters: m, rad, 1/N or none."""
+"""Units of readings and parameters: m, rad, compliances' or none."""
 
 import fnmatch
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description
-from truepose.robotfile.base import is_compliance
+from truepose.robotfile.base import ARMS, is_compliance
 from truepose.robotfile.to_core import file_key
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, printed
@@ -30,7 +30,7 @@ def unit_of(robot: Description, name: str) -> str:
     if name in coordinates:
         return coordinates[name]
     if is_compliance(name):
-        return "1/N"
+        return "rad/(N·m)" if name == ARMS or name.endswith(".arm_compliance") else "1/N"
     if kind in ("axis", "bar"):
         return dict(_core.axis_parameters)[key] if kind == "axis" else "m"
     if sensor is None:

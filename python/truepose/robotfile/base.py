@@ -19,6 +19,8 @@ COORDINATES: dict[str, tuple[tuple[str, str], ...]] = {
 }
 #: Parameter name of the compliance that all chains share.
 COMMON = "compliance.all_chains"
+#: The same of all arms.
+ARMS = "compliance.all_arms"
 
 #: Number with a finite square; strict, else true would be 1 and "0.26" would be 0.26.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]

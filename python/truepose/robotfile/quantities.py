@@ -15,6 +15,7 @@ from truepose.robotfile.consistency import tables
 from truepose.robotfile.schema import (
     Bar,
     Chain,
+    Conditions,
     PassiveAxis,
     Platform,
     Workspace,
@@ -27,6 +28,7 @@ _TABLES: dict[str, type[Section]] = {
     "platform": Platform,
     "workspace": Workspace,
     "fkm_region": Workspace,
+    "conditions": Conditions,
 }
 _LISTS: dict[str, type[Section]] = {"chain": Chain, "bar": Bar, "passive_axis": PassiveAxis}
 

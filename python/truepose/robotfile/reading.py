@@ -9,12 +9,12 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
 from truepose import files
-from truepose.exceptions import RobotFileError, choose, shortened
+from truepose.exceptions import InputError, RobotFileError, choose, shortened
 from truepose.robotfile import consistency
 from truepose.robotfile.base import COORDINATES, Section
 from truepose.robotfile.consistency import Problem, tables
@@ -33,6 +33,7 @@ def _sections(annotation: Any) -> Iterator[type[Section]]:
         yield from _sections(part)
 
 
+AnySection = TypeVar("AnySection", bound=Section)
 _SECTIONS: dict[str, type[Section]] = {
     "chain_defaults": Chain,
     **{
@@ -154,6 +155,14 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
         text = _describe(problem | {"loc": location})
         described[text] = Problem(tuple(p for p in location if p not in SENSORS), text)
     return None, [*described.values(), *problems]
+
+
+def section(kind: type[AnySection], values: dict, where: str) -> AnySection:
+    """Check a table given in Python; `where` names it in the message."""
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_describe(dict(error.errors()[0]))}") from None
 
 
 def where_written(location: tuple, data: dict, motif: int) -> tuple:

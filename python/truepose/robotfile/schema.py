@@ -77,6 +77,16 @@ class Chain(Section):
         "1/(EA), beside that of [compliance]",
         None,
     )
+    arm_compliance: Annotated[NonNegative, unit("rad/(N·m)")] | None = key(
+        "of arm, shaft and gear between encoder and rods, 1/stiffness, beside that of "
+        "[compliance] (revolute)",
+        None,
+    )
+    backlash: Annotated[NonNegative, unit("rad or m")] = key(
+        "between encoder and arm, slide or leg, whole width; a reading is off by half of it, "
+        "either way",
+        0.0,
+    )
     encoder_counts: Counts | None = key("per turn, or per m; without it: no counts", None)
     lead: Annotated[Number, unit("m or rad")] | None = key(
         "travel per turn of the motor's shaft, for logs whose column is q1_turns: a "
@@ -112,6 +122,8 @@ class Chain(Section):
         turns = self.actuator == "revolute"
         if turns and self.arm is None:
             raise ValueError("a revolute chain needs 'arm' (m)")
+        if not turns and self.arm_compliance is not None:
+            raise ValueError(f"'arm_compliance' is for revolute chains, not {self.actuator}")
         lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
         if turns and abs(lean) > 1e-6:
             raise ValueError(f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}")
@@ -183,9 +195,53 @@ class Compliance(Section):
     all_chains: Annotated[NonNegative, unit("1/N")] = key(
         "strain per newton of a chain's tension, of all chains alike; a chain's own is added", 0.0
     )
+    all_arms: Annotated[NonNegative, unit("rad/(N·m)")] = key(
+        "turn of an arm per N·m of its motor's torque, of all arms alike; an arm's own is added",
+        0.0,
+    )
     load: Annotated[Vector, unit("N")] = key(
         "force on the platform's reference point beside the weights, base frame", (0.0, 0.0, 0.0)
     )
+
+
+#: kg, °C, K and relative expansions that machines can have.
+Payload = Annotated[Number, Field(ge=0, le=1e6)]
+Celsius = Annotated[Number, Field(ge=-273.15, le=2000)]
+Kelvin = Annotated[Number, Field(ge=0, le=2000)]
+Expansion = Annotated[Number, Field(ge=-1e-3, le=1e-3), unit("1/K")]
+
+
+class Conditions(Section):
+    """Uncertain conditions at work, for predictions; the model has the middle of each range."""
+
+    payload: Annotated[tuple[Payload, Payload], unit("kg")] = key(
+        "smallest and largest mass on the platform, uniformly distributed", (0.0, 0.0)
+    )
+    payload_centre: Point = key("its centre of mass, platform frame", (0, 0, 0))
+    payload_centre_sigma: Annotated[Number, Field(ge=0, le=100), unit("m")] = key(
+        "σ of each coordinate of its centre of mass", 0.0
+    )
+    temperature: Annotated[tuple[Celsius, Celsius], unit("°C")] = key(
+        "lowest and highest ambient temperature, uniformly distributed, of all parts; lengths are "
+        "those at the middle",
+        (20.0, 20.0),
+    )
+    gradient: Annotated[Kelvin, unit("K")] = key(
+        "σ by which the base, the platform, each arm and each rod are warmer or colder than that",
+        0.0,
+    )
+    base_expansion: Expansion = key("of the base (aluminium)", 23e-6)
+    platform_expansion: Expansion = key("of the platform (aluminium)", 23e-6)
+    arm_expansion: Expansion = key("of the arms (aluminium)", 23e-6)
+    rod_expansion: Expansion = key("of rods and legs (carbon fibre)", 1e-6)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for name in ("payload", "temperature"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name} = [{low:g}, {high:g}]: must be [lowest, highest]")
+        return self
 
 
 class Workspace(Section):
@@ -313,6 +369,7 @@ class RobotFile(Section):
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
     compliance: Compliance | None = key("deflection of rods, legs, belts; without it: stiff", None)
     prices: Prices | None = key("of one-time steps, for truepose design", None)
+    conditions: Conditions | None = key("uncertain conditions at work", None)
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
     tolerances: dict[str, Tolerance] = key("of parameters; the first glob that fits counts", {})
     parameters: Annotated[dict[str, Number], unit("m or rad")] = key(
@@ -339,7 +396,7 @@ class RobotFile(Section):
         learnt = self.calibration.parameters if self.calibration else ()
         return (
             self.compliance is not None
-            or any(chain.compliance is not None for chain in self.chain)
+            or any(c.compliance is not None or c.arm_compliance is not None for c in self.chain)
             or any(map(is_compliance, (*self.tolerances, *self.parameters, *learnt)))
         )
 

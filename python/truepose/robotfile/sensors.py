@@ -38,6 +38,9 @@ class SensorSection(Section):
     offset: Annotated[Number, unit("m or rad")] = key("reading = gain * value - offset", 0.0)
     gain: Number = key("reading = gain * value - offset", 1.0)
     noise: Sigma = key("σ of a reading, before it is counted", 0.0)
+    backlash: Annotated[NonNegative, unit("m or rad")] = key(
+        "before it, whole width; a reading is off by half of it, either way", 0.0
+    )
     weight: NonNegative = key("of its row in the TEJ (paper: 1)", 1.0)
     sample_period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
     latency: Seconds = key("of a sample when it arrives at the controller", 0.0)

@@ -1,7 +1,7 @@
 """Parameters ξ of a robot, and the core's structs from its file."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.base import COMMON, Section
+from truepose.robotfile.base import ARMS, COMMON, Section
 from truepose.robotfile.schema import Bar, Chain, Compliance, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
 
@@ -41,7 +41,7 @@ def _xyz(*vectors: str) -> list[str]:
 
 def parameter_names(
     mobility: str,
-    actuators: Iterable[str],
+    actuators: Collection[str],
     bars: int,
     sensors: Iterable[tuple[str, type[SensorSection]]],
     axes: int,
@@ -55,9 +55,10 @@ def parameter_names(
         keys += ["rod_difference", "rod_spacing"] * (mobility in PAIRED)
         keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
         keys += _ECCENTRICITY * revolute + ["gain"] + ["spool_buildup"] * (not revolute)
-        keys += ["compliance"] * stretches
+        keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
         names += [f"chain{number}.{key}" for key in keys]
-    names += [f"bar{number}.pivot" for number in range(1, bars + 1)] + [COMMON] * stretches
+    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
+    names += ([COMMON] + [ARMS] * ("revolute" in actuators)) * stretches
     for name, kind in sensors:
         keys = ["offset", "gain", *_xyz(*kind.mounting.values())]
         keys += _ECCENTRICITY * issubclass(kind, Encoder)
@@ -169,6 +170,10 @@ def build(spec: RobotFile) -> _core.Robot:
     body.pivot = np.array(spec.platform.centre)
     body.inertia = np.diag([float(getattr(spec.platform, f"inertia_{axis}")) for axis in "xyz"])
     robot.add_body(body)
+    if spec.conditions and (mass := sum(spec.conditions.payload) / 2):
+        body = _core.Body()
+        body.mass, body.pivot = mass, np.array(spec.conditions.payload_centre)
+        robot.add_body(body)
     for k, bar in enumerate(spec.bar):
         body = _core.Body()
         body.mass, body.bar = bar.mass, k

@@ -27,8 +27,10 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
             document.pop(key, None)
         elif value != getattr(before, key):
             document[key] = list(value) if isinstance(value, tuple) else value
-    if spec.compliance is not None and spec.compliance != before.compliance:
-        document["compliance"] = spec.compliance.model_dump(exclude_defaults=True, mode="json")
+    for key in ("compliance", "conditions"):
+        if (table := getattr(spec, key)) is not None and table != getattr(before, key):
+            own = table.model_dump(exclude_defaults=True, mode="json")
+            document[key] = _stated(document, before, own, key)
     _mount(document, spec, before)
     if spec.calibration != before.calibration:
         document.pop("calibration", None)

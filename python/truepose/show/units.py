@@ -5,7 +5,15 @@ import math
 from truepose.show.table import Cell, number
 
 #: Factor and name of the printed unit, by the SI unit.
-PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, ""), "1/N": (1e6, "µm/m/N")}
+PRINT = {
+    "m": (1e3, "mm"),
+    "rad": (180 / math.pi, "°"),
+    "": (1.0, ""),
+    "1/N": (1e6, "µm/m/N"),
+    "rad/(N·m)": (1e3, "mrad/N·m"),
+    "K": (1.0, "K"),
+    "kg": (1.0, "kg"),
+}
 #: SI unit by printed unit.
 SI = {name: unit for unit, (_, name) in PRINT.items()}
 #: Units accepted in options: SI unit and factor.

@@ -17,7 +17,7 @@ from truepose.robot.robot import Robot, load
 from truepose.robot.units import unit_of
 
 #: Range of an error's slider without a tolerance, by unit: m, rad, of a gain.
-_REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6}
+_REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6, "rad/(N·m)": 1e-5}
 _SIGMAS = 4  #: range of a slider, σ of the tolerance
 BEYOND = 0.25  #: range of a coordinate's slider beyond the workspace, as a share of it
 

@@ -1,0 +1,253 @@
+"""Uncertain conditions at work, payload and heat, and their effect on the readings at a pose.
+
+Each has one amount a with mean and σ; at a fixed pose readings change by ∂q_e/∂a · (a - mean). The
+model has the middle of each range. Self-calibration takes place there: it removes nothing of them.
+The ambient temperature of a reference pose is that of the work after it, so that this pose shows
+its part; payload and temperature gradients appear after it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, TypeVar
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.robot import compliance
+from truepose.robot.compliance import under_load
+from truepose.robot.description import Description
+from truepose.robot.kinematics import Kinematics
+from truepose.robotfile import to_core
+from truepose.robotfile.schema import Conditions
+from truepose.show.table import number
+
+AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
+
+#: When readings are taken: at work, at the reference pose, or in a calibration.
+When = Literal["work", "reference", "calibration"]
+#: Lever of a unit payload in the derivatives by its centre, m.
+_LEVER = 0.01
+#: Part whose growth moves a point of a chain or a sensor, or a bar's hinge.
+_CARRIERS = {"base": "base", "origin": "base"}
+_CARRIERS |= dict.fromkeys(("anchor", "pivot", "target"), "platform")
+
+
+class Condition(NamedTuple):
+    """An uncertain condition."""
+
+    name: str  #: its key in [conditions], and the part or direction
+    sigma: float
+    unit: str
+
+    @property
+    def source(self) -> str:
+        """Its key in [conditions]."""
+        return self.name.partition(".")[0]
+
+    @property
+    def uniform(self) -> bool:
+        """Whether it is a range."""
+        return self.name in ("payload", "temperature")
+
+
+def lengths(robot: Description) -> dict[str, dict[str, float]]:
+    """Return what a part's relative growth by 1 adds to parameters, by part: base, arm1, rod1, ….
+
+    The base carries the origins of sensors, the platform their targets. The encoder of a leg grows
+    with it: it reads less.
+    """
+    result: dict[str, dict[str, float]] = {}
+    chains = enumerate(robot.spec.chain, 1)
+    legs = {f"chain{i}.gain" for i, chain in chains if chain.actuator == "telescopic"}
+    for name, p in robot.parameters.items():
+        part, key = name.split(".")[:2]
+        number = part.removeprefix("chain")
+        if name in legs:
+            result.setdefault(f"rod{number}", {})[name] = -p.value
+        elif key in ("arm", "rod"):
+            result.setdefault(f"{key}{number}", {})[name] = p.value
+        elif key in _CARRIERS and not part.startswith("axis"):
+            result.setdefault(_CARRIERS[key], {})[name] = p.value
+    return result
+
+
+def known(robot: Description) -> list[Condition]:
+    """Return the uncertain conditions at work.
+
+    Raises
+    ------
+    InputError
+        A payload, but nothing that it deflects.
+    """
+    section = robot.spec.conditions
+    if section is None:
+        return []
+    found = [Condition("temperature", _spread(section.temperature), "K")]
+    found += [Condition(f"gradient.{part}", section.gradient, "K") for part in lengths(robot)]
+    if section.payload[1] > 0:
+        if not robot.is_compliant and not compliance.unknown(robot):
+            raise InputError(
+                f"{robot.name}: payload {section.payload[0]:g} to {section.payload[1]:g} kg: rods "
+                "and arms are stiff: state all_chains (1/N) or all_arms (rad/(N·m)) of [compliance]"
+            )
+        found.append(Condition("payload", _spread(section.payload), "kg"))
+        off = section.payload_centre_sigma
+        found += [Condition(f"payload_centre.{axis}", off, "m") for axis in "xyz"]
+    return [one for one in found if one.sigma > 0]
+
+
+def sigmas(robot: Description) -> Array:
+    """Return σ of the uncertain conditions, (k,)."""
+    return np.array([one.sigma for one in known(robot)])
+
+
+def columns(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Array:
+    """Return ∂(readings)/∂(amounts) of the uncertain conditions at poses, (N, n + r, k).
+
+    NaN where a pose cannot be reached.
+
+    Raises
+    ------
+    InputError
+        A motor cannot hold the largest payload there.
+    """
+    names = [one.name for one in known(robot)]
+    result = np.zeros((len(x), robot.n + robot.r, len(names)))
+    if when == "calibration" or not names or not len(x):
+        return result
+    growth, H_xi = _growth(robot), robot.linearize(x, "nan", "full" if full else "ideal")[1]
+    loaded: dict[str, Array] = {}
+    if when == "work" and (section := robot.spec.conditions) and section.payload[1] > 0:
+        require_torques(robot, x)
+        loaded = _by_payload(robot, x, full, section)
+    for k, name in enumerate(names):
+        if name == "temperature":
+            result[..., k] = H_xi @ sum(growth.values())
+        elif when == "work":
+            part = name.removeprefix("gradient.")
+            result[..., k] = H_xi @ growth[part] if part in growth else loaded[name]
+    return result
+
+
+def acting(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Array | None:
+    """Return columns of uncertain compliances, then of conditions, as the core's bounds take them.
+
+    None without any.
+    """
+    by = columns(robot, x, full, when)
+    if names := compliance.unknown(robot):
+        own = under_load(robot, x, full).by_compliance
+        by = np.concatenate([compliance.columns(robot, names, own), by], axis=2)
+    N, width, k = by.shape
+    return np.ascontiguousarray(by.reshape(N, width * k)) if k else None
+
+
+def together(robot: Kinematics, full: bool, poses: dict[When, Array]) -> Array | None:
+    """Return :func:`acting` of readings taken at different times."""
+    parts = [acting(robot, x, full, when) for when, x in poses.items()]
+    return None if parts[0] is None else np.concatenate([p for p in parts if p is not None])
+
+
+def under(robot: AnyRobot, amounts: Mapping[str, float]) -> AnyRobot:
+    """Return the robot under certain conditions: amounts less their means, by name."""
+    section = robot.spec.conditions or Conditions()
+    every = np.array([p.value for p in robot.parameters.values()])
+    for part, by in _growth(robot).items():
+        warmer = amounts.get("temperature", 0.0) + amounts.get(f"gradient.{part}", 0.0)
+        every = every + warmer * by
+    mass = section.payload[0] / 2 + section.payload[1] / 2 + amounts.get("payload", 0.0)
+    off = [amounts.get(f"payload_centre.{axis}", 0.0) for axis in "xyz"]
+    centre = tuple((np.array(section.payload_centre) + off).tolist())
+    held = section.model_copy(update={"payload": (mass, mass), "payload_centre": centre})
+    warm = robot.replace(dict(zip(robot.parameters, every.tolist(), strict=True)))
+    return type(robot)(
+        robot.spec.model_copy(update={"conditions": held}),
+        {name: p.value for name, p in warm.parameters.items()},
+    )
+
+
+def sampled(robot: AnyRobot, seed: int | np.random.SeedSequence) -> tuple[AnyRobot, AnyRobot]:
+    """Return a true robot at the reference pose, and at work, under sampled conditions."""
+    rng, amounts = np.random.default_rng(seed), {}
+    for one in known(robot):
+        half = math.sqrt(3) * one.sigma
+        amounts[one.name] = rng.uniform(-half, half) if one.uniform else rng.normal(scale=one.sigma)
+    common = {name: a for name, a in amounts.items() if name == "temperature"}
+    return under(robot, common), under(robot, amounts)
+
+
+def require_torques(robot: Kinematics, x: Array) -> None:
+    """Raise InputError where a motor cannot hold the largest payload at rest."""
+    section, limits = robot.spec.conditions, [c.torque_limit or np.inf for c in robot.spec.chain]
+    if section is None:
+        return
+    low, high = section.payload
+    one = _core.Body()
+    one.mass, one.pivot = 1.0, np.array(section.payload_centre)
+    rest = np.zeros_like(x)
+    held, *_ = _core.inverse_dynamics(robot.core, x, rest, rest)
+    more = _core.inverse_dynamics(_with(robot, one), x, rest, rest)[0] - held
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = (np.array(limits) - np.sign(more) * held) / np.abs(more) + (low + high) / 2
+    room = np.where(np.isfinite(room), room, np.inf)
+    if (most := room.min()) < high:
+        k, motor = np.unravel_index(room.argmin(), room.shape)
+        needed = held[k, motor] + (high - (low + high) / 2) * more[k, motor]
+        unit = "N·m" if robot.spec.chain[motor].actuator == "revolute" else "N"
+        pose = ", ".join(f"{v:.4g}" for v in x[k])
+        raise InputError(
+            f"{robot.name}: payload {high:g} kg: motor q{motor + 1} needs {number(abs(needed))} "
+            f"{unit} at rest at ({pose}), torque_limit is {limits[motor]:g} {unit}: it holds "
+            + (f"{number(float(most))} kg" if most > 0 else "no payload")
+        )
+
+
+def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) -> dict[str, Array]:
+    """Return the derivatives of the readings by the payload's mass and centre, (N, n + r)."""
+    usual = under_load(robot, x, full).readings
+
+    def by_one(off: Array) -> Array:
+        one = _core.Body()
+        one.mass, one.pivot = 1.0, np.array(section.payload_centre) + off
+        return under_load(robot, x, full, _with(robot, one)).readings - usual
+
+    result = {"payload": by_one(np.zeros(3))}
+    low, high = section.payload
+    rms = math.sqrt((low * low + low * high + high * high) / 3)
+    for axis, step in zip("xyz", _LEVER * np.eye(3), strict=True):
+        result[f"payload_centre.{axis}"] = rms * (by_one(step) - result["payload"]) / _LEVER
+    return result
+
+
+def _with(robot: Kinematics, body: _core.Body) -> _core.Robot:
+    core = robot.core.without_limits()
+    core.add_body(body)
+    core.finish()
+    return core
+
+
+def _growth(robot: Description) -> dict[str, Array]:
+    """Return ∂(parameters)/∂(temperature of a part), 1/K times their units, by part."""
+    section, every = robot.spec.conditions or Conditions(), list(robot.parameters)
+    result = {}
+    for part, own in lengths(robot).items():
+        rate = getattr(section, f"{part.rstrip('0123456789')}_expansion")
+        result[part] = rate * np.array([own.get(name, 0.0) for name in every])
+    return result
+
+
+def common_growth(robot: Description) -> dict[str, float]:
+    """Return what one σ of the ambient temperature adds to the parameters that readings show."""
+    section = robot.spec.conditions or Conditions()
+    growth = _spread(section.temperature) * np.sum([*_growth(robot).values()], axis=0)
+    read = {name for name, _ in to_core.columns(robot.spec)}
+    every = zip(robot.parameters, growth.tolist(), strict=True)
+    return {name: by for name, by in every if by and name in read}
+
+
+def _spread(ends: tuple[float, float]) -> float:
+    return (ends[1] - ends[0]) / math.sqrt(12)

@@ -1,0 +1,246 @@
+"""Uncertain conditions at work: payload, heat, compliance and backlash in every prediction."""
+
+import re
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.exceptions import InputError
+from truepose.robot.conditions import columns, known, sampled, under
+from truepose.robot.units import summed
+from truepose.robotfile.schema import Compliance, Tolerance
+from truepose.simulation.plants.dynamic import visit
+
+#: Arms and rods of the effects' defaults, for rods of 0.48 m.
+SOFT = {"all_chains": 1 / (2 * 5e6 * 0.48), "all_arms": 1 / 2e4}
+CONDITIONS = {
+    "payload": (0.0, 2.0),
+    "payload_centre": (0.0, 0.0, -0.04),
+    "payload_centre_sigma": 0.01,
+    "temperature": (15.0, 35.0),
+    "gradient": 2.0,
+}
+SENSORS = {"h4": ["theta", "wire1", "wire2", "wire3"], "delta": [], "stewart": ["roll", "pitch"]}
+STATES = pytest.mark.parametrize(
+    "known_by", [(), ("calibrated_on",), ("reference_pose",), ("calibrated_on", "reference_pose")]
+)
+
+
+def at_work(name, backlash=0.0, uncertain=True, **more):
+    """A shipped robot, compliant, under all conditions; its stiffness is known to a third."""
+    robot = tp.load(name).with_sensors(*SENSORS[name])
+    revolute = all(chain.actuator == "revolute" for chain in robot.spec.chain)
+    soft = SOFT if revolute else {"all_chains": SOFT["all_chains"]}
+    doubt = {f"compliance.{key}": Tolerance(sigma=value / 3) for key, value in soft.items()}
+    tolerances = robot.spec.tolerances | (doubt if uncertain else {})
+    update = {"compliance": Compliance(**soft), "tolerances": tolerances}
+    robot = tp.Robot(robot.spec.model_copy(update=update))
+    return robot.with_conditions(**CONDITIONS | more, backlash=backlash)
+
+
+def exact(robot):
+    """The same of known geometry and encoders without counts: conditions alone matter."""
+    update = {"tolerances": {"chain1.encoder_offset": Tolerance(sigma=1e-9)}, "quantized": False}
+    return tp.Robot(robot.spec.model_copy(update=update))
+
+
+def position(robot, x, **known):
+    P = tp.accuracy(robot, x, **known)
+    return float(np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, summed(robot).columns].sum(1).mean()))
+
+
+@pytest.mark.parametrize("payload", [0.0, 2.0])
+@pytest.mark.parametrize("name", ["h4", "delta"])
+def test_predicted_deflection_is_that_of_the_dynamic_plant_at_rest(name, payload, anywhere, rng):
+    """Readings of the exact plant with springs in arms and rods: to 1 % of their deflection."""
+    robot = at_work(name, uncertain=False, payload=(payload, payload)).with_level("ideal")
+    robot = robot.without_quantization().with_sensors()
+    effects = tp.Effects().only("compliance")
+    k = 2 * effects.rod_stiffness
+    lengths = {f"chain{i + 1}.compliance": 1 / (k * c.rod) for i, c in enumerate(robot.spec.chain)}
+    robot = robot.replace(lengths | {"compliance.all_chains": 0.0})
+    loop = tp.Controller.for_robot(robot.stiff, effects=effects)
+    settings = {"effects": effects, "hold": 1.5}
+    x, q, status = visit(robot.stiff, robot.stiff, anywhere(robot, 4, rng), loop, **settings)
+    assert (status == "ok").all()
+    deflection = q - robot.stiff.extended_positions(x)
+    predicted = robot.extended_positions(x) - robot.stiff.extended_positions(x)
+    assert np.abs(deflection).max() > 1e-6
+    assert predicted == pytest.approx(deflection, abs=0.01 * np.abs(deflection).max())
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_columns_of_conditions_are_the_differences_of_readings(name, anywhere, rng):
+    robot = at_work(name).expected()
+    x = anywhere(robot, 5, rng)
+    full = robot.is_full(robot.highest_level)
+    by = columns(robot, x, full)
+    for k, one in enumerate(known(robot)):
+        step = 0.1 * one.sigma
+        more, less = (
+            under(robot, {one.name: side * step}).extended_positions(x, level=robot.highest_level)
+            for side in (1, -1)
+        )
+        slope = (more - less) / (2 * step)
+        off = 1e-3 * np.abs(slope).max() + 1e-12
+        if one.source == "payload_centre":  # by the rms mass, not the mean one
+            slope *= 2 / np.sqrt(3)
+        assert by[..., k] == pytest.approx(slope, abs=2 * off), one.name
+
+
+@pytest.mark.parametrize("referenced", [False, True])
+@pytest.mark.parametrize("name", ["h4", "stewart"])
+def test_four_hundred_robots_at_work_are_as_far_off_as_predicted(name, referenced, anywhere, rng):
+    robot = at_work(name, backlash=2e-5 if name == "stewart" else 1e-4).expected()
+    x = anywhere(robot, 3, rng)
+    home, off = robot.home, []
+    for seed in range(400):
+        true = robot.sample(seed).with_level(robot.highest_level)
+        before, now = sampled(true, seed)
+        model = robot
+        if referenced:
+            seen = before.read(home, 3 * seed)
+            day = tp.calibration.at_other_temperature(robot)
+            model = tp.calibrate(day, known_pose=(seen, home), cause="ignore").robot
+        off.append(model.estimate(now.read(x, 3 * seed + 1), guess=x).x - x)
+    counted = summed(robot).columns
+    rms = np.sqrt((np.array(off)[..., counted] ** 2).sum(axis=-1).mean())
+    predicted = position(robot, x, **({"reference_pose": home} if referenced else {}))
+    assert rms / predicted == pytest.approx(1, abs=0.07)
+
+
+@STATES
+@pytest.mark.parametrize("name", SENSORS)
+def test_the_budget_has_a_row_for_each_condition_and_adds_up(name, known_by, anywhere, rng):
+    robot = at_work(name, backlash=1e-4)
+    x = anywhere(robot, 14, rng)
+    at = {"calibrated_on": x[6:], "reference_pose": robot.home}
+    at = {key: at[key] for key in known_by}
+    found = tp.design.error_budget(robot, poses=x[:6], confidence=None, **at)
+    rows = {one.source: one for one in found.contributions}
+    expected = {"payload", "payload_centre", "temperature", "gradient", "backlash"}
+    assert expected | {"compliance.all_chains"} <= rows.keys()
+    assert sum(one.share for one in found.contributions) == pytest.approx(1)
+    assert found.sigma == pytest.approx(position(robot, x[:6], **at), rel=1e-5)
+    halves = {
+        "temperature": {"temperature": (20.0, 30.0)},
+        "gradient": {"gradient": 1.0},
+        "payload_centre": {"payload_centre_sigma": 0.005},
+        "backlash": {"backlash": 5e-5},
+    }
+    for source, half in halves.items():
+        better = position(robot.with_conditions(**half), x[:6], **at)
+        assert rows[source].halved == pytest.approx(better, rel=1e-5), source
+
+
+@STATES
+def test_selection_and_plans_predict_what_the_bound_does(known_by, anywhere, rng):
+    robot = at_work("h4")
+    x = anywhere(robot, 16, rng)
+    at = {"calibrated_on": x[6:], "reference_pose": robot.home}
+    at = {key: at[key] for key in known_by}
+    prices = dict.fromkeys(SENSORS["h4"], 1.0)
+    found = tp.select_sensors(robot, prices, poses=x[:6], confidence=None, **at)
+    for choice in found.front:
+        one = robot.with_sensors(*choice.sensors)
+        assert choice.error == pytest.approx(position(one, x[:6], **at), rel=1e-4)
+    at.pop("calibrated_on", None)
+    plan = tp.plan_poses(robot, 5, candidates=x[6:], poses=x[:6], **at)
+    bound = position(robot, x[:6], calibrated_on=plan.poses, **at)
+    assert plan.sigma[-1, -1] == pytest.approx(bound, rel=1e-4)
+
+
+def test_a_reference_pose_shows_the_days_temperature_but_neither_gradients_nor_payload():
+    """Readings without any other error, at the reference pose itself."""
+    robot = exact(at_work("h4").with_sensors())
+    home = [robot.home]
+    rows = []
+    for at in ({}, {"reference_pose": robot.home}, {"calibrated_on": home}):
+        found = tp.design.error_budget(robot, poses=home, confidence=None, **at)
+        rows.append({one.source: one.error for one in found.contributions})
+    built, referenced, calibrated = rows
+    assert referenced["temperature"] < 0.1 * built["temperature"]
+    for source in ("payload", "payload_centre", "gradient"):
+        assert referenced[source] == pytest.approx(built[source], rel=0.05)
+    for source in ("payload", "temperature", "gradient"):
+        assert calibrated[source] == pytest.approx(built[source], rel=1e-3)
+
+
+def test_faults_hide_behind_a_range_of_temperatures(anywhere, rng):
+    cool = tp.load("h4").with_sensors("theta", "z_telemeter")
+    x = anywhere(cool, 6, rng)
+    visited = anywhere(cool, 60, rng)
+    hot = cool.with_conditions(temperature=(0.0, 60.0), gradient=5.0)
+    limits = [tp.faults.detectability(r, x, visited).detected for r in (cool, hot)]
+    assert (limits[1] >= limits[0] * (1 - 1e-9)).all() and (limits[1] > 1.05 * limits[0]).any()
+
+
+@pytest.mark.parametrize("referenced", [False, True])
+def test_the_verification_simulates_the_conditions(referenced):
+    robot = exact(at_work("h4", backlash=1e-4))
+    at = {"reference_pose": robot.home} if referenced else {}
+    found = tp.select_sensors(robot, {"z_telemeter": 1}, budget=1, poses=[robot.home], **at)
+    by = tp.design.verification.verify(found, robots=300, **at)
+    assert 0.9 < by.share < 1 and by.error == pytest.approx(found.best.error, rel=0.1)
+    assert found.best.error > 2e-5
+
+
+def test_backlash_is_an_error_of_half_its_width_either_way(h4):
+    robot = h4.without_quantization().with_conditions(backlash=0.002)
+    x = np.tile(h4.home, (4000, 1))
+    off = robot.read(x, 3) - robot.extended_positions(x)
+    assert np.abs(off[:, :4]) == pytest.approx(np.full((4000, 4), 0.001))
+    assert np.abs(off[:, :4].mean(axis=0)).max() < 1e-4 and off[:, 4] == pytest.approx(0)
+    assert robot.reading_sigma.tolist() == [0.001] * 4 + [0.0]
+
+
+def test_a_robot_under_conditions_is_saved_and_loaded(tmp_path):
+    robot = at_work("h4", backlash=1e-4)
+    robot.save(tmp_path / "hot.toml")
+    again = tp.load(tmp_path / "hot.toml").with_sensors(*robot.sensors)
+    assert again.spec.conditions == robot.spec.conditions
+    assert position(again, [again.home]) == pytest.approx(position(robot, [robot.home]))
+
+
+WRONG = {
+    "payload=0..200kg": "payload 200 kg: motor q. needs .* N·m at rest at .* torque_limit is 30 "
+    "N·m: it holds 1?[0-9].* kg",
+    "payload=2..1kg": "payload = .2, 1.: must be .lowest, highest.",
+    "payload=2kg": "payload=2kg: must be payload=LOW..HIGH with a unit: kg, g",
+    "temperature=15..35F": "must be temperature=LOW..HIGH with a unit: degC, °C",
+    "gradient=-2K": "gradient = -2.0: .*greater than or equal to 0",
+    "wind=3K": "condition wind is not one of|no condition 'wind'|wind",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_wrong_conditions_are_one_line(run, tmp_path, text):
+    at_work("h4").save(tmp_path / "soft.toml")
+    status, _, err = run("accuracy", tmp_path / "soft.toml", "--conditions", text)
+    assert status == 2 and err.count("\n") == 1
+    assert re.search(WRONG[text], err), err
+
+
+def test_a_payload_needs_something_that_it_deflects(h4):
+    with pytest.raises(InputError, match=r"payload 0 to 2 kg: rods and arms are stiff: state"):
+        tp.accuracy(h4.with_conditions(payload=(0, 2)), h4.home)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("accuracy", "h4", "--sensors", "theta"),
+        ("design", "h4", "--price", "theta=90,wire1=250", "--robots", "0"),
+        ("plan", "h4", "--count", "3", "--candidates", "40"),
+        ("error-budget", "h4"),
+        ("faults", "h4", "--sensors", "theta,z_telemeter"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_take_conditions(run, words):
+    cool, hot = (
+        run(*words, *more, "--format", "json")
+        for more in ((), ("--conditions", "temperature=0..60degC,gradient=5K,backlash=0.1deg"))
+    )
+    assert cool[0] == hot[0] == 0 and cool[1] != hot[1]
