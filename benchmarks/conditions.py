@@ -9,7 +9,7 @@ import numpy as np
 
 import truepose as tp
 from truepose.calibration import at_other_temperature
-from truepose.design.sensors import asked_poses, practice
+from truepose.design.where import asked_poses, practice
 from truepose.robot.conditions import sampled
 from truepose.robot.units import summed
 from truepose.robotfile.schema import Compliance, Tolerance

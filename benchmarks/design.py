@@ -17,7 +17,8 @@ import numpy as np
 
 import truepose as tp
 from truepose.design.candidates import drawn
-from truepose.design.sensors import asked_poses, searched
+from truepose.design.sensors import searched
+from truepose.design.where import asked_poses
 from truepose.design.worth import Worth
 
 

@@ -16,7 +16,8 @@ from truepose.design.error_budget import ErrorBudget, error_budget
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import plan_poses
 from truepose.design.selection import SensorSelection, SensorSet
-from truepose.design.sensors import practice, select_sensors
+from truepose.design.sensors import select_sensors
+from truepose.design.where import practice
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 
