@@ -262,14 +262,17 @@ def test_thresholds_follow_from_the_robot() -> None:
     assert (deflection > 0.01 * limits / 100).all() and (deflection < limits / 100).all()
 
 
-def test_a_hexapod_whose_legs_stretch_raises_no_alarm() -> None:
+@pytest.mark.parametrize("time", [0.0, 7200.0])
+def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time: float) -> None:
     effects, random = tp.Effects(), np.random.default_rng(1)
-    nominal = tp.load("stewart").with_sensors("z_telemeter", "u_joint1", "u_joint2").expected()
+    joints = [f"u_joint{k}" for k in range(1, 7)]
+    nominal = tp.load("stewart").with_sensors("z_telemeter", *joints).expected()
     box = nominal.spec.workspace
     truth = nominal.sample(0).at_highest_level
     poses = random.uniform(box.minimum, box.maximum, (100, nominal.n))
     robot = tp.calibrate(effects.allowed_for(nominal), truth.read(poses, seed=0)).robot
     control = tp.Controller.for_robot(robot, effects, "joint")
     monitor = tp.FaultMonitor(effects=effects)
-    run = tp.simulate(robot, truth, control, effects=effects, seed=0, monitor=monitor)
+    run = tp.simulate(robot, truth, control, effects=effects, seed=0, time=time, monitor=monitor)
     assert not run.health.any()
+    assert run.warm[-1] == (time > 0)

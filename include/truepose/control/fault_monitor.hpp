@@ -68,7 +68,7 @@ class Cycle : MonitoredCycle<K> {
     }
     monitor_.placed = bool(placed);
     const int first = update();
-    if (placed && r_ > 0 && stale()) monitor_.known = bool(refresh());
+    if (placed && r_ > 0 && stale()) refresh();
     ++monitor_.cycle;
     if (!placed) return placed;
     return {first < 0 ? Status::ok : Status::disagree, first};
@@ -403,8 +403,36 @@ class Cycle : MonitoredCycle<K> {
     return true;
   }
 
+  /// Follows a warm-up. @param cold  parity of the geometry without growth
+  /// @return the growths' part of it
+  Reading warm(const Real* H_xi, const Reading& cold) {
+    WarmUp& warm_up = monitor_.warm_up;
+    const Growths& growth = settings_.growth;
+    if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
+    const GrowthRows M = growth_rows<K>(robot_, parity_, H_xi, growth);
+    const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
+    monitor_.updated = monitor_.cycle;
+    ReadingCovariance V;
+    const auto alarm = [&] {
+      return judge<K>(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
+    };
+    auto total = monitor_.geometry;
+    for (int k = 0; k < r_; ++k)
+      for (int l = 0; l <= k; ++l)
+        for (int m = 0; m < kGrowths; ++m) total[k][l] += M[k][m] * M[l][m];
+    std::swap(total, monitor_.geometry);
+    warm_up.warm = false;
+    if (!covariance(1, 1, V) || alarm()) return {};  // growth alone does not explain it
+    std::swap(total, monitor_.geometry);
+    if (!covariance(1, 1, V) || !all_finite(cold, r_)) return {};
+    warm_up.warm = alarm();
+    if (!monitor_.doubted && !symptomatic_)
+      warm_up.average(M, V, cold, r_, since, settings_.memory);
+    return warm_up.explain(M, r_, monitor_.geometry);
+  }
+
   /// Updates the geometry's covariance and the full level's addition at the present pose.
-  TRUEPOSE_APART Outcome refresh() {
+  TRUEPOSE_APART void refresh() {
     const Knowledge& known = *weighing_.known;
     Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
     Extended q_e, beyond{};
@@ -419,20 +447,27 @@ class Cycle : MonitoredCycle<K> {
     } else {
       outcome = linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi);
     }
-    if (!outcome) return outcome;
+    monitor_.known = bool(outcome);
+    if (!outcome) return;
     parity_.open(robot_, known, H_xi, B);
     for (int k = 0; k < r_; ++k)
       for (int l = 0; l <= k; ++l)
         monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+    Reading more, cold{};
+    for (int k = 0; k < r_; ++k) {
+      more[k] = beyond[n + k] - monitor_.beyond[n + k];
+      for (int j = 0; j < n; ++j) more[k] -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
+      cold[k] = parity_.value[k] - more[k];
+    }
+    const Reading grown = warm(H_xi, cold);
     for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
-      Real more = beyond[n + k] - monitor_.beyond[n + k];
-      for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
-      if (!number(more)) continue;
-      monitor_.parity[k].value -= more;
-      monitor_.reading[n + k].model += more;  // nor a sensor that stands still a motion
+      if (number(grown[k])) beyond[n + k] += grown[k];
+      more[k] += grown[k];
+      if (!number(more[k])) continue;
+      monitor_.parity[k].value -= more[k];
+      monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion
     }
     monitor_.beyond = beyond;
-    return {};
   }
 };
 }  // namespace fault_monitor_detail

@@ -3,6 +3,7 @@
 
 #include "truepose/control/law.hpp"
 #include "truepose/control/reading_noise.hpp"
+#include "truepose/control/warm_up.hpp"
 #include "truepose/math/chi2.hpp"
 
 namespace truepose {
@@ -42,6 +43,9 @@ struct FaultMonitorSettings {
   Joint rests{};       ///< error at which a healthy motor may rest: counts, friction
   Joint shaken{};      ///< largest σ per cycle of a virtual reading's noise (0: any)
   Extended low{}, high{};  ///< range of a reading (equal: not tested)
+  /// Largest growth of base, arms and rods in a warm-up, as shares of their sizes (0: no warm-up).
+  Growths growth{};
+  Real memory = 600;  ///< s over which growths are averaged: drifts within it are faults
 
   // From prepare():
   Real sigmas = 0;  ///< limit of a normal variable with the same probability
@@ -118,7 +122,9 @@ struct FaultMonitor {
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are valid
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
-  Extended beyond{};                            ///< what the full level adds to h
+  Extended beyond{};                            ///< what the full level and the growths add to h
+  WarmUp warm_up;
+  std::int64_t updated = 0;  ///< cycle of the last update of these
 };
 
 /// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the
@@ -132,6 +138,7 @@ inline void acknowledge(FaultMonitor& monitor, int reading) {
   monitor.undecided = false;
   monitor.disagreed = 0;
   monitor.began = monitor.cycle;
+  monitor.warm_up = {};
 }
 
 namespace fault_monitor_detail {

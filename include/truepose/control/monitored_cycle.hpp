@@ -111,7 +111,8 @@ struct MonitoredCycle {
   /// Unchanged cycles after which a reading stands still.
   static constexpr int kStill = 3;
   static constexpr int kLongest = 1000;  ///< cycles, counted at most
-  /// Share of `moved` above which a reading that stands still during an alarm is isolated.
+  /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
+  /// whose motor was driven off.
   static constexpr Real kStoodBy = 0.4;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
@@ -149,10 +150,12 @@ struct MonitoredCycle {
            kLonger * reading.noise.grain + 2 * reading.pushed;
   }
 
-  /// Whether a reading stands still for longer than between its samples.
+  /// Whether a reading stands still for longer than between its samples. An error that friction
+  /// cannot hold must have driven a motor off its count.
   bool stands(int c, Real share) const {
     const MonitoredReading& reading = monitor_.reading[c];
-    return reading.still > kLonger * reading.noise.interval && stood(c) > much(c, share);
+    return reading.still > kLonger * reading.noise.interval &&
+           (stood(c) > much(c, share) || std::fabs(reading.way) > much(c, kStoodBy * share));
   }
 
   /// Model minus smoothed reading. @param deviation  model minus reading
