@@ -28,7 +28,7 @@ class Cycle : MonitoredCycle<K> {
   using Base::n, Base::robot_, Base::settings_, Base::weighing_, Base::desired_, Base::q_e_;
   using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
-  using Base::replaceable, Base::motors_valid;
+  using Base::replaceable, Base::motors_valid, Base::stale, Base::refresh;
   using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill,
       Base::kLongest, Base::kStoodBy;
   using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance;
@@ -60,6 +60,10 @@ class Cycle : MonitoredCycle<K> {
         const Real off = smooth(c, -parity_.value[c - n]);
         if (monitor_.reading[c].noise.noisy()) believed_[c] = model(c) - off;
       }
+      // A motor's first large difference may begin a noise: the law gets none of it.
+      for (int c = 0; c < n && !monitor_.doubted; ++c)
+        if (!(without_ & bit(c)) && monitor_.reading[c].noise.large > 0 && number(desired_[c]))
+          believed_[c] = desired_[c] - monitor_.reading[c].noise.off.value;
       if (without_) substitute();
       monitor_.last = monitor_.motion;
       monitor_.motion =
@@ -182,9 +186,9 @@ class Cycle : MonitoredCycle<K> {
       // A drift exceeds its limit now and then at first, then always.
       if (!monitor_.undecided) monitor_.disagreed += 2;
       monitor_.undecided = monitor_.undecided || monitor_.disagreed > 2 * settings_.decide;
-      // Before isolation, sensors get the value expected without the change, and a motor that
-      // stands still gets its setpoint: a frozen encoder would drive it away.
-      for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
+      // Before isolation, sensors get the value expected by the mean parity before, and a motor
+      // that stands still gets its setpoint: a frozen encoder would drive it away.
+      for (int k = 0; k < r_; ++k) believed_[n + k] -= parity_.value[k] - monitor_.usual[k];
       for (int c = 0; c < n && !monitor_.undecided; ++c)
         if (monitor_.doubted & bit(c) & ~without_ && monitor_.reading[c].still >= kStill) {
           held_ |= bit(c);
@@ -381,93 +385,16 @@ class Cycle : MonitoredCycle<K> {
       const Real change = parity_.value[k] - parity.predicted(settings_.period);
       if (monitor_.cycle == monitor_.began) parity = {parity_.value[k], 0};
       const bool holds = monitor_.doubted || symptomatic_;  // no correction by a possible fault
+      Real& usual = monitor_.usual[k];
+      if (monitor_.cycle == monitor_.began) usual = parity_.value[k];
+      if (!holds && number(parity_.value[k])) usual += (parity_.value[k] - usual) / kSettling;
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    std::uint32_t noisy = 0;
-    for (int c = 0; c < rows_; ++c) noisy |= monitor_.reading[c].noise.noisy() ? bit(c) : 0;
-    monitor_.changed =
-        monitor_.without != without || (monitor_.held & ~held_) != 0 || monitor_.noisy != noisy;
-    monitor_.noisy = noisy;
+    monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
     monitor_.without = without;
     monitor_.held = held_;
     return first;
-  }
-
-  /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
-  bool stale() {
-    for (int i = 0; i < n; ++i) monitor_.way += std::fabs(monitor_.motion[i]);
-    const bool far = monitor_.way > kSamePlace * settings_.correlation;
-    if (!far && monitor_.cycle % settings_.refresh != 0) return false;
-    monitor_.way = 0;
-    return true;
-  }
-
-  /// Follows a warm-up. @param cold  parity of the geometry without growth
-  /// @return the growths' part of it
-  Reading warm(const Real* H_xi, const Reading& cold) {
-    WarmUp& warm_up = monitor_.warm_up;
-    const Growths& growth = settings_.growth;
-    if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
-    const GrowthRows M = growth_rows<K>(robot_, parity_, H_xi, growth);
-    const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
-    monitor_.updated = monitor_.cycle;
-    ReadingCovariance V;
-    const auto alarm = [&] {
-      return judge<K>(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
-    };
-    auto total = monitor_.geometry;
-    for (int k = 0; k < r_; ++k)
-      for (int l = 0; l <= k; ++l)
-        for (int m = 0; m < kGrowths; ++m) total[k][l] += M[k][m] * M[l][m];
-    std::swap(total, monitor_.geometry);
-    warm_up.warm = false;
-    if (!covariance(1, 1, V) || alarm()) return {};  // growth alone does not explain it
-    std::swap(total, monitor_.geometry);
-    if (!covariance(1, 1, V) || !all_finite(cold, r_)) return {};
-    warm_up.warm = alarm();
-    if (!monitor_.doubted && !symptomatic_)
-      warm_up.average(M, V, cold, r_, since, settings_.memory);
-    return warm_up.explain(M, r_, monitor_.geometry);
-  }
-
-  /// Updates the geometry's covariance and the full level's addition at the present pose.
-  TRUEPOSE_APART void refresh() {
-    const Knowledge& known = *weighing_.known;
-    Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
-    Extended q_e, beyond{};
-    Matrix<kMaxReadings, n> H_x;
-    Outcome outcome;
-    if (robot_.rod_by_rod()) {
-      Parasitic rest;
-      outcome = FullModel::linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi, rest);
-      Extended ideal;
-      if (outcome) outcome = extended<K>(robot_, monitor_.pose, ideal);
-      for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
-    } else {
-      outcome = linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi);
-    }
-    monitor_.known = bool(outcome);
-    if (!outcome) return;
-    parity_.open(robot_, known, H_xi, B);
-    for (int k = 0; k < r_; ++k)
-      for (int l = 0; l <= k; ++l)
-        monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-    Reading more, cold{};
-    for (int k = 0; k < r_; ++k) {
-      more[k] = beyond[n + k] - monitor_.beyond[n + k];
-      for (int j = 0; j < n; ++j) more[k] -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
-      cold[k] = parity_.value[k] - more[k];
-    }
-    const Reading grown = warm(H_xi, cold);
-    for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
-      if (number(grown[k])) beyond[n + k] += grown[k];
-      more[k] += grown[k];
-      if (!number(more[k])) continue;
-      monitor_.parity[k].value -= more[k];
-      monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion
-    }
-    monitor_.beyond = beyond;
   }
 };
 }  // namespace fault_monitor_detail

@@ -108,8 +108,7 @@ struct FaultMonitor {
   std::uint32_t lost = 0;     ///< failed motors that once had no substitute
   std::uint32_t without = 0;  ///< failed readings substituted in this cycle
   std::uint32_t held = 0;     ///< candidate motors held at their setpoints
-  std::uint32_t noisy = 0;    ///< readings that are smoothed
-  bool changed = false;       ///< one of the three has: the law's input may jump
+  bool changed = false;       ///< one of the two has: the law's input may jump
   std::int64_t cycle = 0;     ///< since the first one with a pose,
   std::int64_t began = 0;     ///< and in which the parity's trackers began to settle
   bool placed = false;        ///< `pose` is known
@@ -118,6 +117,7 @@ struct FaultMonitor {
   Real way = 0;                  ///< since the last update of the geometry's covariance
   Joint pushed{};                ///< motor errors that external forces cause
   std::array<Tracker, kMaxSensors> parity;
+  Reading usual{};                              ///< its mean over some cycles
   Real chi2 = 0;                                ///< level of the parity
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are valid
