@@ -26,11 +26,12 @@ Status status_of(const truepose_fault_monitor_settings& s) {
               s.spikes <= kSpikesKept && s.within > 0;
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
   for (const truepose_real number :
-       {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held, s.memory})
+       {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held})
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
-  for (const truepose_real growth : s.growth) good = good && growth >= 0 && growth < 1;
+  for (const truepose_real growth : s.growth)
+    good = good && growth >= 0 && growth < 1 && (growth == 0 || s.memory > 0);
   return good ? Status::ok : Status::no_such_value;
 }
 

@@ -116,6 +116,21 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
     assert np.linalg.norm(beside) < 0.05
 
 
+@pytest.mark.parametrize("reading", ["q1", "q2"])
+@pytest.mark.parametrize("at", [0.16, 0.17, 0.18])
+def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_at_most(
+    calibrated: dict, reading: str, at: float
+) -> None:
+    """θ hardly depends on it: its own standstill shows it, over the last three counts of its way."""
+    robot, truth = calibrated["θ"]
+    healthy = tp.simulate(robot, truth, "joint")
+    fault = tp.faults.Fault(reading, "stuck", at=at)
+    run = tp.simulate(robot, truth, "joint", faults=[fault], monitor=tp.FaultMonitor())
+    assert run.failed == [reading]
+    off = np.linalg.norm((run.x - healthy.x)[~run.stops, :3], axis=1)
+    assert off.max() < 2e-3
+
+
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
     robot, truth = calibrated["θ"]
     fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
