@@ -121,7 +121,7 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
 def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_at_most(
     calibrated: dict, reading: str, at: float
 ) -> None:
-    """θ hardly depends on it: its own standstill shows it, over the last three counts of its way."""
+    """θ hardly depends on it: only its own standstill shows it, over the last counts of its way."""
     robot, truth = calibrated["θ"]
     healthy = tp.simulate(robot, truth, "joint")
     fault = tp.faults.Fault(reading, "stuck", at=at)
