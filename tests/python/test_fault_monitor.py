@@ -285,7 +285,8 @@ def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time
     box = nominal.spec.workspace
     truth = nominal.sample(0).at_highest_level
     poses = random.uniform(box.minimum, box.maximum, (100, nominal.n))
-    robot = tp.calibrate(effects.allowed_for(nominal), truth.read(poses, seed=0)).robot
+    read = effects.geometry(truth).read(poses, seed=0)
+    robot = tp.calibrate(effects.allowed_for(nominal), read).robot
     control = tp.Controller.for_robot(robot, effects, "joint")
     monitor = tp.FaultMonitor(effects=effects)
     run = tp.simulate(robot, truth, control, effects=effects, seed=0, time=time, monitor=monitor)
