@@ -186,14 +186,16 @@ class Cycle : MonitoredCycle<K> {
       // A drift exceeds its limit now and then at first, then always.
       if (!monitor_.undecided) monitor_.disagreed += 2;
       monitor_.undecided = monitor_.undecided || monitor_.disagreed > 2 * settings_.decide;
-      // Before isolation, sensors get the value expected by the mean parity before, and a motor
-      // that stands still gets its setpoint: a frozen encoder would drive it away.
-      for (int k = 0; k < r_; ++k) believed_[n + k] -= parity_.value[k] - monitor_.usual[k];
+      // Before isolation a motor that stands still gets its setpoint: a frozen encoder would drive
+      // it away. Sensors then get the value by the mean parity before, otherwise without the
+      // change.
       for (int c = 0; c < n && !monitor_.undecided; ++c)
         if (monitor_.doubted & bit(c) & ~without_ && monitor_.reading[c].still >= kStill) {
           held_ |= bit(c);
           if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - monitor_.reading[c].behind;
         }
+      for (int k = 0; k < r_; ++k)
+        believed_[n + k] -= held_ ? parity_.value[k] - monitor_.usual[k] : change[k];
       return;
     }
     monitor_.disagreed = 0;

@@ -152,11 +152,12 @@ struct MonitoredCycle {
   }
 
   /// Whether a reading stands still for longer than between its samples. An error that friction
-  /// cannot hold must have driven a motor off its count.
+  /// cannot hold must have driven a motor off its count, unless it was held at its setpoint.
   bool stands(int c, Real share) const {
     const MonitoredReading& reading = monitor_.reading[c];
     return reading.still > kLonger * reading.noise.interval &&
-           (stood(c) > much(c, share) || std::fabs(reading.way) > much(c, kStoodBy * share));
+           (stood(c) > much(c, share) ||
+            (!monitor_.undecided && std::fabs(reading.way) > much(c, kStoodBy)));
   }
 
   /// Model minus smoothed reading. @param deviation  model minus reading
