@@ -24,12 +24,12 @@ auto batch_fastest(const Robot& robot, const Rows& x) {
 
 /// Processes rows in sequence: the substituted readings, (N, n + r), every reading's health and
 /// symptom, and per row the parity's χ², its degrees of freedom, the suspect readings as bits,
-/// whether isolation is impossible, and the status.
+/// whether isolation is impossible, whether the robot is warm, and the status.
 auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_e) {
   const std::size_t count = q_e.shape(0), e = q_e.shape(1);
   Owned<double> believed({count, e}), chi2({count});
   Owned<int> health({count, e}), symptom({count, e}), freedom({count}), doubted({count});
-  Owned<bool> undecided({count});
+  Owned<bool> undecided({count}), warm({count});
   Outcomes outcomes(count);
   const Weights weights(setup.robot, &setup.known);
   FaultMonitor monitor;
@@ -52,9 +52,11 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
       *freedom[i] = monitor.freedom;
       *doubted[i] = static_cast<int>(monitor.doubted);
       *undecided[i] = monitor.undecided;
+      *warm[i] = monitor.warm_up.warm;
     });
   });
-  return together(believed, health, symptom, chi2, freedom, doubted, undecided, outcomes.status);
+  return together(believed, health, symptom, chi2, freedom, doubted, undecided, warm,
+                  outcomes.status);
 }
 }  // namespace
 
@@ -63,7 +65,8 @@ void bind_fault_monitor(nb::module_& m) {
   nb::class_<FaultMonitorSettings> monitor(m, "FaultMonitorSettings");
   monitor.def(nb::init<>());
   TRUEPOSE_FIELDS(monitor, def_rw, period, false_alarm, refresh, coast, decide, replaceable, spikes,
-                  within, correlation, fastest, moved, kp, kd, rests, shaken, low, high);
+                  within, correlation, fastest, moved, kp, kd, rests, shaken, low, high, growth,
+                  memory);
   nb::class_<MomentumSettings> momentum(m, "MomentumSettings");
   momentum.def(nb::init<>());
   TRUEPOSE_FIELDS(momentum, def_rw, period, bandwidth, alarm, share, named, window, over, sigma,

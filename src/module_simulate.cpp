@@ -147,8 +147,8 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
                         column<int>(log, &Sample::brakes), column<int>(log, &Sample::disturbance),
                         column<int>(log, &Sample::disturbed), column<double>(log, &Sample::size),
                         column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused),
-                        column<int>(log, &Sample::safety), column<int>(log, &Sample::cause),
-                        column<int>(log, &Sample::part));
+                        column<bool>(log, &Sample::warm), column<int>(log, &Sample::safety),
+                        column<int>(log, &Sample::cause), column<int>(log, &Sample::part));
 }
 
 auto run_simulation(const Setup& of, const Coordinates& from, const Coordinates& to,

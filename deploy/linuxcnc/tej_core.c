@@ -102,6 +102,7 @@ static void monitored(truepose_corrector* tej, const truepose_corrector_input* i
     outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->monitor, input->q_d, q_e,
                                           &tej->table.known, tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
+  tej->warm = truepose_fault_monitor_warm(&tej->monitor);
   observe(tej, input);
   if (outcome.status > TRUEPOSE_OK) return; /* no result: use the readings as they are */
   if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
@@ -301,6 +302,7 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->changed |= tej->doubted != 0;
     tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
+    tej->warm = 0;
     memset(&tej->disturbance, 0, sizeof tej->disturbance);
     tej->disturbance.motor = -1;
   }

@@ -37,7 +37,7 @@ static struct tej_pins {
   hal_u32_t *frame, *safety_causes;
   hal_s32_t *safety_state, *safety_cause, *safety_motor;
   hal_float_t *safe_speed[6], *safe_error[6];
-  hal_bit_t* observe;
+  hal_bit_t *observe, *warm;
   hal_s32_t *disturbance, *disturbance_motor;
   hal_float_t *torque_fb[6], *disturbance_size, *disturbance_sigma, *disturbance_chi2;
   hal_bit_t *start_test, *start_active;
@@ -239,6 +239,7 @@ static void cycle(void* unused, long period) {
   *pins->left_out = (hal_u32_t)tej.pupil.left_out;
   *pins->learner_status = tej.pupil.outcome.status;
   for (int k = 0; k < tej.motors; ++k) *pins->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
+  *pins->warm = tej.warm;
   *pins->disturbance = tej.disturbance.kind;
   *pins->disturbance_motor = tej.disturbance.motor;
   *pins->disturbance_size = tej.disturbance.size;
@@ -299,6 +300,7 @@ static int make_pins(void) {
   bad |= new_s32(&pins->safety_motor, HAL_OUT, -1, "truepose_tej.safety-motor");
   bad |= new_u32(&pins->safety_causes, HAL_OUT, 0, "truepose_tej.safety-causes");
   bad |= new_bit(&pins->observe, HAL_IN, 0, "truepose_tej.observe");
+  bad |= new_bit(&pins->warm, HAL_OUT, 0, "truepose_tej.warm");
   bad |= new_s32(&pins->disturbance, HAL_OUT, 0, "truepose_tej.disturbance");
   bad |= new_s32(&pins->disturbance_motor, HAL_OUT, -1, "truepose_tej.disturbance-motor");
   bad |= new_float(&pins->disturbance_size, HAL_OUT, 0, "truepose_tej.disturbance-size");

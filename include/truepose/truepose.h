@@ -577,6 +577,8 @@ typedef struct truepose_fault_monitor_settings {
   truepose_real rests[TRUEPOSE_FREEDOMS];  /**< error at which a healthy motor may rest */
   truepose_real shaken[TRUEPOSE_FREEDOMS]; /**< virtual readings' noise sigma per cycle (0: any) */
   truepose_real low[TRUEPOSE_READINGS], high[TRUEPOSE_READINGS]; /**< range (equal: any) */
+  truepose_real growth[3]; /**< most in a warm-up, of base, arms and rods: shares of their sizes */
+  truepose_real memory;    /**< s over which it is averaged */
 } truepose_fault_monitor_settings;
 
 typedef enum truepose_health {
@@ -643,6 +645,9 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_step(
  * @return NO_SUCH_PART (`part`: the reading), UNFINISHED */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* monitor,
                                                                  int32_t reading);
+
+/** 1: warm. Only the growth of base, arms and rods explains the readings, within the settings'. */
+TRUEPOSE_API int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor);
 
 /** Constant while external forces are observed: truepose_momentum_defaults(), then adapted. */
 typedef struct truepose_momentum_settings {

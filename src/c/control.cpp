@@ -30,6 +30,8 @@ Status status_of(const truepose_fault_monitor_settings& s) {
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
+  for (const truepose_real growth : s.growth)
+    good = good && growth >= 0 && growth < 1 && (growth == 0 || s.memory > 0);
   return good ? Status::ok : Status::no_such_value;
 }
 
@@ -320,6 +322,11 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* moni
   if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, reading});
   acknowledge(setup->state, reading);
   return c::answer({});
+}
+
+int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
+  const c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
+  return setup != nullptr && setup->state.monitor.warm_up.warm;
 }
 
 void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {

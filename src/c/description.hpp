@@ -49,7 +49,7 @@ void fields(auto& c, Like<FaultTolerantSettings> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core.monitor, refresh, coast, decide, spikes, within, period, false_alarm,
                  replaceable, correlation)
   TRUEPOSE_VISIT(c, core, stop, stop_lost, held)
-  TRUEPOSE_VISIT(c, core.monitor, fastest, moved, kp, kd, rests, shaken, low, high)
+  TRUEPOSE_VISIT(c, core.monitor, fastest, moved, kp, kd, rests, shaken, low, high, growth, memory)
 }
 void fields(auto& c, Like<MomentumSettings> auto& core, auto&& f) {
   TRUEPOSE_VISIT(c, core, carry, period, bandwidth, alarm, share, named, kept, window, over, sigma,

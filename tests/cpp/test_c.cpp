@@ -1,7 +1,7 @@
 // The C interface, and the C++ one over it, answer as the core does and refuse what is no robot.
 #include <cstring>
 
-#include "../../src/c/description.hpp"
+#include "../../src/c/controllers.hpp"
 #include "rotational.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
@@ -718,6 +718,13 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(monitored([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(monitored([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(monitored([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
+  CHECK(monitored([](auto& s) { s.growth[2] = -1e-3; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(monitored([](auto& s) { s.memory = 0; }) == TRUEPOSE_OK);  // an older table
+  CHECK(monitored([](auto& s) { s.growth[0] = 1e-3, s.memory = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(monitored([](auto&) {}) == TRUEPOSE_OK);
+  CHECK(truepose_fault_monitor_warm(&fault_state) == 0);
+  c::FaultTolerantSetup::of(&fault_state)->state.monitor.warm_up.warm = true;
+  CHECK(truepose_fault_monitor_warm(&fault_state) == 1);
   std::memset(&fault_state, 0, sizeof fault_state);
   CHECK(truepose_fault_monitor_acknowledge(&fault_state, 0).status == TRUEPOSE_UNFINISHED);
 }

@@ -512,6 +512,32 @@ TEST("a reading that is held for eight cycles is no frozen one, and one that fre
   });
 }
 
+TEST("a held reading stands still after 1.5 of its intervals and 1.5 of its grains") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int c = 0; c < kDof<mobility()>; ++c) {
+      Scene<mobility()> scene(mechanism);
+      scene.robot.r = 0;  // no parity isolates it before
+      scene.settings.moved.fill(2e-4);
+      const MonitoredReading& reading = scene.seen.reading[c];
+      int frozen = 0;
+      for (int k = 0; k < 1400 && !(frozen && reading.stands); ++k) {
+        Extended q_e = scene.read(k);
+        q_e[c] = scene.read(k < 1000 ? k / 8 * 8 : 1000)[c];
+        static_cast<void>(scene.cycle(k, q_e));
+        if (k < 1000) continue;
+        ++frozen;
+        const double by = scene.read(k)[c] - reading.model;
+        const double moves = std::min(std::fabs(by), std::fabs(by + reading.off));
+        const double usual = std::max(2e-4, 8 * std::sqrt(reading.strays));
+        const bool long_still = reading.still > 1.5 * reading.noise.interval;
+        const double beyond = moves - 1.5 * reading.noise.grain;
+        CHECK(reading.stands == (long_still && beyond > usual));
+      }
+      CHECK(reading.stands && frozen > 8);
+    }
+  });
+}
+
 TEST("coarse counts that change more rarely as the robot slows down are no frozen reading") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     for (int c = 0; c < kDof<mobility()>; ++c) {

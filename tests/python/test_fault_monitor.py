@@ -116,6 +116,21 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
     assert np.linalg.norm(beside) < 0.05
 
 
+@pytest.mark.parametrize("reading", ["q1", "q2"])
+@pytest.mark.parametrize("at", [0.16, 0.17, 0.18])
+def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_at_most(
+    calibrated: dict, reading: str, at: float
+) -> None:
+    """θ hardly depends on it: only its own standstill shows it, over the last counts of its way."""
+    robot, truth = calibrated["θ"]
+    healthy = tp.simulate(robot, truth, "joint")
+    fault = tp.faults.Fault(reading, "stuck", at=at)
+    run = tp.simulate(robot, truth, "joint", faults=[fault], monitor=tp.FaultMonitor())
+    assert run.failed == [reading]
+    off = np.linalg.norm((run.x - healthy.x)[~run.stops, :3], axis=1)
+    assert off.max() < 2e-3
+
+
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
     robot, truth = calibrated["θ"]
     fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
@@ -262,14 +277,18 @@ def test_thresholds_follow_from_the_robot() -> None:
     assert (deflection > 0.01 * limits / 100).all() and (deflection < limits / 100).all()
 
 
-def test_a_hexapod_whose_legs_stretch_raises_no_alarm() -> None:
+@pytest.mark.parametrize("time", [0.0, 7200.0])
+def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time: float) -> None:
     effects, random = tp.Effects(), np.random.default_rng(1)
-    nominal = tp.load("stewart").with_sensors("z_telemeter", "u_joint1", "u_joint2").expected()
+    joints = [f"u_joint{k}" for k in range(1, 7)]
+    nominal = tp.load("stewart").with_sensors("z_telemeter", *joints).expected()
     box = nominal.spec.workspace
     truth = nominal.sample(0).at_highest_level
     poses = random.uniform(box.minimum, box.maximum, (100, nominal.n))
-    robot = tp.calibrate(effects.allowed_for(nominal), truth.read(poses, seed=0)).robot
+    read = effects.geometry(truth).read(poses, seed=0)
+    robot = tp.calibrate(effects.allowed_for(nominal), read).robot
     control = tp.Controller.for_robot(robot, effects, "joint")
     monitor = tp.FaultMonitor(effects=effects)
-    run = tp.simulate(robot, truth, control, effects=effects, seed=0, monitor=monitor)
+    run = tp.simulate(robot, truth, control, effects=effects, seed=0, time=time, monitor=monitor)
     assert not run.health.any()
+    assert run.warm[-1] == (time > 0)

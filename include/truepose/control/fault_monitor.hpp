@@ -28,7 +28,7 @@ class Cycle : MonitoredCycle<K> {
   using Base::n, Base::robot_, Base::settings_, Base::weighing_, Base::desired_, Base::q_e_;
   using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
-  using Base::replaceable, Base::motors_valid;
+  using Base::replaceable, Base::motors_valid, Base::stale, Base::refresh;
   using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill,
       Base::kLongest, Base::kStoodBy;
   using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance;
@@ -60,6 +60,10 @@ class Cycle : MonitoredCycle<K> {
         const Real off = smooth(c, -parity_.value[c - n]);
         if (monitor_.reading[c].noise.noisy()) believed_[c] = model(c) - off;
       }
+      // A motor's first large difference may begin a noise: the law gets none of it.
+      for (int c = 0; c < n && !monitor_.doubted; ++c)
+        if (!(without_ & bit(c)) && monitor_.reading[c].noise.large > 0 && number(desired_[c]))
+          believed_[c] = desired_[c] - monitor_.reading[c].noise.off.value;
       if (without_) substitute();
       monitor_.last = monitor_.motion;
       monitor_.motion =
@@ -68,7 +72,7 @@ class Cycle : MonitoredCycle<K> {
     }
     monitor_.placed = bool(placed);
     const int first = update();
-    if (placed && r_ > 0 && stale()) monitor_.known = bool(refresh());
+    if (placed && r_ > 0 && stale()) refresh();
     ++monitor_.cycle;
     if (!placed) return placed;
     return {first < 0 ? Status::ok : Status::disagree, first};
@@ -182,14 +186,16 @@ class Cycle : MonitoredCycle<K> {
       // A drift exceeds its limit now and then at first, then always.
       if (!monitor_.undecided) monitor_.disagreed += 2;
       monitor_.undecided = monitor_.undecided || monitor_.disagreed > 2 * settings_.decide;
-      // Before isolation, sensors get the value expected without the change, and a motor that
-      // stands still gets its setpoint: a frozen encoder would drive it away.
-      for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
+      // Before isolation a motor that stands still gets its setpoint: a frozen encoder would drive
+      // it away. Sensors then get the value by the mean parity before, otherwise without the
+      // change.
       for (int c = 0; c < n && !monitor_.undecided; ++c)
         if (monitor_.doubted & bit(c) & ~without_ && monitor_.reading[c].still >= kStill) {
           held_ |= bit(c);
           if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - monitor_.reading[c].behind;
         }
+      for (int k = 0; k < r_; ++k)
+        believed_[n + k] -= held_ ? parity_.value[k] - monitor_.usual[k] : change[k];
       return;
     }
     monitor_.disagreed = 0;
@@ -381,58 +387,16 @@ class Cycle : MonitoredCycle<K> {
       const Real change = parity_.value[k] - parity.predicted(settings_.period);
       if (monitor_.cycle == monitor_.began) parity = {parity_.value[k], 0};
       const bool holds = monitor_.doubted || symptomatic_;  // no correction by a possible fault
+      Real& usual = monitor_.usual[k];
+      if (monitor_.cycle == monitor_.began) usual = parity_.value[k];
+      if (!holds && number(parity_.value[k])) usual += (parity_.value[k] - usual) / kSettling;
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    std::uint32_t noisy = 0;
-    for (int c = 0; c < rows_; ++c) noisy |= monitor_.reading[c].noise.noisy() ? bit(c) : 0;
-    monitor_.changed =
-        monitor_.without != without || (monitor_.held & ~held_) != 0 || monitor_.noisy != noisy;
-    monitor_.noisy = noisy;
+    monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
     monitor_.without = without;
     monitor_.held = held_;
     return first;
-  }
-
-  /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
-  bool stale() {
-    for (int i = 0; i < n; ++i) monitor_.way += std::fabs(monitor_.motion[i]);
-    const bool far = monitor_.way > kSamePlace * settings_.correlation;
-    if (!far && monitor_.cycle % settings_.refresh != 0) return false;
-    monitor_.way = 0;
-    return true;
-  }
-
-  /// Updates the geometry's covariance and the full level's addition at the present pose.
-  TRUEPOSE_APART Outcome refresh() {
-    const Knowledge& known = *weighing_.known;
-    Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
-    Extended q_e, beyond{};
-    Matrix<kMaxReadings, n> H_x;
-    Outcome outcome;
-    if (robot_.rod_by_rod()) {
-      Parasitic rest;
-      outcome = FullModel::linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi, rest);
-      Extended ideal;
-      if (outcome) outcome = extended<K>(robot_, monitor_.pose, ideal);
-      for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
-    } else {
-      outcome = linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi);
-    }
-    if (!outcome) return outcome;
-    parity_.open(robot_, known, H_xi, B);
-    for (int k = 0; k < r_; ++k)
-      for (int l = 0; l <= k; ++l)
-        monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-    for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
-      Real more = beyond[n + k] - monitor_.beyond[n + k];
-      for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
-      if (!number(more)) continue;
-      monitor_.parity[k].value -= more;
-      monitor_.reading[n + k].model += more;  // nor a sensor that stands still a motion
-    }
-    monitor_.beyond = beyond;
-    return {};
   }
 };
 }  // namespace fault_monitor_detail

@@ -3,6 +3,7 @@
 
 #include "truepose/control/law.hpp"
 #include "truepose/control/reading_noise.hpp"
+#include "truepose/control/warm_up.hpp"
 #include "truepose/math/chi2.hpp"
 
 namespace truepose {
@@ -42,6 +43,9 @@ struct FaultMonitorSettings {
   Joint rests{};       ///< error at which a healthy motor may rest: counts, friction
   Joint shaken{};      ///< largest σ per cycle of a virtual reading's noise (0: any)
   Extended low{}, high{};  ///< range of a reading (equal: not tested)
+  /// Largest growth of base, arms and rods in a warm-up, as shares of their sizes (0: no warm-up).
+  Growths growth{};
+  Real memory = 600;  ///< s over which growths are averaged: drifts within it are faults
 
   // From prepare():
   Real sigmas = 0;  ///< limit of a normal variable with the same probability
@@ -104,8 +108,7 @@ struct FaultMonitor {
   std::uint32_t lost = 0;     ///< failed motors that once had no substitute
   std::uint32_t without = 0;  ///< failed readings substituted in this cycle
   std::uint32_t held = 0;     ///< candidate motors held at their setpoints
-  std::uint32_t noisy = 0;    ///< readings that are smoothed
-  bool changed = false;       ///< one of the three has: the law's input may jump
+  bool changed = false;       ///< one of the two has: the law's input may jump
   std::int64_t cycle = 0;     ///< since the first one with a pose,
   std::int64_t began = 0;     ///< and in which the parity's trackers began to settle
   bool placed = false;        ///< `pose` is known
@@ -114,11 +117,14 @@ struct FaultMonitor {
   Real way = 0;                  ///< since the last update of the geometry's covariance
   Joint pushed{};                ///< motor errors that external forces cause
   std::array<Tracker, kMaxSensors> parity;
+  Reading usual{};                              ///< its mean over some cycles
   Real chi2 = 0;                                ///< level of the parity
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are valid
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
-  Extended beyond{};                            ///< what the full level adds to h
+  Extended beyond{};                            ///< what the full level and the growths add to h
+  WarmUp warm_up;
+  std::int64_t updated = 0;  ///< cycle of the last update of these
 };
 
 /// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the
@@ -132,6 +138,7 @@ inline void acknowledge(FaultMonitor& monitor, int reading) {
   monitor.undecided = false;
   monitor.disagreed = 0;
   monitor.began = monitor.cycle;
+  monitor.warm_up = {};
 }
 
 namespace fault_monitor_detail {

@@ -1,4 +1,5 @@
-// One cycle of the fault monitor: its readings, and tests of them that change no state.
+// One cycle of the fault monitor: its readings, tests of them, and the geometry's part of the
+// parity.
 #pragma once
 
 #include "truepose/control/fault_monitor_state.hpp"
@@ -111,7 +112,8 @@ struct MonitoredCycle {
   /// Unchanged cycles after which a reading stands still.
   static constexpr int kStill = 3;
   static constexpr int kLongest = 1000;  ///< cycles, counted at most
-  /// Share of `moved` above which a reading that stands still during an alarm is isolated.
+  /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
+  /// whose motor was driven off.
   static constexpr Real kStoodBy = 0.4;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
@@ -149,10 +151,13 @@ struct MonitoredCycle {
            kLonger * reading.noise.grain + 2 * reading.pushed;
   }
 
-  /// Whether a reading stands still for longer than between its samples.
+  /// Whether a reading stands still for longer than between its samples. An error that friction
+  /// cannot hold must have driven a motor off its count, unless it was held at its setpoint.
   bool stands(int c, Real share) const {
     const MonitoredReading& reading = monitor_.reading[c];
-    return reading.still > kLonger * reading.noise.interval && stood(c) > much(c, share);
+    return reading.still > kLonger * reading.noise.interval &&
+           (stood(c) > much(c, share) ||
+            (!monitor_.undecided && std::fabs(reading.way) > much(c, kStoodBy)));
   }
 
   /// Model minus smoothed reading. @param deviation  model minus reading
@@ -192,6 +197,83 @@ struct MonitoredCycle {
     for (int k = 0; k < r_; ++k)
       for (int l = 0; l < r_; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
     return unknown_[c] * unknown_[c] * sum < most * most;
+  }
+
+  /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
+  bool stale() {
+    for (int i = 0; i < n; ++i) monitor_.way += std::fabs(monitor_.motion[i]);
+    const bool far = monitor_.way > kSamePlace * settings_.correlation;
+    if (!far && monitor_.cycle % settings_.refresh != 0) return false;
+    monitor_.way = 0;
+    return true;
+  }
+
+  /// Follows a warm-up. @param cold  parity of the geometry without growth
+  /// @return the growths' part of it
+  Reading warm(const Real* H_xi, const Reading& cold) {
+    WarmUp& warm_up = monitor_.warm_up;
+    const Growths& growth = settings_.growth;
+    if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
+    const GrowthRows M = growth_rows<K>(robot_, parity_, H_xi, growth);
+    const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
+    monitor_.updated = monitor_.cycle;
+    ReadingCovariance V;
+    const auto alarm = [&] {
+      return judge<K>(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
+    };
+    auto total = monitor_.geometry;
+    for (int k = 0; k < r_; ++k)
+      for (int l = 0; l <= k; ++l)
+        for (int m = 0; m < kGrowths; ++m) total[k][l] += M[k][m] * M[l][m];
+    std::swap(total, monitor_.geometry);
+    warm_up.warm = false;
+    if (!covariance(1, 1, V) || alarm()) return {};  // growth alone does not explain it
+    std::swap(total, monitor_.geometry);
+    if (!covariance(1, 1, V) || !all_finite(cold, r_)) return {};
+    warm_up.warm = alarm();
+    if (!monitor_.doubted && !symptomatic_)
+      warm_up.average(M, V, cold, r_, since, settings_.memory);
+    return warm_up.explain(M, r_, monitor_.geometry);
+  }
+
+  /// Updates the geometry's covariance and the full level's addition at the present pose.
+  TRUEPOSE_APART void refresh() {
+    const Knowledge& known = *weighing_.known;
+    Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
+    Extended q_e, beyond{};
+    Matrix<kMaxReadings, n> H_x;
+    Outcome outcome;
+    if (robot_.rod_by_rod()) {
+      Parasitic rest;
+      outcome = FullModel::linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi, rest);
+      Extended ideal;
+      if (outcome) outcome = extended<K>(robot_, monitor_.pose, ideal);
+      for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
+    } else {
+      outcome = linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi);
+    }
+    monitor_.known = bool(outcome);
+    if (!outcome) return;
+    parity_.open(robot_, known, H_xi, B);
+    for (int k = 0; k < r_; ++k)
+      for (int l = 0; l <= k; ++l)
+        monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+    Reading more, cold{};
+    for (int k = 0; k < r_; ++k) {
+      more[k] = beyond[n + k] - monitor_.beyond[n + k];
+      for (int j = 0; j < n; ++j) more[k] -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
+      cold[k] = parity_.value[k] - more[k];
+    }
+    const Reading grown = warm(H_xi, cold);
+    for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
+      if (number(grown[k])) beyond[n + k] += grown[k];
+      more[k] += grown[k];
+      if (!number(more[k])) continue;
+      monitor_.parity[k].value -= more[k];
+      monitor_.usual[k] -= more[k];
+      monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion
+    }
+    monitor_.beyond = beyond;
   }
 };
 }  // namespace truepose::fault_monitor_detail

@@ -90,16 +90,19 @@ struct Parity {
       }
   }
 
+  /// P H_ξ: row k by a parameter.
+  Real by(const Robot& robot, const Real* H_xi, int k, int column) const {
+    const int width = parameter_count(robot);
+    Real sum = H_xi[(n + k) * width + column];
+    for (int j = 0; j < n; ++j) sum -= g[k][j] * H_xi[j * width + column];
+    return sum;
+  }
+
   /// P H_ξ S, r rows of B: the geometry's uncertainty in the parity.
   void open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const {
-    const int width = parameter_count(robot);
     for (int k = 0; k < robot.r; ++k)
-      for (int m = 0; m < known.count; ++m) {
-        const Real* column = H_xi + known.column[m];
-        Real sum = column[(n + k) * width];
-        for (int j = 0; j < n; ++j) sum -= g[k][j] * column[j * width];
-        B[k * known.count + m] = sum;
-      }
+      for (int m = 0; m < known.count; ++m)
+        B[k * known.count + m] = by(robot, H_xi, k, known.column[m]);
     times_root(known, robot.r, B);
   }
 

@@ -41,6 +41,7 @@ struct Sample {
   int safety = -1;                              ///< SafetyState; -1: without a safety shell
   StopCause cause = StopCause::none;            ///< the safety shell's,
   int part = -1;                                ///< and its motor or -1
+  bool warm = false;                            ///< only a warm-up explains the readings
 };
 
 /// Settings of a safety shell around the loop.
@@ -244,6 +245,7 @@ class Loop {
                   cycle.status, cycle.gave_up};
     sample.stops = fault_state_.stops;
     sample.brakes = brakes();
+    sample.warm = fault_state_.monitor.warm_up.warm;
     if (extras_.safety) {
       sample.safety = static_cast<int>(shell_.machine.state);
       sample.cause = shell_.cause;

@@ -24,6 +24,7 @@ from truepose.faults.limits import (
     detectability,
     limit_cell,
 )
+from truepose.faults.monitor import FaultMonitor
 from truepose.faults.undetected import undetected_motors, worst_of
 from truepose.logs.reading import read_poses
 from truepose.robot import knowledge
@@ -35,7 +36,7 @@ from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, measured
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
-KNOWN_EFFECTS = ("backlash", "eccentricity")
+KNOWN_EFFECTS = ("backlash", "eccentricity", "thermal")
 
 
 def command(
@@ -53,7 +54,9 @@ def command(
         False, "--calibrated", help="After self-calibration over these poses."
     ),
     effects: str = options.effects_option(
-        "none", "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
+        "none",
+        "Further effects in the readings: all, none, backlash, eccentricity, thermal.",
+        KNOWN_EFFECTS,
     ),
     conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
@@ -92,10 +95,11 @@ def command(
         show([isolated.table()], how, verdict(isolated))
         return
     write = options.writer([robot, poses], force, plot=plot)
-    subject = options.effects_of(effects, KNOWN_EFFECTS).allowed_for(loaded)
+    allowed = options.effects_of(effects, KNOWN_EFFECTS)
+    subject = allowed.allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
-    found = detectability(subject, at, visited, level, false_alarm=false_alarm)
+    found = detectability(subject, at, visited, level, false_alarm=false_alarm, effects=allowed)
     if effects != "none":
         found = replace(found, state=f"{found.state}, effects {effects}")
     if not loaded.r:
@@ -209,6 +213,12 @@ def notes(found: Detectability) -> Iterator[str]:
         f"Confused with: readings whose faults explain a fault of {TIMES:g} times the limit as "
         "well, at most of the poses where it is detected."
     )
+    if found.slow is not None:
+        memory = FaultMonitor.memory
+        yield (
+            f"Slow drift: one that takes longer than {memory / 60:g} minutes for the size detected "
+            "counts as a warm-up, up to this size."
+        )
     every = f"over all {found.detected[..., 0].size} poses"
     for where, groups in (("at any one pose", found.alike_at_rest), (every, found.alike)):
         told = "; ".join(" = ".join(group) for group in groups) or "none"

@@ -14,6 +14,7 @@ from truepose import _core
 from truepose.arguments import Array, Level, require, whole
 from truepose.calibration import bound
 from truepose.calibration.learnt import calibrated
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.parity import Parity, detectable, parity, unexplained
 from truepose.robot import knowledge
@@ -30,6 +31,8 @@ HOURS = 1000.0
 FALSE_ALARM = 1e-3 / (3600 * HOURS)
 #: Factor on the limits of the faults whose confusion with others the table shows.
 TIMES = 1.5
+#: Column of the slow drifts that a warm-up hides.
+SLOW = "slow drift"
 #: Sensitivity of the pose to a reading, per m or rad, below which a law does not use it.
 UNUSED = 1e-9
 
@@ -56,6 +59,7 @@ class Detectability(Shown):
     cross_sensitivity: dict[Law, Array]
     #: law -> (..., m, 2): pose error, m and rad, per 1 m or rad of the reading
     state: str = ""  #: as built or self-calibrated, the level
+    slow: Array | None = None  #: (..., m) slow drift that counts as a warm-up at most
 
     @cached_property
     def isolated(self) -> Array:
@@ -120,6 +124,7 @@ class Detectability(Shown):
             "at the worst pose": detected.max(axis=0),
             "isolated": np.median(isolated, axis=0),
             "jump": np.median(jump, axis=0),
+            **({} if self.slow is None else {SLOW: np.median(self._by_pose(self.slow), axis=0)}),
             f"over {self.moving} poses: detected": self.moving_detected,
             f"over {self.moving} poses: isolated": self.moving_isolated,
         }
@@ -179,6 +184,7 @@ def detectability(
     false_alarm: float | None = None,
     power: float = 0.9,
     moving: int = 100,
+    effects: Effects | None = None,
 ) -> Detectability:
     """Predict the smallest detectable and isolable fault of each reading.
 
@@ -203,6 +209,8 @@ def detectability(
         Probability of detecting the limit.
     moving : int
         Number of the poses, spread evenly, that are read under the fault.
+    effects : Effects, optional
+        Their warm-up, which hides slow drifts (:attr:`Detectability.slow`); by default none.
 
     Raises
     ------
@@ -250,6 +258,11 @@ def detectability(
     # The difference of two readings has the noise of both, and no geometry.
     changed = np.square(found.signature).sum(axis=-2) / 2
     jump = np.minimum(detected, _smallest(detectable(alpha, r, power), changed))
+    slow = None
+    if effects is not None and effects.warm_up:
+        G = parity(model, rows, level, model_error, effects.growth(robot)).at_rest()
+        size = np.square(G).sum(axis=-2)
+        slow = _smallest(detectable(alpha, r, power), size).reshape(*lead, m)
 
     some = np.unique(np.linspace(0, len(rows) - 1, moving).round().astype(int))
     information = Parity(found.signature[some], found.geometry[some]).information()
@@ -268,6 +281,7 @@ def detectability(
         _smallest(one, unexplained(information).min(axis=-1)),
         _leakage(model, rows, lead, level, model_error),
         f"{bound.state_of(calibrated_on, None)}, {level} level",
+        slow,
     )
 
 

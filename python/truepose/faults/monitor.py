@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, positive, whole
+from truepose.arguments import Array, finite, positive, whole
 from truepose.control import delays
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
@@ -34,8 +34,8 @@ _POSES, _MARGIN = 256, 1.5
 #: A reading is stuck if the model moves by so many counts and σ of its own error; share of its
 #: torque limit at which a motor may stick (assumed).
 _COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
-#: Largest error of a resting motor, counts.
-_BEAR = 2
+#: Largest error of a resting motor beside friction's, counts.
+_BEARS = 1.5
 #: Largest torque rms over the limit of a motor on its virtual reading: it saturates at 5 σ.
 _SHAKES = 0.2
 #: Torque rms in motion over its limit (assumed), for the arms' deflection.
@@ -72,6 +72,12 @@ class FaultMonitor:
         brake stops that motor; the others leave the path as far as they move on.
     replaceable : float
         Largest σ of a motor's virtual reading from the sensors, rad or m.
+    warm_up : float, optional
+        Rise of temperature that is a state, not a fault, K; by default that of the effects, without
+        effects 0. Base, arms and rods expand as in the effects (default: :class:`Effects`).
+    memory : float
+        Time over which growth is averaged, s. A drift counts as a warm-up if it stays below its
+        level test's threshold within this time.
     effects : Effects, optional
         Effects of a healthy robot to be tolerated: backlash and eccentric encoders
         (:meth:`Effects.allowed_for`; a calibrated robot already allows for them), and the arms'
@@ -100,14 +106,18 @@ class FaultMonitor:
     stop: float = 0.15
     stop_lost: float = 0.04
     replaceable: float = 3e-3
+    warm_up: float | None = None
+    memory: float = 600.0
     effects: Effects | None = None
     carry: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("false_alarms", "stop", "stop_lost", "replaceable"):
+        for name in ("false_alarms", "stop", "stop_lost", "replaceable", "memory"):
             positive(name, getattr(self, name))
         for name, most in (("coast", 1000), ("spikes", 8), ("within", 10**6), ("decide", 10**4)):
             whole(name, getattr(self, name), 1, most)
+        if self.warm_up is not None:
+            finite("warm_up", self.warm_up, 0, " (K)")
 
     def setup(
         self, robot: Robot, controller: Controller, still_sensors: bool = True
@@ -123,7 +133,7 @@ class FaultMonitor:
         moved, rests = _moved(robot, controller, self.effects)
         moved[robot.n :] *= still_sensors
         monitor = _core.FaultMonitorSettings()
-        for name in ("coast", "spikes", "within", "decide", "replaceable"):
+        for name in ("coast", "spikes", "within", "decide", "replaceable", "memory"):
             setattr(monitor, name, getattr(self, name))
         monitor.period, monitor.false_alarm = controller.period, chance
         monitor.kp = [controller.frequency**2] * 6
@@ -133,12 +143,22 @@ class FaultMonitor:
             np.pad(of, (0, 16 - len(of))).tolist()
             for of in (_fastest(finest), moved, *_range(robot))
         )
+        monitor.growth = self._growth()
         settings = _core.FaultTolerantSettings()
         settings.momentum = self._momentum(robot, controller)
         settings.monitor, settings.stop, settings.stop_lost = monitor, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
         return _core.FaultTolerantSetup(finest.core, known, settings, slow)
+
+    def _growth(self) -> list[float]:
+        """Return the largest growth of base, arms and rods, as shares of their sizes."""
+        effects = self.effects or Effects()
+        warm_up = self.warm_up
+        if warm_up is None:
+            warm_up = 0.0 if self.effects is None else effects.warm_up
+        rates = effects.base_expansion, effects.arm_expansion, effects.rod_expansion
+        return [warm_up * rate for rate in rates]
 
     def _momentum(self, robot: Robot, controller: Controller) -> _core.MomentumSettings:
         """Return the settings of the momentum observer; it is off without torque limits."""
@@ -194,6 +214,7 @@ class Review(Shown):
     freedom: Array  #: (N,) its degrees of freedom
     doubted: Array  #: (N,) int, candidates for the faulty reading, as bits
     undecided: Array  #: (N,) bool: it cannot be isolated
+    warm: Array  #: (N,) bool: only a warm-up explains the readings
     status: Array  #: (N,) int
 
     @property
@@ -294,7 +315,7 @@ def _moved(
         inertia = J.T @ robot.mass_matrix(home) @ J
         away = np.abs(np.linalg.inv(inertia)) @ sticks / controller.frequency**2
     moved[: robot.n] += away
-    return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
+    return moved, away + _BEARS * robot.resolution[: robot.n]
 
 
 def _shaken(robot: Robot, controller: Controller) -> Array:

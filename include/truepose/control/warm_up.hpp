@@ -1,0 +1,87 @@
+// Warm-up: base, arms and rods grow with temperature, each by a share of its size.
+//
+// The parity of a grown robot is M τ, with three growths τ in units of σ and a prior N(0, 1). They
+// follow from the mean over some minutes of Mᵀ V⁻¹ p and Mᵀ V⁻¹ M, which counts as one measurement:
+// the rest of the geometry errs alike at neighbouring poses. Faster drifts remain in p - M τ.
+#pragma once
+
+#include "truepose/control/parity.hpp"
+#include "truepose/math/ldlt.hpp"
+
+namespace truepose {
+inline constexpr int kGrowths = 3;      ///< of base, arms and rods
+inline constexpr Real kMostGrowth = 3;  ///< σ, largest growth
+using Growths = std::array<Real, kGrowths>;
+using GrowthRows = Matrix<kMaxSensors, kGrowths>;
+
+/// M at the parity's pose. @param growth  largest shares of the sizes
+template <Mobility K>
+GrowthRows growth_rows(const Robot& robot, const Parity<K>& parity, const Real* H_xi,
+                       const Growths& growth) {
+  GrowthRows M{};
+  for (int i = 0; i < robot.chains; ++i) {
+    const auto grows = [&](int kind, ChainParameter of, Real size) {
+      const int column = chain_column(i) + static_cast<int>(of);
+      for (int k = 0; k < robot.r; ++k)
+        M[k][kind] += growth[kind] / kMostGrowth * size * parity.by(robot, H_xi, k, column);
+    };
+    const Chain& chain = robot.chain[i];
+    grows(0, ChainParameter::base_x, chain.base()[0]);
+    grows(0, ChainParameter::base_y, chain.base()[1]);
+    grows(0, ChainParameter::base_z, chain.base()[2]);
+    grows(1, ChainParameter::arm, chain.arm);
+    grows(2, ChainParameter::rod, chain.rod);
+  }
+  return M;
+}
+
+/// Estimated growths.
+struct WarmUp {
+  Matrix<kGrowths, kGrowths> information{};  ///< mean of Mᵀ V⁻¹ M
+  Growths score{};                           ///< and of Mᵀ V⁻¹ p,
+  Real averaged = 0;                         ///< over so many seconds, up to the memory
+  bool warm = false;                         ///< only the growths explain the parity
+
+  /// Adds a parity to the means. @param V  of the geometry without growth, factored
+  /// @param since  s, the last one @param memory  s
+  void average(const GrowthRows& M, const ReadingCovariance& V, const Reading& p, int r, Real since,
+               Real memory) {
+    GrowthRows W = M;
+    Reading y = p;
+    for (int m = 0; m < kGrowths; ++m) V.whiten(r, &W[0][m], kGrowths);
+    V.whiten(r, y.data(), 1);
+    averaged = std::min(averaged + since, memory);
+    const Real share = since < averaged ? since / averaged : 1;
+    for (int m = 0; m < kGrowths; ++m) {
+      Growths sum{};
+      Real of_p = 0;
+      for (int k = 0; k < r; ++k) {
+        for (int l = 0; l < kGrowths; ++l) sum[l] += W[k][m] * W[k][l];
+        of_p += W[k][m] * y[k];
+      }
+      for (int l = 0; l < kGrowths; ++l) information[m][l] += share * (sum[l] - information[m][l]);
+      score[m] += share * (of_p - score[m]);
+    }
+  }
+
+  /// Adds the estimate's covariance to the geometry's. @return M τ
+  Reading explain(const GrowthRows& M, int r, Matrix<kMaxSensors, kMaxSensors>& geometry) const {
+    auto precision = information;
+    Growths size, tau = score;
+    for (int m = 0; m < kGrowths; ++m) size[m] = precision[m][m] += 1;
+    const Ldlt<kGrowths> factored(precision, size);
+    if (!factored.regular()) return {};
+    factored.solve(tau);
+    Reading offset{};
+    for (int k = 0; k < r; ++k) {
+      Growths column = M[k];
+      factored.solve(column);
+      for (int m = 0; m < kGrowths; ++m) {
+        offset[k] += M[k][m] * tau[m];
+        for (int l = 0; l <= k; ++l) geometry[k][l] += M[l][m] * column[m];
+      }
+    }
+    return offset;
+  }
+};
+}  // namespace truepose
