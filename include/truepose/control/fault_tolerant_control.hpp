@@ -89,8 +89,10 @@ void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, R
   constexpr int n = kDof<K>;
   FaultMonitor& monitor = state.monitor;
   MomentumObserver& observer = state.observer;
-  bool observed = moves && !state.stops && !(monitor.noisy & (bit(n) - 1));
-  for (int i = 0; i < n; ++i) observed = observed && monitor.reading[i].health == Health::valid;
+  bool observed = moves && !state.stops;
+  for (int i = 0; i < n; ++i)
+    observed =
+        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
   if (!observed) {
     observer = {};
   } else {  // the observer takes several periods as one, and works in each of them
@@ -145,10 +147,11 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   Outcome outcome = monitored;
   if (monitored) {
     ControlSettings now = settings;
-    const std::uint32_t noisy = monitor.noisy;
-    std::uint32_t failed = 0;
-    for (int c = 0; c < n + robot.r; ++c)
+    std::uint32_t failed = 0, noisy = 0;
+    for (int c = 0; c < n + robot.r; ++c) {
       failed |= monitor.reading[c].health == Health::failed ? bit(c) : 0;
+      noisy |= monitor.reading[c].noise.noisy() ? bit(c) : 0;
+    }
     const bool reweigh = failed || noisy || late;
     if (reweigh) fault_state.known = *weighing.known;
     for (int c = 0; c < n + robot.r && (failed || noisy); ++c) {

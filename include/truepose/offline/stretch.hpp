@@ -63,7 +63,7 @@ Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& p
   std::array<Real, n> row;
   const auto hang = [&](const Vec3& force, const Vec3& lever) {
     free_columns<K>(at.carried, force, lever.cross(force), row.data());
-    w += Eigen::Map<const Eigen::VectorXd>(row.data(), n);
+    w += Eigen::Map<const Eigen::Matrix<Real, n, 1>>(row.data());
   };
   hang(load.force, Vec3::Zero());
   for (int k = 0; k < robot.bodies; ++k)
@@ -72,7 +72,7 @@ Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& p
     const ChainState& chain = at.chain[i];
     hang(0.5 * robot.chain[i].rod_mass * robot.gravity(), chain.lever);
     jx_row<K>(at.carried, chain.v, chain.lever, row);
-    G.col(i) = Eigen::Map<const Eigen::VectorXd>(row.data(), n) / chain.v.norm();
+    G.col(i) = Eigen::Map<const Eigen::Matrix<Real, n, 1>>(row.data()) / chain.v.norm();
   }
   if (!held(G, w, T)) return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
