@@ -187,15 +187,17 @@ class Cycle : MonitoredCycle<K> {
       if (!monitor_.undecided) monitor_.disagreed += 2;
       monitor_.undecided = monitor_.undecided || monitor_.disagreed > 2 * settings_.decide;
       // Before isolation a motor that stands still gets its setpoint: a frozen encoder would drive
-      // it away. Sensors then get the value by the mean parity before, otherwise without the
-      // change.
+      // it away. Once it does, sensors get the value by the mean parity before, otherwise without
+      // the change.
+      bool driven = false;
       for (int c = 0; c < n && !monitor_.undecided; ++c)
         if (monitor_.doubted & bit(c) & ~without_ && monitor_.reading[c].still >= kStill) {
           held_ |= bit(c);
+          driven = driven || monitor_.reading[c].seems != 0;
           if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - monitor_.reading[c].behind;
         }
       for (int k = 0; k < r_; ++k)
-        believed_[n + k] -= held_ ? parity_.value[k] - monitor_.usual[k] : change[k];
+        believed_[n + k] -= driven ? parity_.value[k] - monitor_.usual[k] : change[k];
       return;
     }
     monitor_.disagreed = 0;
