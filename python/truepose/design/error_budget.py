@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, require
+from truepose.arguments import Array, Errors, require
 from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import given_poses
 from truepose.design.criterion import Criterion, Measure
@@ -154,6 +154,25 @@ def error_budget(
     return ErrorBudget(robot, state, by, by.squared(*errors) ** 0.5, whole**0.5, found, over)
 
 
+def errors_at(
+    robot: Robot,
+    poses: Array,
+    *,
+    calibrated_on: ArrayLike | None = None,
+    reference_pose: ArrayLike | None = None,
+    confidence: float | None = 0.95,
+) -> Array:
+    """Return the position error at each pose, (N,), m, as :func:`error_budget`; NaN: unreachable."""
+    visited = given_poses(robot, calibrated_on, "calibrated_on")
+    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
+    model = _Linear(robot, poses, visited, touched, reference_sigmas(robot, 0.0), "nan")
+    L, N, U = model.moments(np.ones(len(model.sources)))
+    V = L @ L.swapaxes(1, 2) + N
+    good, error = np.isfinite(V).all(axis=(1, 2)), np.full(len(V), np.nan)
+    error[good] = np.sqrt(Criterion("worst", confidence).kept(V[good], U[good]))
+    return error
+
+
 class _Linear:
     """Errors of estimates at poses as linear functions of independent errors of σ 1."""
 
@@ -164,6 +183,7 @@ class _Linear:
         visited: Array,
         touched: Array,
         reference_sigma: Sequence[float],
+        errors: Errors = "raise",
     ):
         knowledge.require_uncertain(robot)
         names = knowledge.learnable(robot)
@@ -173,7 +193,7 @@ class _Linear:
         root = np.pad(prior, ((0, 0), (0, n)))
 
         def rows(x: Array, when: conditions.When) -> tuple[Array, Array]:
-            H, B = knowledge.linearized(model, x, names, level=level)
+            H, B = knowledge.linearized(model, x, names, errors, level)
             by = conditions.columns(model, x, model.is_full(level), when)
             return H / stated[:, None], (np.concatenate([B, by], axis=2) / stated[:, None]) @ root
 
@@ -200,10 +220,24 @@ class _Linear:
         self.parts = np.vstack([np.diag(own**2 / stated**2) for own in (rest, half)])
 
     def errors(self, scale: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the position's variance by each error, then L, N and U of a :class:`Criterion`.
+        """Return the position's variance by each error, then :meth:`moments`."""
+        of_readings, seen, K, L, by_u = self._estimate(scale)
+        by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
+        by_readings = by_readings.sum(axis=(0, 1)) / of_readings[:, 0] ** 2
+        of_sources = scale[by_u.shape[-1] :] ** 2 * (self.parts @ by_readings)
+        parts = (by_u**2).sum(axis=(0, 1)), of_sources
+        return np.concatenate(parts) / len(K), *self._moments(K, L, by_u)
 
-        Each error's σ is multiplied by `scale`.
-        """
+    def moments(self, scale: Array) -> tuple[Array, Array, Array]:
+        """Return L, N and U of a :class:`Criterion`; each error's σ is multiplied by `scale`."""
+        _, _, *estimate = self._estimate(scale)
+        return self._moments(*estimate)
+
+    def _moments(self, K: Array, L: Array, by_u: Array) -> tuple[Array, Array, Array]:
+        return L, K @ K.swapaxes(1, 2), by_u[..., self.uniform]
+
+    def _estimate(self, scale: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return σ of the readings, what these show of u, K, L and the errors by u."""
         p = self.B.shape[-1]
         of_u, of_readings = scale[:p], np.sqrt(scale[p:] ** 2 @ self.parts)[:, None]
         H, B = self.H / of_readings, self.B * of_u / of_readings
@@ -216,12 +250,7 @@ class _Linear:
         weighted = weighted.swapaxes(1, 2)
         K = np.linalg.solve(weighted @ H, weighted)[:, self.columns]
         L = K @ L
-        by_u = L @ G.T  # (T, c, p): J⁻¹ = G Gᵀ
-        by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
-        by_readings = by_readings.sum(axis=(0, 1)) / of_readings[:, 0] ** 2
-        parts = (by_u**2).sum(axis=(0, 1)), scale[p:] ** 2 * (self.parts @ by_readings)
-        N = K @ K.swapaxes(1, 2)
-        return np.concatenate(parts) / len(H), L, N, by_u[..., self.uniform]
+        return of_readings, seen, K, L, L @ G.T  # (T, c, p): J⁻¹ = G Gᵀ
 
 
 def _parameter(robot: Robot, name: str) -> tuple[str, float | None, str]:

@@ -142,7 +142,7 @@ def conditioning_map(state: State, points: int = 41) -> tuple[Array, Array]:
     return _reached(state, x, np.minimum(parallel, serial.min(axis=1)))
 
 
-def error_map(state: State, points: int = 25) -> tuple[Array, Array]:
+def error_map(state: State, points: int = 21) -> tuple[Array, Array]:
     """Return positions of the workspace at the target's height, (k, 3), and their error, (k,).
 
     The position error, m (of a rotational robot rad), that a share of the robots keeps there.

@@ -10,16 +10,13 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.bound import accuracy
-from truepose.design.criterion import Criterion
-from truepose.design.error_budget import ErrorBudget, error_budget
+from truepose.design.error_budget import ErrorBudget, error_budget, errors_at
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import plan_poses
 from truepose.design.selection import SensorSelection, SensorSet
 from truepose.design.sensors import select_sensors
 from truepose.design.where import practice
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
 
 #: Poses of a plan where no self-calibration was requested.
 _POSES = 20
@@ -72,12 +69,7 @@ def contributions(robot: Robot, terms: Terms) -> ErrorBudget:
 
 def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
     """Return the position error that the share of robots keeps at each pose, (N,); NaN: none."""
-    P = accuracy(robot, x, **terms.known(robot), errors="nan")
-    columns = summed(robot).columns
-    own = np.asarray(P)[:, columns][:, :, columns]
-    good, error = np.isfinite(own).all(axis=(1, 2)), np.full(len(x), np.nan)
-    error[good] = np.sqrt(Criterion("worst", terms.confidence).kept(own[good]))
-    return error
+    return errors_at(robot, x, **terms.known(robot), confidence=terms.confidence)
 
 
 def plan(robot: Robot, terms: Terms) -> PosePlan:
