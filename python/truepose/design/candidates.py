@@ -83,17 +83,18 @@ class Rows:
 
 
 def drawn(robot: Robot, count: int, seed: int) -> Array:
-    """Return poses evenly over the workspace box, many on its faces, edges and corners."""
+    """Return different poses evenly over the workspace box, many on its faces and edges."""
     box = workspace(robot)
     start = np.random.default_rng(check_seed(seed)).uniform(size=robot.n)
     ratio = 2.0  # of the sequence R_c: ratio^(c + 1) = ratio + 1, the golden one where c is 1
     for _ in range(60):
         ratio = (1 + ratio) ** (1 / (robot.n + 1))
     steps = ratio ** -np.arange(1.0, robot.n + 1)
-    points = (start + np.arange(count)[:, None] * steps) % 1
+    points = (start + np.arange(2 * count)[:, None] * steps) % 1  # at most a third repeat
     inside = np.clip((1 + 2 * BEYOND) * points - BEYOND, 0, 1)
+    first = np.sort(np.unique(inside, axis=0, return_index=True)[1])[:count]
     low, high = np.array(box.minimum), np.array(box.maximum)
-    return low + inside * (high - low)
+    return low + inside[first] * (high - low)
 
 
 def given_poses(robot: Robot, poses: ArrayLike | None, name: str, one: bool = False) -> Array:
