@@ -29,7 +29,7 @@ WIDE, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}
 FILM = {"width": 1000, "height": 640}
 #: As in docs/guides/designer.md.
 PRICES = {"theta": 90, "z_telemeter": 400, "wire1": 250, "wire2": 250, "wire3": 250}
-PRICES |= {"pivot1": 40, "pivot2": 40}
+PRICES |= {"pivot1": 40, "pivot2": 40, "reference_pose": 120, "self_calibration": 60}
 MOST = 3_000_000  #: bytes of an animation
 PATIENCE = 120_000  #: ms; a browser without a graphics card is slow
 
@@ -108,13 +108,13 @@ def film(page: Any, seen: Seen) -> None:
 
 
 def decide(page: Any, seen: Seen) -> None:
-    """Choose sensors for 760, for robots that are referenced and calibrated on 20 planned poses."""
+    """Choose sensors for 800, for robots that are referenced and calibrated on 20 planned poses."""
     design = page.tabs[0]
     with page.doing():
         page.map = "position error"
         design._agree(poses=20, referenced=True)
-        design._budget.value = 760.0
-        design._choose(760.0)
+        design._budget.value = 800.0
+        design._choose(800.0)
     settled(seen, 15)
     with page.doing():
         design._ask_plan()

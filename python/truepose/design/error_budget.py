@@ -162,7 +162,7 @@ def errors_at(
     reference_pose: ArrayLike | None = None,
     confidence: float | None = 0.95,
 ) -> Array:
-    """Return the position error at each pose, (N,), m, as :func:`error_budget`; NaN: unreachable."""
+    """Return the position error at each pose, (N,), m; NaN where the robot cannot be."""
     visited = given_poses(robot, calibrated_on, "calibrated_on")
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     model = _Linear(robot, poses, visited, touched, reference_sigmas(robot, 0.0), "nan")

@@ -10,6 +10,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget
 from truepose.design.selection import SensorSelection, described
+from truepose.integrations.workbench.decision import paid
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS
 from truepose.robot.units import summed
@@ -45,7 +46,7 @@ def shades(values: Array) -> Array:
 def front(found: SensorSelection, price: float, error: float, budget: float) -> str:
     """Draw the front of price against error, the sensors in use as a ring, and the budget."""
     total = summed(found.robot)
-    x = np.array([choice.price for choice in found.front])
+    x = np.array([paid(choice) for choice in found.front])
     y = total.factor * np.array([choice.error for choice in found.front])
     least, most = np.array([0.8, 1.25]) * [min(*y, total.factor * error), max(*y, 1e-12)]
     top = 1.05 * max(*x, price, budget, 1.0)
@@ -60,7 +61,7 @@ def front(found: SensorSelection, price: float, error: float, budget: float) -> 
     way = " ".join(f"{x:.1f},{y:.1f}" for x, y in [points[0], *itertools.chain(*corners)])
     parts = [f'<polyline fill="none" stroke="{LINE}" stroke-width="1.5" points="{way}"/>']
     for (left, up), choice, value in zip(points, found.front, y, strict=True):
-        said = f"{described(found.robot, choice)}: {choice.price:g}, {value:.3g} {total.unit}"
+        said = f"{described(found.robot, choice)}: {paid(choice):g}, {value:.3g} {total.unit}"
         parts.append(f'<circle cx="{left:.1f}" cy="{up:.1f}" r="2.5" fill="{LINE}">')
         parts.append(f"<title>{escape(said)}</title></circle>")
     left, up = place(price, total.factor * error)

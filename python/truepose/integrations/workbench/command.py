@@ -30,9 +30,10 @@ def command(
     price: Annotated[
         str | None,
         typer.Option(
-            metavar="A=90,B*=250",
-            help="Prices of sensors, names or globs.",
-            show_default="the keys price of the file",
+            metavar="A=90,B*=250,reference_pose=210",
+            help="Prices of sensors, names or globs, and of one-time steps: reference_pose, "
+            "self_calibration.",
+            show_default="the keys price and [prices] of the file",
         ),
     ] = None,
     log: Annotated[Path | None, typer.Option(help="Log file to play back.")] = None,

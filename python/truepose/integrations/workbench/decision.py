@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,7 +14,7 @@ from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget, error_budget, errors_at
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import plan_poses
-from truepose.design.selection import SensorSelection, SensorSet
+from truepose.design.selection import STEPS, SensorSelection, SensorSet
 from truepose.design.sensors import select_sensors
 from truepose.design.where import practice
 from truepose.robot.robot import Robot
@@ -37,6 +38,11 @@ class Terms:
         visited = _practice(robot, self.poses) if self.poses else None
         return {"calibrated_on": visited, "reference_pose": robot.home if self.referenced else None}
 
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """One-time steps, as a price list names them."""
+        return (*itertools.compress(STEPS, (self.poses, self.referenced)),)
+
 
 def front(robot: Robot, prices: Mapping[str, float], terms: Terms, **goal: Any) -> SensorSelection:
     """Return the Pareto front of sensor sets, tolerances as they are."""
@@ -45,9 +51,14 @@ def front(robot: Robot, prices: Mapping[str, float], terms: Terms, **goal: Any) 
 
 
 def within(found: SensorSelection, budget: float) -> SensorSet | None:
-    """Return the most accurate set of the front within a budget."""
-    affordable = [choice for choice in found.front if choice.price <= budget * (1 + 1e-9)]
+    """Return the most accurate set of the front within a budget, one-time steps included."""
+    affordable = [choice for choice in found.front if paid(choice) <= budget * (1 + 1e-9)]
     return affordable[-1] if affordable else None
+
+
+def paid(choice: SensorSet) -> float:
+    """Return the price of a set and of those one-time steps that have a price."""
+    return choice.price + (choice.once or 0.0)
 
 
 def contributions(robot: Robot, terms: Terms) -> ErrorBudget:

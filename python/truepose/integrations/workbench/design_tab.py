@@ -43,12 +43,12 @@ class DesignTab(Tab):
         self._now = 0.0
         of_file = {one.name: one.price for one in drawn.spec.sensor if one.price is not None}
         assumed = dict.fromkeys((one.name for one in drawn.spec.sensor), _ASSUMED)
-        self._prices = {**(prices or of_file or assumed)}  #: of the candidates
+        steps = drawn.spec.prices.model_dump(exclude_none=True) if drawn.spec.prices else {}
+        self._prices = {**steps, **(prices or of_file or assumed)}  #: of candidates and STEPS
         whole = sum(self._prices.values())
         step = 10.0 ** np.floor(np.log10(max(whole, 1.0) / 50))
         top = step * float(np.ceil(max(whole, 1.0) / step))
-        spent = sum(self._prices.get(name, 0.0) for name in drawn.sensors)
-        start = step * float(np.ceil(spent / step))
+        start = step * float(np.ceil(self._spent(page.state) / step))
         terms = page.state.terms
         self._budget = page.on(
             gui.add_slider("Budget", 0.0, top, step, start, hint="chooses the sensors"),
@@ -86,9 +86,15 @@ class DesignTab(Tab):
     def _priced(self, name: str) -> str:
         return f"{name} · {self._prices[name]:g}" if name in self._prices else name
 
+    def _spent(self, state: State) -> float:
+        """Return the price of the sensors in use and of the one-time steps."""
+        done = (*state.drawn.sensors, *state.terms.steps)
+        return sum(self._prices.get(name, 0.0) for name in done)
+
     def _price(self, name: str, price: float) -> None:
         self._prices[name] = float(price)
-        self._ticks[name].label = self._priced(name)
+        if name in self._ticks:
+            self._ticks[name].label = self._priced(name)
         self._budget.max = max(self._budget.max, sum(self._prices.values()))
 
     def _use(self) -> None:
@@ -146,7 +152,7 @@ class DesignTab(Tab):
         if isinstance(found, TrueposeError):
             self._bars.content = words.page(words.note(one_line(found, 300), wrong=True))
             return
-        price = sum(self._prices.get(name, 0.0) for name in robot.sensors)
+        price = self._spent(self.page.state)
         free = [name for name in robot.sensors if name not in self._prices]
         but = f" without {', '.join(free)}" if free else ""
         total = summed(robot)

@@ -532,6 +532,10 @@ def test_a_budget_chooses_sensors_that_robot_and_figures_have_at_once(page):
     with page.doing():
         design._price("theta", 0.0)
     until(lambda: design._front.prices["theta"] == 0.0)
+    with page.doing():  # the steps cost too: 30 are left, of sensors for 100 each
+        design._price("self_calibration", 50.0)
+        design._price("reference_pose", 120.0)
+    until(lambda: page.state.drawn.sensors == ("theta",) and "price 170," in design._said.content)
 
 
 def test_undoing_returns_to_what_a_user_changed(page):
