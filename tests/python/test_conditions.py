@@ -1,11 +1,13 @@
 """Uncertain conditions at work: payload, heat, compliance and backlash in every prediction."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.design.verification import machined
 from truepose.exceptions import InputError
 from truepose.robot.conditions import columns, known, sampled, under
 from truepose.robot.units import summed
@@ -132,6 +134,22 @@ def test_the_budget_has_a_row_for_each_condition_and_adds_up(name, known_by, any
     for source, half in halves.items():
         better = position(robot.with_conditions(**half), x[:6], **at)
         assert rows[source].halved == pytest.approx(better, rel=1e-5), source
+
+
+@STATES
+@pytest.mark.parametrize("measure", ["rms", "worst", "AP", "RP"])
+def test_a_share_of_robots_with_finer_tolerances_keeps_the_errors_of_their_budgets(
+    known_by, measure, anywhere, rng
+):
+    robot = at_work("h4", backlash=1e-4)
+    x = anywhere(robot, 16, rng)
+    at = {"calibrated_on": x[6:], "reference_pose": robot.home}
+    asked = {"poses": x[:6], "measure": measure} | {key: at[key] for key in known_by}
+    finer = {"chain*.rod": {1e-3: 10.0, 1e-4: 20.0}, "chain*.encoder_offset": {2e-4: 5.0}}
+    found = tp.select_sensors(robot, {"theta": 7.0, "wire1": 9.0}, price_steps=finer, **asked)
+    for choice in found.front:
+        one = machined(replace(found, best=choice)).with_sensors(*choice.sensors)
+        assert choice.error == pytest.approx(tp.design.error_budget(one, **asked).error, rel=1e-8)
 
 
 @STATES

@@ -56,6 +56,8 @@ Robots = Annotated[
     int, Option(min=0, max=100_000, help="Simulated robots to verify the best set; 0: none.")
 ]
 
+MOST = 10_000  #: poses of a self-calibration
+
 
 def command(
     robot: options.RobotName,
@@ -221,9 +223,8 @@ def visited(robot: Robot, text: str) -> Array:
     """Return the poses of --calibrated."""
     if not text.isdigit():
         return read_poses(robot, Path(text))
-    count = int(text)
-    if count < 1:
-        raise InputError(f"--calibrated {text}: must be 1 or greater, or a CSV file")
+    if not 1 <= (count := int(text)) <= MOST:
+        raise InputError(f"--calibrated {text}: must be 1 to {MOST}, or a CSV file")
     return practice(robot, count)
 
 

@@ -29,6 +29,8 @@ from truepose.show.units import printed
 
 #: Default largest number of poses in a search for a target.
 MOST = 200
+#: Largest number of sampled candidates.
+SAMPLED = 100_000
 #: Random sets of the same size to which a plan is compared.
 RANDOM = 20
 #: Further poses whose gain is stated.
@@ -117,9 +119,10 @@ def plan_poses(
         candidates = CandidatePoses(poses=candidates)
     sampled = np.ndim(candidates.poses) == 0
     if sampled:
-        candidates = replace(
-            candidates, poses=drawn(robot, int(np.asarray(candidates.poses)), seed)
-        )
+        count = int(np.asarray(candidates.poses))
+        if count > SAMPLED:
+            raise InputError(f"candidates = {count}: must be at most {SAMPLED}, or poses")
+        candidates = replace(candidates, poses=drawn(robot, count, seed))
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     sigma = reference_sigmas(robot, reference_sigma)
     rows = rows_of(robot, candidates, level, model_error, fit, touched, sigma)

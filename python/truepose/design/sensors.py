@@ -317,7 +317,8 @@ def _fits(state: _State, budget: float) -> None:
 def _unreached(state: _State, visited: Array, touched: Array) -> str:
     """Return a message: what all candidates together reach, and the cheapest step that helps."""
     asked, names = state.asked, state.asked.prices
-    together = f"all {len(names)} sensors together" if names else "all levels"
+    together = f"all {len(names)} sensors together" if len(names) > 1 else "".join(names)
+    together, verb = together or "all levels", "reaches" if len(names) == 1 else "reach"
     added = ["all parts machined to the smallest σ"] * bool(names and asked.levels)
     added += ["after the worst failure of one"] * bool(names and asked.survives)
     together += f", {', '.join(added)}," if added else ""
@@ -325,13 +326,15 @@ def _unreached(state: _State, visited: Array, touched: Array) -> str:
     angle = None if asked.angle is None else target / asked.angle
     wanted, reached = printed_errors(asked.robot, target, angle), state.choice(every)
     least = printed_errors(asked.robot, reached.error, reached.angle)
-    said = [f"target {wanted}: {together} reach {least}"]
+    said = [f"target {wanted}: {together} {verb} {least}"]
     if angle is not None and reached.angle is not None:
         missed = reached.error > target, reached.angle > angle
         limits = itertools.compress(("position", "angle"), missed)
         said[0] += f", limited by {' and '.join(limits)}"
     further = asked.further(visited, touched)  # those with an unknown price last
     steps = sorted(further, key=lambda x: (x[1].once is None, x[1].price + (x[1].once or 0.0)))
+    if not steps:
+        said.append("truepose error-budget shows what limits it")
     for name, best in steps[:1]:
         own = f"{described(asked.robot, best)} ({best.price:g})"
         if best.once is None:
