@@ -274,6 +274,12 @@ def test_no_set_is_better_than_its_relaxation(many, ladders, must, survives):
             assert floor == pytest.approx(other.fun, rel=0.01)
 
 
+def test_of_sets_with_one_price_the_most_accurate_is_the_cheapest():
+    """Two that together are better than the best of all with either."""
+    cost = {(): 9, (0,): 5, (1,): 6, (2,): 6, (0, 1): 3, (0, 2): 3, (1, 2): 2, (0, 1, 2): 1}
+    assert Search(cost.__getitem__, [1.0] * 3, (), False).cheapest(3) == ((1, 2), 2.0)
+
+
 def test_a_search_that_is_cut_short_is_as_sure_as_its_relaxation(many, monkeypatch):
     cost, relaxed, prices = many
     relaxation = Relaxation(relaxed, prices)

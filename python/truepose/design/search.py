@@ -172,22 +172,26 @@ class Search:
         return rest
 
     def cheapest(self, target: float) -> tuple[Set, float]:
-        """Return the cheapest set whose cost reaches a target, and a lower bound of the price."""
+        """Return the cheapest set whose cost reaches a target, and a lower bound of the price.
+
+        Of several with that price, the one of least cost.
+        """
         best = tuple(range(len(self.prices)))
         free = self._in_order()
         queue = [(self.spent(self.must), 0, self.must, 0)]
         ties = itertools.count(1)
         while queue:
             price, _, own, at = heapq.heappop(queue)
-            if price >= self.spent(best):
-                break
+            if price > self.spent(best) * (1 + SAME):
+                break  # sets come in order of price
             if len(self.known) > MOST:
                 if self.relaxation is not None:
                     price = max(price, self.relaxation.cheapest(target))
                 return best, min(price, self.spent(best))
             if self.cost(own) <= target:
-                best = tuple(sorted(own))
-                break  # sets come in order of price
+                cheaper = price < self.spent(best) * (1 - SAME)
+                if cheaper or self.cost(own) < self.cost(best) * (1 - SAME):
+                    best = tuple(sorted(own))
             for k in range(at, len(free)):
                 if self.cost([*own, *free[k:]]) > target:
                     break

@@ -35,7 +35,7 @@ _POSES, _MARGIN = 256, 1.5
 #: torque limit at which a motor may stick (assumed).
 _COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
 #: Largest error of a resting motor beside friction's, counts.
-_BEARS = 1.5
+_AWAY = 1.5
 #: Largest torque rms over the limit of a motor on its virtual reading: it saturates at 5 σ.
 _SHAKES = 0.2
 #: Torque rms in motion over its limit (assumed), for the arms' deflection.
@@ -315,7 +315,7 @@ def _moved(
         inertia = J.T @ robot.mass_matrix(home) @ J
         away = np.abs(np.linalg.inv(inertia)) @ sticks / controller.frequency**2
     moved[: robot.n] += away
-    return moved, away + _BEARS * robot.resolution[: robot.n]
+    return moved, away + _AWAY * robot.resolution[: robot.n]
 
 
 def _shaken(robot: Robot, controller: Controller) -> Array:
