@@ -398,7 +398,7 @@ class Description:
             finite("backlash", backlash, 0)
             chain = tuple(one.model_copy(update={"backlash": float(backlash)}) for one in chain)
         own = (self.spec.conditions or Conditions()).model_dump()
-        section = robotfile.reading.section(Conditions, own | keys, f"{self.name}: conditions")
+        section = robotfile.reading.section(Conditions, "conditions", own | keys, self.name)
         return self._with(conditions=section, chain=chain)
 
     def without_quantization(self) -> Self:

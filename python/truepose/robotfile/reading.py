@@ -157,12 +157,14 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     return None, [*described.values(), *problems]
 
 
-def section(kind: type[AnySection], values: dict, where: str) -> AnySection:
-    """Check a table given in Python; `where` names it in the message."""
+def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnySection:
+    """Check a table of a robot, given in Python."""
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        raise InputError(f"{where}: {_describe(dict(error.errors()[0]))}") from None
+        problem = dict(error.errors()[0])
+        text = _describe(problem | {"loc": (name, *problem["loc"])})
+        raise InputError(f"{robot}: {text}") from None
 
 
 def where_written(location: tuple, data: dict, motif: int) -> tuple:

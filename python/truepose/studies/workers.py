@@ -87,7 +87,7 @@ class Tasks:
         return start, min(start + size, stop)
 
     def took(self, count: int, seconds: float) -> None:
-        """Learn from a task of `count` cases."""
+        """Set the size of the next tasks by the time of one of `count` cases."""
         wanted = TASK * count / max(seconds, 1e-9)
         self._next = max(1, int(min(wanted, GROWTH * max(count, self._next))))
 
