@@ -162,8 +162,8 @@ def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnyS
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        problem = dict(error.errors()[0])
-        text = _describe(problem | {"loc": (name, *problem["loc"])})
+        problem = error.errors()[0]
+        text = _describe({**problem, "loc": (name, *problem["loc"])})
         raise InputError(f"{robot}: {text}") from None
 
 
