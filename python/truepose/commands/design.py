@@ -181,7 +181,7 @@ def parse_targets(robot: Robot, text: str | None) -> tuple[float | None, float |
 
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
-    """Parse prices of sensors."""
+    """Parse prices of sensors and of one-time steps."""
     result: dict[str, float] = {}
     for part in text.split(",") if text != "none" else ():
         name, _, value = part.partition("=")
