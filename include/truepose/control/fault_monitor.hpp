@@ -225,7 +225,8 @@ class Cycle : MonitoredCycle<K> {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (raw(c) == monitor_.reading[c].raw && stood(c) > much(c, kStoodBy)) still |= bit(c);
+      // While another motor's fault moves the robot, a healthy one may stand off its setpoint.
+      if (raw(c) == monitor_.reading[c].raw && stood(c, 0) > much(c, kStoodBy)) still |= bit(c);
       if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
     if (alone(may & still)) {

@@ -156,7 +156,7 @@ struct MonitoredCycle {
   bool stands(int c, Real share) const {
     const MonitoredReading& reading = monitor_.reading[c];
     return reading.still > kLonger * reading.noise.interval &&
-           (stood(c) > much(c, share) ||
+           (stood(c, reading.way) > much(c, share) ||
             (!monitor_.undecided && std::fabs(reading.way) > much(c, kStoodBy)));
   }
 
@@ -177,9 +177,10 @@ struct MonitoredCycle {
 
   /// Model motion beyond noise since the reading changed last: the smaller of that and of its
   /// distance from the motor, so that motion towards the motor does not count.
-  Real stood(int c) const {
+  /// @param way  by which its loop has driven the motor off
+  Real stood(int c, Real way) const {
     const MonitoredReading& reading = monitor_.reading[c];
-    const Real by = model(c) - reading.model + reading.way;
+    const Real by = model(c) - reading.model + way;
     return std::min(std::fabs(by), std::fabs(by + reading.off)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
