@@ -456,7 +456,7 @@ def test_what_a_hand_does_is_seen_in_every_tab(page):
         faults.toggle()
         faults._begin_fault()
     until(lambda: "failed (" in faults._lights.content)  # the page plays by itself
-    assert faults._chart.visible and len(faults._chart.data[1]) > 10
+    until(lambda: faults._chart.visible and len(faults._chart.data[1]) > 10)
     with page.doing():
         faults.toggle()
     assert not page.moving and pose._pose[0].value == pytest.approx(
