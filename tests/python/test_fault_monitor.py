@@ -149,6 +149,7 @@ def test_a_motors_drift_fails_no_healthy_motor_that_turns_back(
     """The law follows the drift, so other motors stand still off their setpoints."""
     robot, truth = calibrated["θ"]
     box = robot.spec.workspace
+    assert box is not None
     poses = np.random.default_rng(7).uniform(box.minimum, box.maximum, (24, robot.n))
     path = tp.simulation.Waypoints(poses=poses[4 * way : 4 * way + 4], duration=0.3)
     fault = tp.faults.Fault(reading, "drift", at=0.25, size=0.8)
