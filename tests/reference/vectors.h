@@ -3,7 +3,7 @@
 #define TRUEPOSE_VECTORS_H
 
 /* five-bar, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.4.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_FIVE_BAR_H
 #define TRUEPOSE_TABLES_FIVE_BAR_H
@@ -119,7 +119,7 @@ static const truepose_control_settings five_bar_control = {
 #endif
 
 /* 3rrr, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.4.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_ROBOT_3RRR_H
 #define TRUEPOSE_TABLES_ROBOT_3RRR_H
@@ -265,7 +265,7 @@ static const truepose_control_settings robot_3rrr_control = {
 #endif
 
 /* linear-delta, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.4.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_LINEAR_DELTA_H
 #define TRUEPOSE_TABLES_LINEAR_DELTA_H
@@ -410,7 +410,7 @@ static const truepose_control_settings linear_delta_control = {
 #endif
 
 /* h4, for truepose/truepose.h; weighted laws and the fault monitor need &h4.
- * By `truepose export c` of truepose 0.4.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_H4_H
 #define TRUEPOSE_TABLES_H4_H
@@ -1119,19 +1119,21 @@ static const truepose_fault_monitor_settings h4_fault_monitor = {
   0.04, /* stop_lost */
   0.005, /* held */
   {1210.3430788027085, 1256.489320308535, 1503.3129193135605, 1553.970049021701, 4992.120514647678}, /* fastest */
-  {0.004369643964002675, 0.004369643964002675, 0.004452866653864803, 0.004452866653864803, 0.0010616020597715625}, /* moved */
+  {0.004521280754172341, 0.004521280754172341, 0.004575701414904489, 0.004575701414904489, 0.0010616020597715625}, /* moved */
   {22500.0, 22500.0, 22500.0, 22500.0, 22500.0, 22500.0}, /* kp */
   {300.0, 300.0, 300.0, 300.0, 300.0, 300.0}, /* kd */
-  {0.0017516500860111804, 0.0017516500860111804, 0.0018348727758733087, 0.0018348727758733087}, /* rests */
+  {0.0009293709845839646, 0.0009293709845839645, 0.0009837916453161127, 0.0009837916453161127}, /* rests */
   {0.00023699309772447523, 0.00023699309772447523, 0.00039703762283896295, 0.00039703762283896295}, /* shaken */
   {-0.5736, -0.5736, -0.5736, -0.5736}, /* low */
   {1.6208, 1.6208, 1.6208, 1.6208}, /* high */
+  {0.0}, /* growth */
+  600.0, /* memory */
 };
 
 #endif
 
 /* stewart, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.4.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_STEWART_H
 #define TRUEPOSE_TABLES_STEWART_H
@@ -1364,7 +1366,7 @@ static const truepose_control_settings stewart_control = {
 #endif
 
 /* g1-ankle, for truepose/truepose.h; weighted laws and the fault monitor need &g1_ankle.
- * By `truepose export c` of truepose 0.4.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_G1_ANKLE_H
 #define TRUEPOSE_TABLES_G1_ANKLE_H
@@ -1572,13 +1574,15 @@ static const truepose_fault_monitor_settings g1_ankle_fault_monitor = {
   0.04, /* stop_lost */
   0.005, /* held */
   {18397.012683549987, 18786.025420051254, 19399.52010018365}, /* fastest */
-  {0.008339989542869335, 0.00835801680169466, 0.0037321947413843995}, /* moved */
+  {0.00856502600400114, 0.008583092295327065, 0.0037321947413843995}, /* moved */
   {22500.0, 22500.0, 22500.0, 22500.0, 22500.0, 22500.0}, /* kp */
   {300.0, 300.0, 300.0, 300.0, 300.0, 300.0}, /* kd */
-  {0.006039018361040874, 0.006057045619866198}, /* rests */
+  {0.005408074058073855, 0.00542614034939978}, /* rests */
   {0.008861193167997517, 0.008895861166383473}, /* shaken */
   {0.0}, /* low */
   {0.0}, /* high */
+  {0.0}, /* growth */
+  600.0, /* memory */
 };
 
 #endif

@@ -140,7 +140,7 @@ def test_a_robots_tables_compile_alone_in_c_and_in_cpp(name, language, tmp_path)
 USES = """
 cmake_minimum_required(VERSION 3.25)
 project(user LANGUAGES {languages})
-find_package(truepose 0.4 REQUIRED {components})
+find_package(truepose 0.5 REQUIRED {components})
 foreach(kind static shared)
   add_executable(user_${{kind}} controller.c)
   target_link_libraries(user_${{kind}} PRIVATE truepose::${{kind}})

@@ -173,7 +173,7 @@ def test_before_1_another_minor_version_is_another_package(prefix, tmp_path):
     text = """
 cmake_minimum_required(VERSION 3.25)
 project(consumer LANGUAGES NONE)
-foreach(version 0.4 0.1 0.99 1)
+foreach(version 0.5 0.1 0.99 1)
   find_package(truepose ${version} CONFIG QUIET)
   message(STATUS "truepose ${version}: ${truepose_FOUND}")
 endforeach()
@@ -182,7 +182,7 @@ endforeach()
     found = f"-DCMAKE_PREFIX_PATH={prefix};{wheels_eigen()}"
     said = told("cmake", "-S", tmp_path, "-B", tmp_path / "build", found)
     assert re.findall(r"truepose (\S+): (\d)", said) == [
-        ("0.4", "1"), ("0.1", "0"), ("0.99", "0"), ("1", "0"),
+        ("0.5", "1"), ("0.1", "0"), ("0.99", "0"), ("1", "0"),
     ]  # fmt: skip
 
 
