@@ -69,7 +69,7 @@ typedef enum truepose_status {
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum is out of range */
   TRUEPOSE_NOT_SQUARE = 10,    /**< more or fewer chains or motors than freedoms */
   TRUEPOSE_UNFINISHED = 11,    /**< model not loaded, controller or monitor not initialised */
-  TRUEPOSE_NOT_COMPILED = 12,  /**< the library lacks this mobility, or the full level */
+  TRUEPOSE_NOT_COMPILED = 12,  /**< the library lacks this mobility, full level or warm-up */
   TRUEPOSE_OTHER_VERSION = 13, /**< the table's TRUEPOSE_ABI or size is another */
   TRUEPOSE_TOO_SMALL = 14,     /**< the memory given, or it is not aligned */
   TRUEPOSE_NO_SUCH_VALUE = 15  /**< an impossible number, or a matrix that is no rotation */

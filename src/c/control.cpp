@@ -30,8 +30,10 @@ Status status_of(const truepose_fault_monitor_settings& s) {
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
-  for (const truepose_real growth : s.growth)
+  for (const truepose_real growth : s.growth) {
+    if (growth > 0 && !kFollowsWarmUp) return Status::not_compiled;
     good = good && growth >= 0 && growth < 1 && (growth == 0 || s.memory > 0);
+  }
   return good ? Status::ok : Status::no_such_value;
 }
 

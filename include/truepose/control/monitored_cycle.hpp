@@ -212,6 +212,7 @@ struct MonitoredCycle {
   /// Follows a warm-up. @param cold  parity of the geometry without growth
   /// @return the growths' part of it
   Reading warm(const Real* H_xi, const Reading& cold) {
+    if constexpr (!kFollowsWarmUp) return {};
     WarmUp& warm_up = monitor_.warm_up;
     const Growths& growth = settings_.growth;
     if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};

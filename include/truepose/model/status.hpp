@@ -19,7 +19,7 @@ enum class [[nodiscard]] Status : int {
   no_such_part = 9,    ///< a count, index or enum of the robot's data is invalid
   not_square = 10,     ///< more or fewer chains or motors than freedoms: not supported
   unfinished = 11,     ///< the robot has not passed finish() (jacobian.hpp)
-  not_compiled = 12,   ///< this build omits the robot's mobility, or the full level
+  not_compiled = 12,   ///< this build omits the robot's mobility, the full level or the warm-up
   other_version = 13,  ///< a table from another version of the library, or of another size
   too_small = 14,      ///< the given memory is too small or not aligned
   no_such_value = 15,  ///< a number outside its valid range, or a matrix that is no rotation
