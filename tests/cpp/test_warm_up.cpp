@@ -8,7 +8,8 @@ using namespace mechanisms;
 namespace {
 
 constexpr double kPeriod = 0.02, kGrowth = 5e-3;
-constexpr int kMemory = 100, kSlow = 40 * kMemory;  ///< cycles
+constexpr int kMemory = 100;          ///< cycles
+constexpr int kSlow = 320 * kMemory;  ///< within a memory no robot's readings see the growth
 
 /// A robot that grows on its way, and a monitor with the model of the cold robot.
 template <Mobility K>

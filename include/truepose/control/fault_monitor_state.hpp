@@ -144,7 +144,8 @@ inline void acknowledge(FaultMonitor& monitor, int reading) {
 namespace fault_monitor_detail {
 /// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed. One
 /// that stands still may be held between slow samples, and one that jumps may become noisy: they
-/// get twice the time. A noisy reading never jumps too often.
+/// get twice the time. A noisy reading never jumps too often; jumps within the window in which
+/// noise is recognised count once.
 /// @param every  cycles per sample
 inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
                    int every, MonitoredReading& reading) {
@@ -154,11 +155,12 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   reading.symptom = symptom;
   reading.health = Health::suspect;
   const bool stands = symptom == Symptom::stuck;
-  if (reading.bridged++ == 0 && !stands) spike(reading.spikes++) = cycle;
+  const bool jumps = symptom == Symptom::too_fast || symptom == Symptom::disagrees;
+  const bool again = jumps && reading.spikes > 0 && cycle - spike(reading.spikes - 1) < kThirds;
+  if (reading.bridged++ == 0 && !stands && !again) spike(reading.spikes++) = cycle;
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  const bool noise = reading.noise.may_be_noisy() &&
-                     (symptom == Symptom::too_fast || symptom == Symptom::disagrees);
+  const bool noise = jumps && reading.noise.may_be_noisy();
   // A standstill counts from the last change on, however late it was noticed.
   const std::int64_t coast = settings.coast, interval = static_cast<int>(reading.noise.interval);
   const std::int64_t slow = 2 * std::max(coast, interval);
