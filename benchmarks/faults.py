@@ -257,7 +257,8 @@ def healthy(seconds: float, which: str, law: str, kind: str, seed: int) -> dict:
         control = tp.Controller.for_robot(robot, effects, law)
         run = tp.simulate(
             robot, truth, control, path=fm.way(robot, seconds, seed, 0.7), effects=effects,
-            seed=seed, safety=tp.control.SafetyShell(), monitor=tp.FaultMonitor(effects=effects),
+            seed=seed, safety=tp.control.SafetyShell(effects=effects),
+            monitor=tp.FaultMonitor(effects=effects),
             disturbances=disturbances(robot, kind, seed),
         )  # fmt: skip
     except (tp.PoseError, tp.InputError) as error:

@@ -109,6 +109,18 @@ def test_a_fault_without_monitor_is_stopped_by_the_shell_alone(
     assert np.ptp(run.x[-50:, :3], axis=0).max() < 2e-5  # the brakes hold it
 
 
+@pytest.mark.parametrize("name, times", [("delta", 0.12 / 0.05), ("h4", 1)])
+def test_motors_may_rest_off_by_three_times_the_friction_of_given_effects(
+    name: str, times: float
+) -> None:
+    robot = tp.load(name)
+    off = []
+    for effects in (None, tp.Effects()):  # 0.12 N·m; assumed are 1 % of the torque limit
+        limits = Shell(effects=effects).limits(robot)
+        off.append(limits.motors("rests") - limits.motors("count"))
+    assert off[1] == pytest.approx(times * off[0])
+
+
 def test_a_lost_motor_of_the_monitor_stops_all_brakes() -> None:
     h4 = tp.load("h4")
     lost = [Fault("q1", "dropout", at=0.1)]

@@ -139,7 +139,7 @@ def command(
     visiting = not isinstance(motion, dict)
     if safety and visiting:
         raise InputError("--safety: only for moves and paths in time, not for --path with poses")
-    shell = SafetyShell() if safety else None
+    shell = SafetyShell(effects=forgotten) if safety else None
     law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting)
     usual = VISIT if visiting else MOVE

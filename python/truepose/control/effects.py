@@ -12,8 +12,16 @@ from truepose import _core
 from truepose.arguments import check_seed, finite
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
-from truepose.robotfile.schema import Tolerance
+from truepose.robotfile.schema import Chain, Tolerance
 from truepose.robotfile.to_core import PAIRED
+
+#: Friction of a motor whose file has none, over its torque limit (assumed).
+FRICTION = 0.01
+
+
+def assumed_friction(chain: Chain) -> float:
+    """Return a motor's Coulomb friction, N·m or N: the file's, else `FRICTION`; 0: unknown."""
+    return chain.coulomb_friction or FRICTION * (chain.torque_limit or 0)
 
 
 def _of(group: str, default: float) -> Any:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, numbers_of, positive, whole
 from truepose.control.controller import Controller
+from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.laws import usual
 from truepose.robot.robot import Robot
@@ -71,6 +72,9 @@ class SafetyShell:
         Duration of a stop along the path, and closing time of a brake, s.
     counter : bool
         Whether frames of readings carry a counter.
+    effects : Effects, optional
+        Effects of a healthy robot: motors at rest may err by three times their friction, if that
+        exceeds what the shell allows without them.
 
     Examples
     --------
@@ -95,6 +99,7 @@ class SafetyShell:
     stop: float | None = None
     brake: float | None = None
     counter: bool = True
+    effects: Effects | None = None
 
     def __post_init__(self) -> None:
         for name in ("saturation", "stop", "brake", "missing", "held"):
@@ -113,7 +118,8 @@ class SafetyShell:
         settings = controller.settings(robot, robot.home)
         if callable(controller.law):  # may correct the geometry
             settings.law = _core.laws["cartesian"].law
-        core, status, motor = _core.default_limits(robot.core, settings)
+        rubbing = robot if self.effects is None else _rubbing(robot, self.effects)
+        core, status, motor = _core.default_limits(rubbing.core, settings)
         if status > 0 and motor >= 0 and not robot.spec.chain[motor].torque_limit:
             raise InputError(
                 f"{robot.name}: motor {motor + 1} has no torque_limit, from which the safety "
@@ -123,7 +129,7 @@ class SafetyShell:
             raise PoseError(f"{robot.name}: safety shell, at home: {_core.describe(status)}")
         given = [field.name for field in fields(self) if getattr(self, field.name) is not None]
         for name in given:
-            if name not in ("box", "counter"):
+            if name not in ("box", "counter", "effects"):
                 setattr(core, name, self._value(name, robot, getattr(core, name)))
         if self.box is not None:
             box = numbers_of(self.box, "box")
@@ -268,6 +274,20 @@ class SafetyLimits(Shown):
             f"count ({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
             f"{at['slew']:.4g} at least {2 * core.torque[motor] / _REACTION:.4g}"
         )
+
+
+def _rubbing(robot: Robot, effects: Effects) -> Robot:
+    """Return the robot with the effects' friction, where that exceeds the assumed one."""
+    friction = [
+        chain.coulomb_friction + of
+        for chain, of in zip(robot.spec.chain, effects.plant(robot).friction, strict=False)
+    ]
+    chains = tuple(
+        chain.model_copy(update={"coulomb_friction": max(assumed_friction(chain), of)})
+        for chain, of in zip(robot.spec.chain, friction, strict=True)
+    )
+    values = {name: p.value for name, p in robot.parameters.items()}
+    return Robot(robot.spec.model_copy(update={"chain": chains}), values)
 
 
 def _unit(kind: str, reading: str) -> str:

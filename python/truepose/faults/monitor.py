@@ -13,7 +13,7 @@ from truepose import _core
 from truepose.arguments import Array, finite, positive, whole
 from truepose.control import delays
 from truepose.control.controller import Controller
-from truepose.control.effects import Effects
+from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import as_rows
@@ -31,9 +31,8 @@ SYMPTOMS = tuple(_core.symptoms)
 
 #: Poses at which the largest accelerations are computed; factor for poses between and for motion.
 _POSES, _MARGIN = 256, 1.5
-#: A reading is stuck if the model moves by so many counts and σ of its own error; share of its
-#: torque limit at which a motor may stick (assumed).
-_COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
+#: A reading is stuck if the model moves by so many counts and σ of its own error.
+_COUNTS, _SIGMAS = 8, 6
 #: Largest error of a resting motor beside friction's, counts.
 _AWAY = 1.5
 #: Largest torque rms over the limit of a motor on its virtual reading: it saturates at 5 σ.
@@ -306,7 +305,7 @@ def _moved(
     """Return the model motion that shows a constant reading is stuck, and motor errors at rest."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
     # The error at which the PD overcomes friction; unknown without a torque limit.
-    sticks = _STICKS * _limits(robot)
+    sticks = np.array([assumed_friction(chain) for chain in robot.spec.chain])
     if effects is not None:
         sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.n])
     away = sticks / (controller.frequency**2 * _inertia(robot, controller))

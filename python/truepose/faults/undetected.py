@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.control.effects import assumed_friction
 from truepose.faults.limits import Detectability
 from truepose.robot.units import angles, reading_units
 from truepose.show.table import Cell, Table, number
@@ -14,8 +15,6 @@ from truepose.show.units import measured
 
 #: Largest fault that is considered, by the reading's unit: m or rad (assumed).
 MOST = {"rad": np.radians(3), "m": 0.01}
-#: Friction of motors whose file states none, as a share of the torque limit (assumed).
-FRICTION = 0.005
 
 
 def undetected_motors(found: Detectability, poses: Array) -> Table:
@@ -53,7 +52,7 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
         sensors = dict(zip(robot.readings[n:], change, strict=True))
         hold = robot.inverse_dynamics(np.array([x, there]), rest, rest, errors="nan")
         torque = float(np.abs(hold[1] - hold[0]).max())
-        friction = chain.coulomb_friction or FRICTION * (chain.torque_limit or 0)
+        friction = assumed_friction(chain)
         told = zip(sensors, change, units[n:], strict=True)
         force, forces = (
             "N·m" if units[i] == "rad" else "N",
