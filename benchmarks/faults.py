@@ -235,12 +235,16 @@ def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[tp.faults.Distur
     limits = [chain.torque_limit for chain in robot.spec.chain]
     if kind == "payload":
         return [disturbance("payload", random.uniform(0.3, 3), random.uniform(0.2, 3))]
-    if kind == "contact":  # a push of a quarter, a blow of half the force that the motors hold
-        most = (limits / np.abs(robot.jacobian(robot.home)[:3])).min(axis=1)
+    if kind == "contact":  # a push with a quarter, a blow with half of what the motors hold
+        J, pulls = robot.jacobian(robot.home)[:3], random.normal(size=(2, 3))
+        pulls /= np.abs(pulls @ J / limits).max(axis=1, keepdims=True)
         return [
-            disturbance("contact", at, force=[*force, *[0.0] * (robot.n - 3)], until=at + lasts)
-            for at, share, lasts in ((1.0, 0.25, 0.1), (3.0, 0.5, 0.02))
-            for force in [share * most * random.uniform(-1, 1, 3)]
+            disturbance(
+                "contact", at, force=[*share * pull, *[0.0] * (robot.n - 3)], until=at + lasts
+            )
+            for pull, at, share, lasts in zip(
+                pulls, (1.0, 3.0), (0.25, 0.5), (0.1, 0.02), strict=True
+            )
         ]
     return [  # three times the assumed friction
         disturbance("friction", 0.0, 0.02 * limit, f"q{i + 1}")
