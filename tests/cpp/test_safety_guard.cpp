@@ -15,6 +15,25 @@ TEST("a healthy robot runs for as long as it may") {
   });
 }
 
+TEST("a motor that friction holds on either side of its setpoint is no frozen one") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (const bool beyond : {false, true}) {
+      Guarded<mobility()> scene(mechanism);
+      scene.to_running();
+      const SafetyLimits& limits = scene.limits;
+      const double held = 0.9 * limits.rests[0], off = beyond ? 0.9 * limits.tracking[0] : held;
+      const double stays = scene.healthy().q[0];
+      const int within = scene.until_stop(1000, [&](SafetyCycle& cycle, int k) {
+        cycle.q[0] = stays;
+        cycle.error[0] = off - (held + off) * 0.5 * (1 + std::cos(0.01 * k));  // from -held to off
+        cycle.q_d[0] = stays + cycle.error[0];
+      });
+      CHECK((within > 0) == beyond);
+      if (beyond) CHECK(scene.shell.cause == StopCause::stale_frame && scene.shell.part == 0);
+    }
+  });
+}
+
 TEST("every violation stops a running robot for its cause, within 10 ms beyond its own time") {
   for_some_guarded([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

@@ -55,9 +55,12 @@ struct DrivenWays {
     cycles[i] = 0;
   }
 
-  /// One cycle of motor i. An error at which it may rest drives nothing. @return its way
-  Real drive(const SafetyLimits& limits, int i, Real q_d, Real rests) {
-    const Real away = q_d - from[i], last = error[i];
+  /// One cycle of motor i. An error at which it may rest drives nothing: friction may have held the
+  /// opposite one before. @param off  the law's error; 0: unknown @return its way
+  Real drive(const SafetyLimits& limits, int i, Real q_d, Real off, Real rests) {
+    Real away = q_d - from[i];
+    if (off != 0 && !(off * away >= away * away)) away = off * away > 0 ? off : 0;
+    const Real last = error[i];
     error[i] = away - std::clamp(away, -rests, rests);
     pushed[i] += limits.period * limits.kp[i] * error[i] + limits.kd[i] * (error[i] - last);
     if (error[i] == 0) pushed[i] = 0;
@@ -204,7 +207,7 @@ struct Step {
           shell.pace[i] > kLeastPace * still && (shell.same <= kMostWindow || expected < 3 * still);
       const Real beyond = std::min(asked, expected) - kOneCount * still;
       if (just && beyond > 0) unseen += beyond * beyond / (still * still);
-      const Real way = shell.frame.drive(limits, i, cycle.q_d[i], limits.rests[i]);
+      const Real way = shell.frame.drive(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
       moved = moved || !(std::fabs(way) <= still);
     }
     moved = moved || unseen > (1 - kOneCount) * (1 - kOneCount);
@@ -223,7 +226,7 @@ struct Step {
       if (!cycle.answer) return false;
       if (!(shell.alike & bit(i))) shell.alone.begin(i, shell.wanted[i]);
       shell.alike |= bit(i);
-      const Real way = shell.alone.drive(limits, i, cycle.q_d[i], limits.rests[i]);
+      const Real way = shell.alone.drive(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
       return shell.alone.cycles[i] >= kFrozen &&
              !(std::fabs(way) <=
                std::max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
