@@ -237,6 +237,30 @@ TEST("a motor whose encoder is lost stops the robot by all brakes at once") {
   });
 }
 
+TEST("acknowledged and started after a law without an answer, a monitored robot moves again") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    if (mechanism.robot.r == 0) return;
+    Bench<K> bench(mechanism);
+    FaultTolerantSettings settings;
+    prepare(settings.monitor);
+    FaultTolerantState monitor;
+    bench.monitored = {&settings, &monitor, nullptr};
+    bench.begin();
+    const auto none = [](Extended&, SafetyCycle&, Setpoint& setpoint) { setpoint.x[0] = NAN; };
+    CHECK(bench.cycles(12, [&] { return bench.shell.causes != 0; }, none) > 0);
+    CHECK(bench.shell.cause == StopCause::no_answer);
+    bench.run_for(300);
+    bench.begin();
+    Coordinates target = mechanism.robot.home;
+    target[0] += 0.02;
+    bench.move(target, 0.3);
+    bench.run_for(400);
+    CHECK(bench.healthy() && monitor.brakes == 0);
+    CHECK(std::fabs(to_coordinates<K>(bench.plant.pose())[0] - target[0]) < 1e-3);
+  });
+}
+
 TEST("a stop request while a motor is suspected is a stop by brake") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     Bench<mobility()> bench(mechanism);

@@ -68,13 +68,18 @@ struct FaultTolerantState {
   MomentumObserver observer;
 };
 
-/// Marks a repaired reading as valid and lets the robot move: a new PathClock leads it from where
-/// it stands. A remaining fault stops it again.
-inline void acknowledge(FaultTolerantState& fault_state, int reading) {
-  acknowledge(fault_state.monitor, reading);
+/// Lets the robot move: a new PathClock leads it from where it stands. What the fault monitor still
+/// finds stops it again.
+inline void release(FaultTolerantState& fault_state) {
   fault_state.stops = false;
   fault_state.brakes = 0;
   fault_state.stop = fault_state.unanswered = fault_state.stopping = 0;
+}
+
+/// Marks a repaired reading as valid and releases the robot.
+inline void acknowledge(FaultTolerantState& fault_state, int reading) {
+  acknowledge(fault_state.monitor, reading);
+  release(fault_state);
 }
 
 /// σ of an excluded reading, over its own.

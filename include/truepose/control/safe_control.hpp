@@ -37,7 +37,10 @@ Outcome control_safely(const Robot& robot, const ControlSettings& settings,
                        ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
                        const Weighing& weighing = {}, const Monitored& monitored = {}) {
   constexpr int n = kDof<K>;
-  if (!shell.follows) state = {};
+  if (!shell.follows) {  // a stopped robot starts anew; what stops it is the shell's to latch
+    state = {};
+    if (monitored.state) release(*monitored.state);
+  }
   Outcome outcome;
   if (monitored.state) {
     outcome = control_fault_tolerant<K>(robot, settings, *monitored.settings, setpoint, q_e, state,

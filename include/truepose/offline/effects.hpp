@@ -89,12 +89,12 @@ class Plant {
     return outcome;
   }
 
-  /// Applies the brakes requested as bits, permanently from kBrakeCloses on. Each rubs with its
+  /// Applies the brakes requested as bits from kBrakeCloses on; others open. Each rubs with its
   /// motor's largest torque (assumed); without a torque limit it only holds its load.
   void brake(std::uint32_t motors, double period) {
     for (int i = 0; i < n; ++i) {
-      if (!(motors >> i & 1U)) continue;
-      closing_[i] += period;
+      closing_[i] = motors >> i & 1U ? closing_[i] + period : 0;
+      if (closing_[i] == 0) brake_[i] = 0;
       if (closing_[i] > kBrakeCloses) brake_[i] = brake_torque(i);
     }
   }
