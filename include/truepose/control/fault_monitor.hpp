@@ -31,7 +31,7 @@ class Cycle : MonitoredCycle<K> {
   using Base::replaceable, Base::motors_valid, Base::stale, Base::refresh;
   using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill,
       Base::kLongest, Base::kStoodBy;
-  using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance;
+  using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance, Base::asked;
 
  public:
   using Base::Base;
@@ -354,9 +354,10 @@ class Cycle : MonitoredCycle<K> {
         if (c < n) reading.pushed = monitor_.pushed[c];
         reading.raw = raw(c);
         if (c < n || monitor_.placed) reading.model = model(c);
-        reading.seems = reading.speed = reading.way = 0;
+        reading.seems = reading.speed = reading.way = reading.asked = 0;
         reading.still = 0;
       } else {
+        if (c >= n && monitor_.placed) reading.asked += asked(c);
         if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
         if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
@@ -396,6 +397,7 @@ class Cycle : MonitoredCycle<K> {
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
+    monitor_.desired = desired_;
     monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
     monitor_.without = without;
     monitor_.held = held_;

@@ -175,13 +175,23 @@ struct MonitoredCycle {
     return deviation;
   }
 
-  /// Model motion beyond noise since the reading changed last: the smaller of that and of its
-  /// distance from the motor, so that motion towards the motor does not count.
+  /// Motion of the setpoint in this cycle, as a sensor would read it.
+  Real asked(int sensor) const {
+    Real sum = 0;
+    for (int j = 0; j < n; ++j)
+      sum += parity_.g[sensor - n][j] * (desired_[j] - monitor_.desired[j]);
+    return number(sum) ? sum : 0;
+  }
+
+  /// Model motion beyond noise since the reading changed last: the smaller of that and, of a motor,
+  /// of its distance from it, so that motion towards it does not count; of a sensor, of the
+  /// setpoint's motion: a law may hold a platform whose motors drift.
   /// @param way  by which its loop has driven the motor off
   Real stood(int c, Real way) const {
     const MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + way;
-    return std::min(std::fabs(by), std::fabs(by + reading.off)) -
+    const Real also = c < n ? by + reading.off : by * reading.asked > 0 ? reading.asked : 0;
+    return std::min(std::fabs(by), std::fabs(also)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
 
