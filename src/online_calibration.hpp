@@ -28,11 +28,12 @@ class Online {
   Online(const Online&) = delete;
   Online& operator=(const Online&) = delete;
 
-  /// The calibrator for a run: with the robot `nominal` until its first row, which is new.
+  /// The calibrator for a run: with the robot at ξ̂. Its first row is new.
   OnlineCalibrator& begin(const Robot& nominal) {
     learner_.settings.linearised = nullptr;
     learner_.robot = nominal;
     learner_.robot.level = drawn_.level;
+    static_cast<void>(set_parameters(drawn_, xi_.data(), learner_.robot));
     learner_.pose = to_pose(nominal.mobility, nominal.home);
     learner_.last.fill(INFINITY);
     return learner_;

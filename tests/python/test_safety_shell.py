@@ -109,6 +109,13 @@ def test_a_fault_without_monitor_is_stopped_by_the_shell_alone(
     assert np.ptp(run.x[-50:, :3], axis=0).max() < 2e-5  # the brakes hold it
 
 
+@pytest.mark.parametrize("law", ["joint", "tej"])
+def test_online_calibration_begins_without_a_step(law: Any) -> None:
+    h4 = tp.load("h4")  # its rods' mean error is 3.5 mm
+    run = tp.simulate(h4, controller=law, learn=tp.OnlineCalibrator(h4), safety=Shell())
+    assert not run.stop_cause.any() and np.abs(run.motor_error[0]).max() < h4.resolution[0]
+
+
 @pytest.mark.parametrize("name, times", [("delta", 0.12 / 0.05), ("h4", 1)])
 def test_motors_may_rest_off_by_three_times_the_friction_of_given_effects(
     name: str, times: float

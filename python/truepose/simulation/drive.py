@@ -130,7 +130,8 @@ def begin(
     law = "joint" if callable(controller.law) else controller.law
     believed, known = knowledge.for_law(robot, law)
     rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
-    at_rest, status, chain, _ = _core.settle(believed.core, truth.core, gains, known, loaded, rows)
+    model = believed if learn is None else learn.robot
+    at_rest, status, chain, _ = _core.settle(model.core, truth.core, gains, known, loaded, rows)
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     if callable(controller.law):
         at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
