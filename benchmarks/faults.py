@@ -235,7 +235,7 @@ def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[tp.faults.Distur
     limits = [chain.torque_limit for chain in robot.spec.chain]
     if kind == "payload":
         return [disturbance("payload", random.uniform(0.3, 3), random.uniform(0.2, 3))]
-    if kind == "contact":  # a push with a quarter, a blow with half of what the motors hold
+    if kind == "contact":  # a push with a quarter, a blow with half of the force that they hold
         J, pulls = robot.jacobian(robot.home)[:3], random.normal(size=(2, 3))
         pulls /= np.abs(pulls @ J / limits).max(axis=1, keepdims=True)
         return [
