@@ -65,6 +65,22 @@ def require(value: object, kind: type, name: str, instead: str) -> None:
         raise InputError(f"{name} = {shortened(repr(value))}: must be a {kind.__name__}: {instead}")
 
 
+def require_or_none(value: object, kind: type, name: str, instead: str) -> None:
+    """Raise InputError unless an argument is None or has a type."""
+    if value is not None:
+        require(value, kind, name, f"{instead}, or None")
+
+
+def require_all(values: object, kind: type, name: str) -> None:
+    """Raise InputError unless an argument is a sequence of values of a type."""
+    if isinstance(values, str) or not isinstance(values, Sequence):
+        kinds = kind.__name__
+        raise InputError(f"{name}: must be a list of {kinds}: [{kinds.lower()}]")
+    for value in values:
+        if not isinstance(value, kind):
+            raise InputError(f"{name}: {shortened(repr(value))}: must be a {kind.__name__}")
+
+
 def check_seed(seed: int) -> int:
     """Return a seed that is valid for the core's generator."""
     if not (isinstance(seed, (int, np.integer)) and 0 <= seed < 2**64):
@@ -78,10 +94,10 @@ def finite(name: str, value: Any, least: float = -math.inf, unit: str = "") -> N
     _check(name, value, must, lambda: math.isfinite(value) and value >= least)
 
 
-def positive(name: str, value: Any, unit: str = "") -> None:
-    """Raise InputError unless the value is a finite number greater than 0."""
-    must = f"a finite number greater than 0{unit}"
-    _check(name, value, must, lambda: math.isfinite(value) and value > 0)
+def positive(name: str, value: Any, unit: str = "", most: float = math.inf) -> None:
+    """Raise InputError unless the value is a finite number greater than 0, and at most `most`."""
+    must = f"a finite number greater than 0{f' and at most {most:g}' if most < math.inf else ''}"
+    _check(name, value, f"{must}{unit}", lambda: math.isfinite(value) and 0 < value <= most)
 
 
 def whole(name: str, value: Any, least: int, most: float = math.inf) -> None:

@@ -85,6 +85,23 @@ TEST(
   });
 }
 
+TEST("a run begins however long the brakes of its safety shell take to open") {
+  constexpr Mobility K = Mobility::schoenflies;
+  const Robot robot = limited_robot<K>(h4());
+  const ControlSettings settings = settings_for(robot, Law::joint);
+  Safety safety;
+  CHECK(default_limits(robot, settings, safety.limits));
+  safety.limits.brake = 1.5;
+  Extras extras;
+  extras.safety = &safety;
+  const Run run{robot.home, robot.home, 0.1, 0, 2};
+  std::size_t rows = 0;
+  CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, extras).move(run, [&](const Sample&) {
+    ++rows;
+  }));
+  CHECK(rows == 101);
+}
+
 namespace {
 
 /// Largest distance, m, of an ideal H4 from a circle of 50 mm radius that it goes round twice a

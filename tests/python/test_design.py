@@ -444,14 +444,22 @@ def test_repeatability_and_pose_accuracy_are_those_of_iso_9283(rng):
 
 
 @pytest.mark.parametrize(
-    "known", [{}, {"calibrated_on": True}, {"reference_pose": True}], ids=["built", "cal", "ref"]
+    "known",
+    [
+        {},
+        {"calibrated_on": True},
+        {"reference_pose": True},
+        {"reference_pose": True, "reference_sigma": True},
+    ],
+    ids=["built", "cal", "ref", "ref at a measured pose"],
 )
 @pytest.mark.parametrize("measure", ["rms", "worst", "AP"])
 def test_the_stated_share_of_simulated_robots_keeps_the_error(h4, known, measure):
     """Uniform tolerances, machined rods, full level, counts."""
     finer = {"chain*.rod": {1e-3: 300}}
     x = tp.select_sensors(h4, {"theta": 90}).over
-    at = {"calibrated_on": x[:8], "reference_pose": h4.home}
+    off = [2e-3, 2e-3, 2e-3, 5e-3]  # of the measured pose, m and rad
+    at = {"calibrated_on": x[:8], "reference_pose": h4.home, "reference_sigma": off}
     own = {key: at[key] for key in known}
     found = tp.select_sensors(
         h4, {"theta": 90, "wire1": 250}, price_steps=finer, budget=1000, poses=x[8:14],

@@ -116,11 +116,24 @@ def test_a_healthy_robot_with_all_effects_has_no_disturbance_and_no_fault(seed: 
     assert (run.disturbance == 0).all()
 
 
+@pytest.mark.parametrize("safety", [None, tp.control.SafetyShell()], ids=["bare", "shell"])
+def test_a_payload_that_the_motors_cannot_hold_ends_the_run_with_its_log(safety) -> None:
+    h4, heavy = tp.load("h4"), [Disturbance("payload", 0.1, 200.0)]
+    run = tp.simulate(h4, disturbances=heavy, safety=safety)
+    assert run.status == run.ended and run.status.startswith("stopped after 0.3")
+    assert 300 < len(run.time) < 401 and len(list(run.table())) == 5
+
+
 @pytest.mark.parametrize(
     "words, said",
     [
         (("paylod", 0, 1.0), "unknown kind of disturbance 'paylod'"),
-        (("payload", 0, -1.0), "size = -1.0: must be a number greater than 0"),
+        (("payload", 0, -1.0), "size = -1.0: must be a finite number greater than 0"),
+        (("payload", 0, "x"), "payload: size = 'x': must be a finite number greater than 0"),
+        (("payload", "now", 1.0), "payload: at = 'now': must be a finite number of at least 0"),
+        (("contact", 0, None, None, [np.nan] * 4), "must be finite numbers, one of every"),
+        (("contact", 0, None, None, 5.0), "must be finite numbers, one of every coordinate"),
+        (("contact", 0, None, None, (1, 0, 0, 0), "x"), "until = 'x': must be a finite number"),
         (("payload", np.nan, 1.0), "at = nan: must be a finite number of at least 0"),
         (("friction", 0, 1.0), "motor = None: of friction alone"),
         (("contact", 0, 1.0), "a contact has a force"),

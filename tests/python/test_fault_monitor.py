@@ -7,7 +7,15 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.faults.monitor import HEALTH, SYMPTOMS, _fastest, _moved, _shaken, _yielding
+from truepose.faults.monitor import (
+    HEALTH,
+    SYMPTOMS,
+    _fastest,
+    _moved,
+    _shaken,
+    _yielding,
+    first,
+)
 from truepose.robot.laws import usual
 
 SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}
@@ -199,15 +207,46 @@ def test_a_log_is_reviewed_line_by_line(calibrated: dict) -> None:
     q_e[250:, 6] += 0.02
     review = tp.FaultMonitor().review(robot, q_e)
     assert review.first == 250
-    assert review.failed == ["elbow2"]
+    assert review.failed == ["elbow2"] and not review.untested
     assert np.abs(review.believed - run.q_e)[:, 6].max() < 2e-3
+
+
+def test_a_review_says_why_a_reading_was_first_not_valid_although_it_is_noisy_later() -> None:
+    h4 = tp.load("h4")
+    q_e = tp.simulate(h4, controller="joint").q_e.copy()
+    q_e[50:80, 4] += 0.02 * np.random.default_rng(0).normal(size=30)
+    review = tp.FaultMonitor().review(h4, q_e)
+    assert (review.symptom[review.first :, 4] == SYMPTOMS.index("noisy")).any()
+    assert list(review.table())[4]["why"] == "too fast"
+
+
+def test_a_doubted_reading_without_an_own_symptom_disagrees(calibrated: dict) -> None:
+    robot, truth = calibrated["θ"]
+    q_e = tp.simulate(robot, truth, "joint").q_e.copy()
+    q_e[100:, 4] += 1e-4 * np.arange(len(q_e) - 100)
+    review = tp.FaultMonitor().review(robot, q_e)
+    bare = [c for c in range(5) if (k := first(review.health[:, [c]])) and not review.symptom[k, c]]
+    assert bare and {list(review.table())[c]["why"] for c in bare} == {"disagrees"}
+
+
+def test_without_a_motors_reading_throughout_nothing_is_tested() -> None:
+    h4 = tp.load("h4")
+    q_e = tp.simulate(h4, controller="joint").q_e.copy()
+    q_e[:, [0, 2]] = np.nan
+    review = tp.FaultMonitor().review(h4, q_e)
+    assert review.failed == ["q1", "q3"] and review.untested == "no reading of q1, q3"
+    health = [row["health at the end"] for row in review.table()]
+    assert health == ["failed", "not tested", "failed", "not tested", "not tested"]
 
 
 @pytest.mark.parametrize(
     "setting, value",
-    [("false_alarms", 0.0), ("coast", 0), ("spikes", 9), ("stop", np.nan), ("decide", 2.5)],
+    [
+        *[("false_alarms", 0.0), ("coast", 0), ("spikes", 9), ("stop", np.nan), ("decide", 2.5)],
+        *[("stop", 5.1), ("stop_lost", 5.1), ("effects", 3), ("carry", "yes")],
+    ],
 )
-def test_settings_that_make_no_sense_are_refused(setting: str, value: float) -> None:
+def test_settings_that_make_no_sense_are_refused(setting: str, value: object) -> None:
     with pytest.raises(tp.InputError, match=setting):
         tp.FaultMonitor(**{setting: value})  # type: ignore[arg-type]
 

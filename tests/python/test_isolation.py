@@ -103,7 +103,12 @@ def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.Monk
     status, _, err = run("faults", "h4", "tour.csv", "--sensors", "none")
     assert status == 2 and "no redundant sensor" in err
     status, _, err = run("faults", "h4", "tour.csv", "--boxes", "2")
-    assert status == 2 and "--boxes: predicts faults without a log" in err
+    assert status == 2 and "--boxes: only for a prediction: leave out" in err
+    status, _, err = run("faults", "h4", "--columns", "q1 = a")
+    assert status == 2 and "--columns: only with a LOG: leave out" in err
+    words = ("--plot", "d.png", "--boxes", "3", "--calibrated")
+    status, _, err = run("faults", "delta", *words)
+    assert status == 2 and "--calibrated, --boxes, --plot: only with a redundant sensor" in err
 
 
 def test_readings_that_explain_the_same_at_one_pose_are_all_named() -> None:

@@ -12,7 +12,7 @@ H4 = tp.load("h4")
 X = [0.05, 0.05, -0.4, 0.2]
 Q = H4.ikm(X)
 DELTA = tp.load("delta")
-Fault = tp.faults.Fault
+Fault, Disturbance = tp.faults.Fault, tp.faults.Disturbance
 
 
 class Millimetres:
@@ -136,6 +136,26 @@ MISTAKES = {
     "a monitor as a flag": (
         lambda: tp.simulate(H4, monitor=True),
         r"truepose\.FaultMonitor\(…\), or N",
+    ),
+    "a start-up test's effects as text": (
+        lambda: tp.simulation.start_test(H4, effects="all"),
+        r"must be a Effects: truepose\.Effe",
+    ),
+    "a start-up test's law": (
+        lambda: tp.simulation.start_test(H4, controller="joint"),
+        r"truepose\.Controller\(…\), or None",
+    ),
+    "one disturbance": (
+        lambda: tp.simulate(H4, disturbances=Disturbance("payload", size=1.0)),
+        "list of Disturbance: .disturbance.",
+    ),
+    "a late fault": (
+        lambda: tp.simulate(H4, faults=[Fault("theta", "stuck", at=5.0)]),
+        r"theta:stuck@5: begins after the end of the run, 0\.4 s: begin earlier",
+    ),
+    "a late payload": (
+        lambda: tp.simulate(H4, disturbances=[Disturbance("payload", at=9.0, size=1.0)]),
+        "payload=1@9: begins after the end of the run",
     ),
     "learning as a flag": (lambda: tp.simulate(H4, learn=True), r"truepose\.OnlineCalibrator\(…\)"),
     "an end out of reach": (

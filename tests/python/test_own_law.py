@@ -64,6 +64,8 @@ def test_over_many_robots_it_stands_beside_the_others_under_its_own_name(h4):
         (lambda h4: tp.steady_state(h4, h4, h4.home, lambda *_: [0.0]), r"shape \(1,\), must be"),
         (lambda h4: tp.steady_state(h4, h4, h4.home, lambda *_: [np.nan] * 4), "<lambda>.*finite"),
         (lambda h4: tp.simulate(h4, controller=by_tej, monitor=tp.FaultMonitor()), "by_tej: learn"),
+        (lambda h4: tp.simulate(h4, law=by_tej, monitor=tp.FaultMonitor()), "law by_tej: learn"),
+        (lambda h4: tp.simulate(h4, law=by_tej, learn=tp.OnlineCalibrator(h4)), "need a built-in"),
         (lambda h4: tp.control.stability_margins(h4, tp.Controller(law=by_tej)), "is a function"),
         (lambda h4: tp.monte_carlo("rest", h4, grid={"law": ["tek"]}), "law 'tek'"),
         (lambda h4: tp.steady_state(h4, h4, h4.home, lambda *_: [1.0] * 4), "no steady state"),

@@ -11,6 +11,7 @@ import pytest
 import truepose as tp
 from truepose.control.safety import CAUSES, STATES
 from truepose.faults.fault import FRAME
+from truepose.simulation.drive import Drive
 
 Fault, Shell = tp.faults.Fault, tp.control.SafetyShell
 RUNNING, BRAKED = STATES.index("running"), STATES.index("fault")
@@ -170,6 +171,8 @@ def test_an_own_law_is_guarded(own: dict) -> None:
         ({"slew": 10.0}, "slew 10 at least 6000"),
         ({"deviation": [1, 2]}, "deviation"),
         ({"age": 20}, "age 20"),
+        ({"speed": np.inf}, "speed = inf: must be a finite number greater than 0"),
+        ({"deviation": [1, 1, 1, np.inf]}, "deviation = .*: must be a finite number"),
     ],
 )
 def test_limits_below_the_need_are_refused_before_anything_moves(
@@ -180,7 +183,13 @@ def test_limits_below_the_need_are_refused_before_anything_moves(
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name, value", [("stop", 0), ("window", 9), ("held", "x")])
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("stop", 0), ("window", 9), ("held", "x"),
+        ("stop", 5.1), ("brake", 0.51), ("counter", "no"), ("effects", "all"),
+    ],
+)  # fmt: skip
 def test_settings_without_a_meaning_are_refused(name: str, value: Any) -> None:
     with pytest.raises(tp.InputError, match=name):
         Shell(**{name: value})
@@ -191,6 +200,16 @@ def test_a_shell_that_does_not_start_says_why() -> None:
     narrow = Shell(tracking=2e-3, deviation=2.1e-3)
     with pytest.raises(tp.PoseError, match="does not start: tracking error"):
         tp.simulate(h4, h4.sample(1), "tej", safety=narrow)
+
+
+def test_a_shell_that_never_lets_the_law_act_does_not_start() -> None:
+    h4, shell = tp.load("h4"), Shell()
+    limits = shell.limits(h4)
+    drive = Drive(h4, [], (), (), limits)
+    state, cause = np.array([RUNNING]), np.array([0])
+    drive.require_started(h4, 1, state, cause)  # a run of one row
+    with pytest.raises(tp.PoseError, match="does not start: its brakes do not open"):
+        drive.require_started(h4, 401, state, cause)
 
 
 def test_own_limits_are_printed_as_given() -> None:

@@ -113,6 +113,23 @@ def test_a_circle_way_points_and_samples_are_followed_cycle_by_cycle(run, tmp_pa
         assert rows(said, "motors")["1"]["largest"] == np.abs(alone.torque[:, 0]).max()
 
 
+def test_the_start_up_test_takes_its_own_options(run):
+    words = ("--from", "0,0,-0.45,0", "--true", "nominal", "--effects", "friction", "--seed", "2")
+    words += ("--fault", "theta:sign", "--sensors", "theta", "--format", "csv", "--all")
+    status, _, err = run("simulate", "h4", "--start-test", *words)
+    assert status == 0 and "theta is reversed" in err
+
+
+def test_a_path_of_poses_refuses_a_safety_shell_and_a_fault_after_its_last_pose(run, tmp_path):
+    (tmp_path / "path.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0,0,-0.42,0\n", "utf-8")
+    words = ("simulate", "h4", "--path", "path.csv", "--fault")
+    assert run(*words, "theta:bias=0.01@1.2")[0] == 0
+    status, _, err = run("simulate", "h4", "--path", "path.csv", "--safety")
+    assert status == 2 and "--safety: only for moves and paths in time" in err
+    status, _, err = run(*words, "theta:bias=0.01@2")
+    assert status == 2 and "after the end of the run, 1.8 s" in err
+
+
 def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
     (tmp_path / "path.csv").write_text("x,y,z\n0,0,-0.2\n0,0,-3\n", encoding="utf-8")
     status, said, _ = run("simulate", "delta", "--path", "path.csv", "-o", "log.csv")
@@ -137,6 +154,12 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
         (("--circle", "0.1,9", "--from", "0,0,-0.42,0"), "h4: path at t = 0.043 s: motor 2 would"),
         (("--circle", "0.5,0.1"), "h4: path at t = 0 s: pose x = [0.5, 0, -0.4, 0]: chain"),
         (("--duration", "0"), "duration = 0.0: must be"),
+        (("--duration", "1", "--circle", "0.05,2"), "--duration: --circle and a --path with times"),
+        (("--fault", "theta:stuck@1"), "theta:stuck@1: begins after the end of the run, 0.4 s"),
+        (
+            ("--start-test", "--to", "0,0,-0.4,0", "-o", "a.csv", "--safety", "--since", "0"),
+            "--to, --safety, --since, --out: not with --start-test: leave out",
+        ),
         (("-o", "log.xyz"), "log.xyz: unknown ending '.xyz'"),
         (("--true", "h5"), "unknown robot 'h5'"),
         (("--true", "delta"), "unknown sensor 'theta'"),

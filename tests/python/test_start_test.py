@@ -68,6 +68,13 @@ def test_a_scale_is_within_its_uncertainty_and_unknown_where_nothing_shows_it() 
     assert "?" in str(run)
 
 
+@pytest.mark.parametrize("fault", [("theta", "dropout"), ("frame", "stuck")])
+def test_a_scale_that_was_not_measured_is_unknown(fault: tuple) -> None:
+    run = tp.simulation.start_test(tp.load("h4"), faults=[tp.faults.Fault(*fault)])
+    assert not run.passed and np.isinf(run.sigma).all()
+    assert [row["scale"] for row in run.table()] == [None] * 5
+
+
 def test_a_robot_without_torque_limits_is_refused() -> None:
     h4 = tp.load("h4")
     chains = tuple(c.model_copy(update={"torque_limit": None}) for c in h4.spec.chain)
@@ -76,7 +83,7 @@ def test_a_robot_without_torque_limits_is_refused() -> None:
         tp.simulation.start_test(free)
 
 
-@pytest.mark.parametrize("motion", [0, -1, float("nan")])
+@pytest.mark.parametrize("motion", [0, -1, float("nan"), 3e-3])
 def test_bad_motions_are_refused(motion: float) -> None:
     with pytest.raises(tp.InputError, match="motion"):
         tp.simulation.start_test(tp.load("h4"), motion=motion)

@@ -225,10 +225,11 @@ class Loop {
   /// Acknowledges and starts the safety shell of the robot at rest, until the law acts. The brakes
   /// hold the robot, so the plant's state, that of its noise included, is the same afterwards.
   Outcome switch_on(const Setpoint& setpoint, Cycle& cycle) {
-    constexpr int kWaits = 48, kLongestStart = 1000;  // cycles
+    constexpr int kWaits = 48;  // cycles
+    const double longest = 1000 + extras_.safety->limits.brake / settings_.period;
     Plant<K> waits(plant_);
     StopCause refused = StopCause::none;
-    for (int k = 0; k < kLongestStart && !shell_.follows; ++k) {
+    for (int k = 0; k < longest && !shell_.follows; ++k) {
       cycle.request = {k > kWaits, false, k >= kWaits};
       const Outcome outcome = run_cycle(waits, -settings_.period, setpoint, cycle);
       if (!outcome) return outcome;

@@ -8,13 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from truepose import logs
 from truepose.arguments import Array, Level
 from truepose.commands import options
 from truepose.commands.conditions import ConditionsOption, under
-from truepose.exceptions import InputError
 from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import (
     FALSE_ALARM,
@@ -37,9 +36,12 @@ from truepose.show.units import PRINT, measured
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity", "thermal")
+#: Options of the prediction alone.
+_PREDICTED = ("--poses", "--calibrated", "--plot", "--effects", "--boxes")
 
 
 def command(
+    context: Context,
     robot: options.RobotName,
     log: Path | None = Argument(
         None,
@@ -85,15 +87,18 @@ def command(
     **truepose faults calibrated.toml tour.csv**
     """
     loaded = under(options.load_with(robot, sensors), conditions)
+    given = options.given(context)
     if log is not None:
-        given = {"--poses": poses, "--calibrated": calibrated, "--plot": plot}
-        given |= {"--effects": effects != "none", "--boxes": boxes > 1}
-        if extra := [name for name, value in given.items() if value]:
-            raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
+        said = f"only for a prediction: leave out, or leave {log} out"
+        options.refuse(given, _PREDICTED, said)
         readings = logs.read(loaded, log, columns).readings
         isolated = isolate(loaded, readings, level, false_alarm=false_alarm)
         show([isolated.table()], how, verdict(isolated))
         return
+    options.refuse(given, ["--columns"], "only with a LOG: leave out")
+    if not loaded.r:
+        said = "only with a redundant sensor in use: choose one (--sensors), or leave out"
+        options.refuse(given, ["--calibrated", "--boxes", "--plot"], said)
     write = options.writer([robot, poses], force, plot=plot)
     allowed = options.effects_of(effects, KNOWN_EFFECTS)
     subject = allowed.allowed_for(loaded)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from truepose import _core, files
 from truepose.arguments import Array, Level, selected
@@ -138,6 +138,23 @@ Disturbances = Annotated[
         "N·m). Repeatable.",
     ),
 ]
+
+
+def given(context: Context) -> list[str]:
+    """Return the long names of the options on the command line."""
+    asked = (
+        parameter.opts[-1]
+        for parameter in context.command.params
+        if (source := context.get_parameter_source(str(parameter.name)))
+        and source.name == "COMMANDLINE"
+    )
+    return [name for name in asked if name.startswith("--")]
+
+
+def refuse(given: Sequence[str], wrong: Collection[str], why: str) -> None:
+    """Raise InputError if options were given that the command would ignore."""
+    if extra := [name for name in given if name in wrong]:
+        raise InputError(f"{', '.join(extra)}: {why}")
 
 
 #: Kind of file and option, by the keyword of :func:`writer`.

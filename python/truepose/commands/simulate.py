@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from typer import Option
+from typer import Context, Option
 
 from truepose import files, logs
 from truepose.arguments import Array
@@ -24,7 +25,7 @@ from truepose.robot.robot import Robot, list_robots
 from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, progress, show
-from truepose.simulation.drive import controller_of
+from truepose.simulation.drive import controller_of, require_within
 from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
 from truepose.simulation.plants import Visit
@@ -38,9 +39,13 @@ VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
 _UNITS = ("N", "N·m")
+#: Options of the start-up test.
+_START = {"--start-test", "--from", "--true", "--effects", "--fault", "--seed"}
+_START |= {"--sensors", "--format", "--all"}
 
 
 def command(
+    context: Context,
     robot: options.RobotName,
     start: str | None = Option(None, "--from", metavar="X,Y,…", help="Start pose, m and rad."),
     end: str | None = Option(
@@ -124,28 +129,28 @@ def command(
     then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**, or with the limits of the
     safety shell **truepose simulate h4 --safety --all --fault frame:stuck@0.1**
     """
+    given = options.given(context)
+    wrong: Collection[str] = set(given) - _START if start_test else ()
+    options.refuse(given, wrong, "not with --start-test: leave out")
     read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
     write = options.writer(read, force, plot=plot)
     log = None if out is None else logs.writing.check(out, options.paths(read), force)
     believed = options.load_with(robot, sensors)
     truth = options.true_robot(believed, true, seed)
+    faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
     forgotten = None if effects == "none" else options.effects_of(effects)
     if start_test:
-        place = options.parse_pose(believed, start, "--from", False)
-        given = options.faults_of(fault)
-        started = prove(believed, truth, given, start=place, effects=forgotten, seed=seed)
+        at = options.parse_pose(believed, start, "--from", False)
+        started = prove(believed, truth, faults, start=at, effects=forgotten, seed=seed)
         return show([started.table()], how, [started.summary])
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, dict)
-    if safety and visiting:
-        raise InputError("--safety: only for moves and paths in time, not for --path with poses")
+    wrong = ("--disturbance", "--safety") if visiting else ()
+    options.refuse(given, wrong, "only for moves and paths in time, not for --path with poses")
     shell = SafetyShell(effects=forgotten) if safety else None
     law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting)
     usual = VISIT if visiting else MOVE
-    faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
-    if visiting and disturbances:
-        raise InputError("--disturbance: needs a motion with every cycle in its log, not --path")
     settings: dict[str, Any] = {
         "duration": usual[0] if duration is None else duration,
         "hold": usual[1] if hold is None else hold,
@@ -166,6 +171,7 @@ def command(
                 limits = shell.limits(believed, controller)
                 tables += [limits.table(), limits.stops()]
         else:
+            require_within(faults, len(motion) * (settings["duration"] + settings["hold"]))
             x, q_e, reasons = visit(believed, truth, motion, controller, **settings)
             ran, status = Visit(q_e, frames(truth, x), x, reasons), _reached(x, reasons)
             if not np.isfinite(x).any():
@@ -214,7 +220,7 @@ def _asked(
         raise InputError(f"{named[0]}: defines all poses: leave out {left}")
     if path is not None:
         time, x_d = read_samples(robot, path)
-        return x_d if time is None else {"path": SampledPath(time=time, x=x_d)}
+        return x_d if time is None else _timed(SampledPath(time=time, x=x_d), duration)
     if way_points is not None:
         each = MOVE_DURATION if duration is None else duration
         return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
@@ -226,11 +232,19 @@ def _asked(
             raise InputError(f"--circle {circle}: must be radius, turns per second, and turns")
         radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
         centre = robot.home if first is None else first
-        return {"path": Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)}
+        circling = Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
+        return _timed(circling, duration)
     if first is None or last is None:
         usual = default_move(robot)
         first, last = usual[0] if first is None else first, usual[1] if last is None else last
     return {"start": first, "end": last}
+
+
+def _timed(path: Circle | SampledPath, duration: float | None) -> dict[str, Any]:
+    """Return a path with times of its own as an argument; InputError with --duration."""
+    if duration is not None:
+        raise InputError("--duration: --circle and a --path with times have their own: leave out")
+    return {"path": path}
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:

@@ -22,6 +22,7 @@ from truepose.robot.robot import Robot
 OwnLaw = Callable[[Robot, Array, Array], ArrayLike]
 MOST_SCALED = 1_000_000  #: largest `sigma_scale`
 LONGEST_PERIOD = 0.2  #: s
+LONGEST_STOP = 5.0  #: s, of a stop along the path
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -9,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_of, positive, whole
-from truepose.control.controller import Controller
+from truepose.arguments import Array, numbers_of, positive, require, require_or_none, whole
+from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.laws import usual
@@ -24,6 +25,7 @@ from truepose.show.table import Cell, Table, number
 STATES: tuple[str, ...] = _core.safety_states
 CAUSES: tuple[str, ...] = _core.stop_causes
 _REACTION = 0.010  # s, the core's kReaction
+_MOST = {"stop": LONGEST_STOP, "brake": 0.5}  # s
 _SPEEDS = (0.02, 0.1, 0.3, 0.6, 1.0)  # of printed stopping distances, m/s or rad/s
 #: Limit: unit, where q is the reading's unit and t the torque's, and the default's derivation.
 _ROWS = {
@@ -69,7 +71,8 @@ class SafetyShell:
     missing, held : float
         Longest time without a motor's reading, and without an answer of the law, s, at most 10 ms.
     stop, brake : float
-        Duration of a stop along the path, and closing time of a brake, s.
+        Duration of a stop along the path, s, at most 5: the robot moves on meanwhile. Closing time
+        of a brake, s, at most 0.5: brakes of motors take 10 to 200 ms.
     counter : bool
         Whether frames of readings carry a counter.
     effects : Effects, optional
@@ -104,10 +107,12 @@ class SafetyShell:
     def __post_init__(self) -> None:
         for name in ("saturation", "stop", "brake", "missing", "held"):
             if (value := getattr(self, name)) is not None:
-                positive(name, value, " (s)")
+                positive(name, value, " (s)", _MOST.get(name, math.inf))
         for name, most in (("window", 8), ("age", 1000)):
             if (value := getattr(self, name)) is not None:
                 whole(name, value, 1, most)
+        require(self.counter, bool, "counter", "True or False")
+        require_or_none(self.effects, Effects, "effects", "truepose.Effects(…)")
 
     def limits(self, robot: Robot, controller: Controller | None = None) -> SafetyLimits:
         """Return the limits for a robot and its controller, by default the usual law's.
@@ -147,9 +152,9 @@ class SafetyShell:
         if not isinstance(default, Sequence):
             return value
         motors = numbers_of(value, name)
-        if motors.shape not in ((), (robot.n,)) or not (motors > 0).all():
+        if motors.shape not in ((), (robot.n,)) or not ((motors > 0) & (motors < np.inf)).all():
             raise InputError(
-                f"{name} = {value}: must be a number greater than 0, or {robot.n} of them"
+                f"{name} = {value}: must be a finite number greater than 0, or {robot.n} of them"
             )
         return padded(np.broadcast_to(motors, robot.n))
 

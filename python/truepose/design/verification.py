@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import check_seed
+from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.influences import at_other_temperature
 from truepose.design.candidates import given_poses
@@ -43,6 +44,7 @@ def verify(
     *,
     calibrated_on: ArrayLike | None = None,
     reference_pose: ArrayLike | None = None,
+    reference_sigma: ArrayLike | float = 0.0,
     robots: int = ROBOTS,
     seed: int = 0,
     watch: Callable[..., None] = _unwatched,
@@ -73,16 +75,18 @@ def verify(
     cycles = CYCLES if found.criterion.measure == "AP" else 1
     visited = given_poses(robot, calibrated_on, "calibrated_on")
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
+    off = np.array(reference_sigmas(robot, reference_sigma))
     x, errors, expected = np.tile(over, (cycles, 1)), [], robot.expected()
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
         true = robot.sample(own).at_highest_level
-        noise = own.generate_state(4).tolist()
+        noise = own.generate_state(5).tolist()
         at_reference, at_work = sampled(true, noise[3])
         known = expected
         if len(visited):
             known = calibrate(robot, true.read(visited, noise[0]), cause="ignore").robot
         if len(touched):
-            at = at_reference.read(touched, noise[1]), touched
+            told = touched + off * np.random.default_rng(noise[4]).normal(size=robot.n)
+            at = at_reference.read(touched, noise[1]), told, off
             known = at_other_temperature(known)
             known = calibrate(known, known_pose=at, cause="ignore").robot
         estimate = known.estimate(at_work.read(x, noise[2]), guess=x)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import finite, numbers_of, positive, require_all
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -64,16 +64,23 @@ class Disturbance:
         if self.kind not in KINDS[1:]:
             raise InputError(choose("kind of disturbance", self.kind, KINDS[1:]))
         contact = self.kind == "contact"
-        if not (math.isfinite(self.at) and self.at >= 0):
-            raise InputError(f"{self.kind}: at = {self.at}: must be a finite number of at least 0")
+        finite(f"{self.kind}: at", self.at, 0)
         if contact != (self.size is None) or contact != (self.force is not None):
             raise InputError(f"{self.kind}: a contact has a force, others a size")
-        if self.size is not None and not (math.isfinite(self.size) and self.size > 0):
-            raise InputError(f"{self.kind}: size = {self.size}: must be a number greater than 0")
+        if self.size is not None:
+            positive(f"{self.kind}: size", self.size)
+        if self.force is not None:
+            force = numbers_of(self.force, "contact: force")
+            if force.ndim != 1 or not np.isfinite(force).all():
+                said = "must be finite numbers, one of every coordinate"
+                raise InputError(f"contact: force = {self.force}: {said}")
         if (self.kind == "friction") != (self.motor is not None):
             raise InputError(f"{self.kind}: motor = {self.motor!r}: of friction alone, e.g. 'q1'")
-        if self.until is not None and not (contact and self.until > self.at):
-            raise InputError(f"{self.kind}: until = {self.until}: of a contact, greater than at")
+        if self.until is not None:
+            finite(f"{self.kind}: until", self.until)
+            if not (contact and self.until > self.at):
+                said = "of a contact, greater than at"
+                raise InputError(f"{self.kind}: until = {self.until}: {said}")
 
     def __str__(self) -> str:
         """Return the disturbance in the command line's form."""
@@ -86,6 +93,7 @@ class Disturbance:
 
 def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.Event]:
     """Check the disturbances against a robot and return the core's."""
+    require_all(disturbances, Disturbance, "disturbances")
     events = []
     for disturbance in disturbances:
         event = _core.Event()
@@ -102,7 +110,7 @@ def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.E
             event.motor = motors.index(disturbance.motor)
         if disturbance.force is not None:
             force = np.asarray(disturbance.force, dtype=float)
-            if force.shape != (robot.n,) or not np.isfinite(force).all():
+            if force.shape != (robot.n,):
                 said = f"must be {robot.n} finite numbers, one of every coordinate"
                 raise InputError(f"contact: force = {disturbance.force}: {said}")
             event.force = padded(force)

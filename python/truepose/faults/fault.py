@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from truepose import _core
+from truepose.arguments import require_all
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -130,8 +131,7 @@ def _finite(value: object) -> bool:
 
 def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list[_core.Fault]:
     """Check the faults against a robot and return the core's; `period` is None for statics."""
-    if isinstance(faults, str) or not isinstance(faults, Sequence):
-        raise InputError("faults: must be a list of Fault: [fault]")
+    require_all(faults, Fault, "faults")
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
     return [core for fault in faults for core in _each(robot, fault, units, period)]
 
@@ -140,8 +140,6 @@ def _each(
     robot: Robot, fault: Fault, units: dict[str, str], period: float | None
 ) -> list[_core.Fault]:
     """Return the core's fault, or one for each reading of a frame."""
-    if not isinstance(fault, Fault):
-        raise InputError(f"faults: {fault!r}: must be a Fault")
     if fault.reading != FRAME or FRAME in units:
         return [_of(robot, fault, units, period)]
     row = _core.fault_kinds[fault.kind]

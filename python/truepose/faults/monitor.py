@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, finite, positive, whole
+from truepose.arguments import Array, finite, positive, require, require_or_none, whole
 from truepose.control import delays
-from truepose.control.controller import Controller
+from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
@@ -65,10 +65,10 @@ class FaultMonitor:
     decide : int
         Cycles of disagreement without isolation after which the robot stops.
     stop : float
-        Duration of the stop along its path, s.
+        Duration of the stop along its path, s, at most 5: the robot moves on meanwhile.
     stop_lost : float
-        The same where a motor is lost, s: about twice a brake's closing time (20 ms, assumed). The
-        brake stops that motor; the others leave the path as far as they move on.
+        The same where a motor is lost, s, at most 5: about twice a brake's closing time (20 ms,
+        assumed). The brake stops that motor; the others leave the path as far as they move on.
     replaceable : float
         Largest σ of a motor's virtual reading from the sensors, rad or m.
     warm_up : float, optional
@@ -111,12 +111,16 @@ class FaultMonitor:
     carry: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("false_alarms", "stop", "stop_lost", "replaceable", "memory"):
+        for name in ("false_alarms", "replaceable", "memory"):
             positive(name, getattr(self, name))
+        for name in ("stop", "stop_lost"):
+            positive(name, getattr(self, name), " (s)", LONGEST_STOP)
         for name, most in (("coast", 1000), ("spikes", 8), ("within", 10**6), ("decide", 10**4)):
             whole(name, getattr(self, name), 1, most)
         if self.warm_up is not None:
             finite("warm_up", self.warm_up, 0, " (K)")
+        require_or_none(self.effects, Effects, "effects", "truepose.Effects(…)")
+        require(self.carry, bool, "carry", "True or False")
 
     def setup(
         self, robot: Robot, controller: Controller, still_sensors: bool = True
@@ -198,7 +202,10 @@ class FaultMonitor:
         positive("period", period)
         setup = self.setup(robot, Controller(law="joint", period=period))
         log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
-        return Review(robot, *_core.review(setup, *log))
+        believed, health, symptom, *rest = _core.review(setup, *log)
+        never = np.isnan(rows).all(axis=0)  # nothing to extrapolate from
+        health[:, never], symptom[:, never] = HEALTH.index("failed"), SYMPTOMS.index("missing")
+        return Review(robot, believed, health, symptom, *rest)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -226,17 +233,31 @@ class Review(Shown):
         """The first row with a reading that is not valid; None: all are."""
         return first(self.health)
 
+    @property
+    def untested(self) -> str:
+        """Why no row was tested; "": some were. Monitoring starts with the first pose."""
+        if not len(self.status) or (self.status <= 0).any():
+            return ""
+        return f"no reading of {', '.join(self.failed)}" if self.failed else "no row has a pose"
+
     def table(self) -> Table:
         """Return one row a reading: its health at the end, and its first fault."""
         rows = []
         for c, name in enumerate(self.robot.readings):
             k = first(self.health[:, [c]])
             last = HEALTH[self.health[-1, c]] if len(self.health) else ""
-            reason = "" if k is None else SYMPTOMS[self.symptom[:, c].max()]
+            reason = "" if k is None else self._why(c, k)
+            if k is None and self.untested:
+                last, reason = "not tested", self.untested
             rows.append([name, last, Cell("" if k is None else str(k), k), reason])
         title = f"{self.robot.name}: readings monitored over {len(self.health)} rows"
         header = ["reading", "health at the end", "not valid from", "why"]
         return Table("review", title, header, rows)
+
+    def _why(self, c: int, k: int) -> str:
+        """Return why a reading is not valid in row k: without an own symptom, it is doubted."""
+        own = SYMPTOMS[self.symptom[k, c]]
+        return "disagrees" if own in ("", "noisy") else own
 
     def _draw(self, figure: Any) -> None:
         level = self.chi2 / np.maximum(self.freedom, 1)

@@ -58,7 +58,7 @@ class Settings:
     disturbances: Sequence[Disturbance] = ()
     safety: SafetyShell | None = None
 
-    def check(self, controller: Controller) -> None:
+    def check(self, controller: Controller, own: object = None) -> None:
         """Raise InputError for settings without a meaning."""
         positive("duration", self.duration)
         finite("hold", self.hold, 0, " (s)")
@@ -67,10 +67,10 @@ class Settings:
                 f"duration + hold = {total:g} s: at most {_MOST_PERIODS} control periods"
             )
         whole("steps", 1 if self.steps is None else self.steps, 1, 1000)
-        if callable(controller.law) and (self.learn is not None or self.monitor is not None):
+        law = controller.law if own is None else own
+        if callable(law) and (self.learn is not None or self.monitor is not None):
             raise InputError(
-                f"law {law_name(controller.law)}: learn and monitor need a built-in law "
-                f"({', '.join(LAWS)})"
+                f"law {law_name(law)}: learn and monitor need a built-in law ({', '.join(LAWS)})"
             )
 
     def steps_of(self, truth: Robot, period: float) -> int:
@@ -97,10 +97,13 @@ class Drive(NamedTuple):
         if self.limits is not None:
             self.limits.require_path(*setpoints)
 
-    def require_started(self, robot: Robot, state: Array, cause: Array) -> None:
-        """Raise PoseError if the safety shell refused to start."""
-        if self.limits is not None and len(state) == 1 and STATES[state[0]] != "running":
-            raise PoseError(f"{robot.name}: the safety shell does not start: {CAUSES[cause[0]]}")
+    def require_started(self, robot: Robot, rows: int, state: Array, cause: Array) -> None:
+        """Raise PoseError if the safety shell did not start a run of so many rows."""
+        if self.limits is None or len(state) > 1:
+            return
+        if rows > 1 or STATES[state[0]] != "running":
+            why = CAUSES[cause[0]] if cause[0] else "its brakes do not open"
+            raise PoseError(f"{robot.name}: the safety shell does not start: {why}")
 
 
 def begin(
@@ -109,13 +112,15 @@ def begin(
     controller: Controller,
     start: tuple[str, ArrayLike],
     settings: Settings,
+    own: object = None,
 ) -> Drive:
     """Check the settings and find the true robot's initial rest.
 
-    `start` is the pose and before it its name in messages.
+    `start` is the pose and before it its name in messages; `own` is the own law that replaces the
+    controller's, if any.
     """
     require_same_readings(robot, truth)
-    settings.check(controller)
+    settings.check(controller, own)
     steps = settings.steps_of(truth, controller.period)
     effects, learn, seed = settings.effects, settings.learn, settings.seed
     if learn is not None and learn.prior != robot:
@@ -158,6 +163,16 @@ def controller_of(
     if effects in (None, Effects.none()) or (not callable(controller) and controller not in LAWS):
         return Controller(law=controller)
     return Controller.for_robot(robot, effects, controller)
+
+
+def require_within(events: Sequence[Fault | Disturbance], end: float) -> None:
+    """Raise InputError for a fault or disturbance that begins after the end of the run, s."""
+    for event in events:
+        if event.at > end:
+            raise InputError(
+                f"{event}: begins after the end of the run, {end:.4g} s: begin earlier, or raise "
+                "duration or hold"
+            )
 
 
 def unanswered(cycles: int, reason: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_of, require
+from truepose.arguments import Array, numbers_of, require, require_or_none
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name, pose_of
 from truepose.control.effects import Effects
@@ -36,6 +36,7 @@ from truepose.simulation.drive import (
     Settings,
     begin,
     controller_of,
+    require_within,
     saturated,
     unanswered,
 )
@@ -86,7 +87,7 @@ class Simulation(Shown):
     stop_motor: Array  #: (T,) int, its motor from 0, or -1
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
-    ended: str = ""  #: why it ended early, where faults took it out of its workspace
+    ended: str = ""  #: why it ended early, out of its workspace
     law: str = ""  #: name of the control law, the controller's or an own one
 
     def __repr__(self) -> str:
@@ -141,11 +142,12 @@ class Simulation(Shown):
     def status(self) -> str:
         """Status of the run: "ok", or the worst that went wrong.
 
-        With faults: the robot left its workspace ("stopped …"), the safety shell stopped it
-        ("safety shell: …"), the fault monitor reports a reading, when and why ("theta failed at
-        …"), or the controller had no result ("no answer …"). "does not come to rest: …": a
-        coordinate oscillates by more than `RESTLESS` in the last 50 ms of the hold (in all of a
-        shorter one). "saturated: …": it rests, but a motor was at its torque limit on the way.
+        With faults, disturbances or a safety shell: the robot left its workspace ("stopped …"), the
+        safety shell stopped it ("safety shell: …"), the fault monitor reports a reading, when and
+        why ("theta failed at …"), or the controller had no result ("no answer …"). "does not come
+        to rest: …": a coordinate oscillates by more than `RESTLESS` in the last 50 ms of the hold
+        (in all of a shorter one). "saturated: …": it rests, but a motor was at its torque limit on
+        the way.
 
         Examples
         --------
@@ -239,7 +241,7 @@ def simulate(
     law : callable, optional
         An own law, called in every period: from a :class:`truepose.control.ControllerInput` to the
         torques, (n,), within the motors' limits. `controller` then only sets the period and the
-        initial rest.
+        initial rest. Without `learn` and `monitor`.
     start, end : array_like, shape (n,)
         Desired poses; by default those of :func:`default_move`.
     duration, hold : float
@@ -259,7 +261,8 @@ def simulate(
     monitor : FaultMonitor, optional
         Fault monitor of the controller's readings; none by default.
     disturbances : sequence of Disturbance
-        Payloads, friction and contacts of the true robot.
+        Payloads, friction and contacts of the true robot. Where one takes it out of its workspace,
+        the run ends early, as after a fault.
     safety : SafetyShell, optional
         Safety shell around the law; none by default. The operator has acknowledged and started it:
         the run begins when the law acts. Without an answer or after a violation the run goes on.
@@ -271,12 +274,13 @@ def simulate(
     Raises
     ------
     InputError
-        A limit of `safety` is below what the path needs.
+        A limit of `safety` is below what the path needs. A fault or disturbance begins after the
+        end of the run. An own law with `learn` or `monitor`.
     PoseError
         Beforehand: the path or move leaves the robot's reach, or needs more motor speed or torque
         than the file allows; names time and motor, for a move the shortest duration. Later, without
-        faults: the true robot leaves its workspace, or the controller meets a singular pose or a
-        joint limit. The safety shell refuses to start.
+        faults, disturbances and a safety shell: the true robot leaves its workspace, or the
+        controller meets a singular pose or a joint limit. The safety shell refuses to start.
     TrueposeError
         A package that the path needs is not installed.
 
@@ -318,8 +322,7 @@ def simulate(
         ("monitor", monitor, FaultMonitor, ""),
         ("safety", safety, SafetyShell, "control."),
     ):
-        if value is not None:
-            require(value, kind, name, f"truepose.{prefix}{kind.__name__}(…), or None")
+        require_or_none(value, kind, name, f"truepose.{prefix}{kind.__name__}(…)")
     for one in {robot, truth}:
         warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)
@@ -338,7 +341,8 @@ def simulate(
     settings = Settings(
         duration, hold, steps, seed, effects, time, learn, faults, monitor, disturbances, safety
     )
-    drive = begin(robot, truth, controller, ("start", start), settings)
+    drive = begin(robot, truth, controller, ("start", start), settings, law)
+    require_within([*faults, *disturbances], duration + hold)
     if law is None and callable(controller.law):
         law = Torques(controller, robot, drive.origin[: robot.n])
     own = None if law is None else _torque_of(law, robot)
@@ -349,23 +353,28 @@ def simulate(
         require_feasible_move(robot, move, controller.period)
         drive.require_path(*move.setpoints(robot, controller.period))
         asked = (drive.origin, target, duration, hold)
+        rows = 1 + round((duration + hold) / controller.period)
         status, chain, *log = loop.simulate(*asked, *drive.last, own)  # type: ignore[call-arg]
     else:
         drive.require_path(*setpoints)
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
+        rows = len(x)
         status, chain, *log = loop.follow(x, rate, acceleration, *drive.last, own)  # type: ignore[call-arg]
-    ended = ""
-    if status > 0:
-        guilty = f"chain {chain + 1}: " if chain >= 0 else ""
-        after = len(log[0]) * controller.period
-        ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
-        if not (faults and len(log[0])):
-            raise PoseError(f"{robot.name}: simulation {ended}")
-    drive.require_started(robot, *log[-3:-1])
+    ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * controller.period)
+    if ended and not (len(log[0]) and (faults or disturbances or safety is not None)):
+        raise PoseError(f"{robot.name}: simulation {ended}")
+    if not ended:
+        drive.require_started(robot, rows, *log[-3:-1])
     name = law_name(controller.law if law is None or isinstance(law, Torques) else law)
     return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
+
+
+def _ended(status: int, chain: int, after: float) -> str:
+    """Return when, s, and why a run ended early."""
+    guilty = f"chain {chain + 1}: " if chain >= 0 else ""
+    return f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
 
 
 def _torque_of(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, check_seed, positive, require, whole
+from truepose.arguments import Array, check_seed, positive, require, require_or_none, whole
 from truepose.control.controller import Controller, pose_of, require_same_readings
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
@@ -43,6 +43,7 @@ _SAID = {
 }
 
 _KNOWN = 0.5  # largest σ of a scale that is printed
+_MOST = 2e-3  # m, largest motion: more could hit something before the readings are proven
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,7 +59,7 @@ class StartTest(Shown):
     candidates: tuple[str, ...]  #: readings that may be miswired where several explanations fit
     exchangeable: tuple[str, ...]  #: readings whose exchange the test would not have seen
     scale: Array  #: (n + r,) of every reading, 1: as the others show
-    sigma: Array  #: (n + r,) its σ; inf where nothing shows it
+    sigma: Array  #: (n + r,) its σ; inf where nothing shows it, or it was not measured
     moved: float  #: m, largest distance of the platform from its start (passive axes: rad)
     torque: Array  #: (n,) largest of every motor
     seconds: float
@@ -141,7 +142,7 @@ def start_test(
     referenced : bool
         Whether the pose is known. If not, nothing moves.
     motion : float
-        Platform motion by two opposite pulses, m; at most twice that in all.
+        Platform motion by two opposite pulses, m, at most 2 mm; at most twice that in all.
     pairs : int
         Opposite pulses of each motor beyond those that find their size.
     controller : Controller, optional
@@ -172,8 +173,10 @@ def start_test(
     for one, name in ((robot, "robot"), (truth, "truth")):
         require(one, Robot, name, "truepose.load(name)")
     require_same_readings(robot, truth)
-    positive("motion", motion)
+    positive("motion", motion, " (m)", _MOST)
     whole("pairs", pairs, 1, 1000)
+    require_or_none(effects, Effects, "effects", "truepose.Effects(…)")
+    require_or_none(controller, Controller, "controller", "truepose.Controller(…)")
     controller = Controller(law="joint") if controller is None else controller
     pose = pose_of(robot, robot.home if start is None else start, "start")
     settings = _core.StartSettings()
@@ -202,7 +205,7 @@ def start_test(
             said = f"{robot.name}: motor {run['part'] + 1}: the test needs a torque limit"
             raise InputError(f"{said}: add torque_limit to its chain")
         raise PoseError(f"{robot.name}: start-up test: {reason}")
-    names, finding = robot.readings, run["finding"]
+    names, finding, sigma = robot.readings, run["finding"], np.array(run["sigma"])
     named = tuple(names[k] for k in run["parts"] if k >= 0)
     if "{motor}" in _SAID.get(finding, ""):
         named = (f"motor {run['parts'][0] + 1}",)
@@ -217,7 +220,7 @@ def start_test(
         candidates=of(run["candidates"]) if finding == "inconsistent" else (),
         exchangeable=of(run["exchangeable"]),
         scale=np.array(run["scale"]),
-        sigma=np.array(run["sigma"]),
+        sigma=np.where(sigma > 0, sigma, np.inf),
         moved=run["moved"],
         torque=np.array(run["torque"]),
         seconds=run["seconds"],
