@@ -208,7 +208,7 @@ def test_a_shell_that_never_lets_the_law_act_does_not_start() -> None:
     drive = Drive(h4, [], (), (), limits)
     state, cause = np.array([RUNNING]), np.array([0])
     drive.require_started(h4, 1, state, cause)  # a run of one row
-    with pytest.raises(tp.PoseError, match="does not start: its brakes do not open"):
+    with pytest.raises(tp.PoseError, match="does not start: its law never acts"):
         drive.require_started(h4, 401, state, cause)
 
 

@@ -300,6 +300,12 @@ def _unit(kind: str, reading: str) -> str:
     return kind.replace("q", reading).replace("t", torque)
 
 
+def not_started(robot: Robot, cause: int) -> PoseError:
+    """Return the error that the safety shell of a simulated robot does not start, and why."""
+    why = CAUSES[cause] if cause else "its law never acts"
+    return PoseError(f"{robot.name}: the safety shell does not start: {why}")
+
+
 def stop_text(time: Array, brakes: Array, cause: Array, motor: Array) -> str:
     """Return when, why and how a safety shell stopped a run; "" if it did not."""
     rows = np.flatnonzero(cause > 0)

@@ -30,7 +30,7 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
     >>> h4 = tp.load("h4")
     >>> found = tp.faults.detectability(h4, [h4.home], [h4.home])
     >>> print(*undetected_motors(found, np.array([h4.home])).rows[0], sep="; ")
-    q1; 3.00°; 14.4 mm, 0°; theta 0°; 0.0482 N·m (0.150)
+    q1; 3.00°; 14.4 mm, 0°; theta 0°; 0.0482 N·m (0.300)
     """
     robot, n = found.robot, found.robot.n
     turns, units = angles(robot), reading_units(robot)

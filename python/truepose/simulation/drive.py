@@ -23,8 +23,8 @@ from truepose.control.controller import (
 )
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
-from truepose.control.safety import CAUSES, STATES, SafetyLimits, SafetyShell
-from truepose.exceptions import InputError, PoseError
+from truepose.control.safety import STATES, SafetyLimits, SafetyShell, not_started
+from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
@@ -102,8 +102,7 @@ class Drive(NamedTuple):
         if self.limits is None or len(state) > 1:
             return
         if rows > 1 or STATES[state[0]] != "running":
-            why = CAUSES[cause[0]] if cause[0] else "its brakes do not open"
-            raise PoseError(f"{robot.name}: the safety shell does not start: {why}")
+            raise not_started(robot, cause[0])
 
 
 def begin(

@@ -15,7 +15,7 @@ from truepose.arguments import Array, check_seed, finite, positive
 from truepose.control import delays
 from truepose.control.controller import Controller, require_same_readings
 from truepose.control.effects import Effects
-from truepose.control.safety import SafetyShell, stop_text
+from truepose.control.safety import SafetyShell, not_started, stop_text
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
@@ -33,7 +33,7 @@ _RIPPLES = 6  # periods of the torque ripple per turn of the motor
 _RANGE = 40  # poses per thread: fixed, so results do not depend on the number of cores
 _WINDOW = 0.05  # s, time in which a robot at rest moves by less than _STILL
 _STILL = 2e-5  # m, and ten times that in rad
-_WAITS, _START = 48, 1000  # cycles until the safety shell is acknowledged, and has started
+_WAITS, _START = 48, 1000  # cycles until the safety shell is acknowledged, and opens the brakes
 _CLOSES = 0.02  # s, closing time of a brake
 _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
@@ -147,6 +147,7 @@ class _Drive:
         if plant.safety is not None:
             limits = plant.safety.limits(robot, controller)
             self.shell = _core.Safety(limits.core, limits.counter)
+            self.longest_start = _START + limits.core.brake / controller.period
         setup = plant.monitor and plant.monitor.setup(robot, controller)
         self.state: Any = None
         self.monitored: dict = {} if setup is None else {"fault_setup": setup}
@@ -161,11 +162,13 @@ class _Drive:
         self.theta = self.tool = self._theta()
         self.stopped, self.closing = "", np.zeros(self.robot.n)
         self.state = _core.ControlState() if self.shell is None else _core.SafeControl(self.shell)
-        for cycle in range(_START if self.shell else 0):  # the brakes hold the robot
-            if self.state.follows:
-                break
+        cycle = 0
+        while self.shell and not self.state.follows:  # the brakes hold the robot
+            if cycle > self.longest_start:
+                raise not_started(self.robot, self.state.cause)
             began = cycle >= _WAITS, cycle > _WAITS
             self._step(self._setpoint(self.at, self.at, 0.0), self._read()[0], {"begins": began})
+            cycle += 1
 
     def _setpoint(self, start: Array, end: Array, now: float) -> tuple:
         ends = padded(start), padded(end)
