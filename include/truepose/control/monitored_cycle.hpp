@@ -115,6 +115,7 @@ struct MonitoredCycle {
   /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
   /// whose motor was driven off.
   static constexpr Real kStoodBy = 0.4;
+  static constexpr Real kAsked = 0.2;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
   /// Interval and grain of a held reading beyond which it stands still.
@@ -183,14 +184,16 @@ struct MonitoredCycle {
     return number(sum) ? sum : 0;
   }
 
-  /// Model motion beyond noise since the reading changed last: the smaller of that and, of a motor,
-  /// of its distance from it, so that motion towards it does not count; of a sensor, of the
-  /// setpoint's motion: a law may hold a platform whose motors drift.
+  /// Model motion beyond noise since the reading changed last: of a motor the smaller of that and
+  /// of its distance from it, so that motion towards it does not count. A law that holds a platform
+  /// moves its motors where one of them drifts, and the sensor stands at its setpoint: for a sensor
+  /// motion counts once the setpoint has left it that way by kAsked of `moved`.
   /// @param way  by which its loop has driven the motor off
   Real stood(int c, Real way) const {
     const MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + way;
-    const Real also = c < n ? by + reading.off : by * reading.asked > 0 ? reading.asked : 0;
+    Real also = by + reading.off;
+    if (c >= n) also = std::copysign(1, by) * reading.asked > kAsked * settings_.moved[c] ? by : 0;
     return std::min(std::fabs(by), std::fabs(also)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
