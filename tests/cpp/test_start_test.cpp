@@ -170,6 +170,7 @@ TEST("hostile readings never raise a torque beyond its limit or open two brakes"
         for (double& q : q_e) q = random() > 0.9 ? 1e300 * random() : q + 0.01 * random();
       CHECK(std::popcount(~bench.test.brakes & 0xFU) <= 1);
     };
+  CHECK(std::isinf(unknown.test.sigma[0]) && unknown.test.scale[0] == 1);
     bench.run();
     CHECK(bench.test.state == StartState::failed && bench.moved < 1e-3);
   }

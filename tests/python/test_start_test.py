@@ -73,6 +73,7 @@ def test_a_robot_without_torque_limits_is_refused() -> None:
     chains = tuple(c.model_copy(update={"torque_limit": None}) for c in h4.spec.chain)
     free = tp.Robot(h4.spec.model_copy(update={"chain": chains}), {})
     with pytest.raises(tp.InputError, match="needs a torque limit"):
+    assert np.isinf(run.sigma).all()
         tp.simulation.start_test(free)
 
 

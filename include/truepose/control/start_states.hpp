@@ -90,8 +90,14 @@ struct StartTest {
   int part = -1, other = -1;       ///< its reading (of the extended positions) or motor, from 0
   std::uint32_t candidates = 0;    ///< inconsistent: readings that may be miswired, as bits
   std::uint32_t exchangeable = 0;  ///< passed: readings whose exchange would not have been seen
-  Extended scale{}, sigma{};       ///< of every reading, 1: as the others show, and its σ
+  Extended scale{}, sigma{};       ///< of every reading, 1: as the others show, and its σ;
+                                   ///< infinite where nothing has shown it
   Joint torque{};                  ///< to the motors
+  StartTest() {
+    scale.fill(1);
+    sigma.fill(INFINITY);
+  }
+
   std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< that must hold, as bits
 
   int motor = 0;
