@@ -900,7 +900,8 @@ typedef struct truepose_start_report {
   int32_t motor;          /**< that is tested, from 0 */
   truepose_real torque[TRUEPOSE_FREEDOMS]; /**< to the motors, N·m or N */
   truepose_real scale[TRUEPOSE_READINGS];  /**< of every reading, 1: as the others show, */
-  truepose_real sigma[TRUEPOSE_READINGS];  /**< and its standard deviation */
+  truepose_real sigma[TRUEPOSE_READINGS];  /**< and its standard deviation; infinite where
+                                                nothing has shown it */
 } truepose_start_report;
 
 /** Settings, limits and state of a test. Opaque. */

@@ -38,14 +38,17 @@ template <Mobility K>
 struct StartBench {
   static constexpr int n = kDof<K>;
 
-  explicit StartBench(const Robot& nominal, const Truth& is = {}, const Coordinates* from = nullptr)
+  explicit StartBench(const Robot& nominal, const Truth& is = {}, const Coordinates* from = nullptr,
+                      double period = 1e-3)
       : robot(rubbing(nominal, {})),
         truth(rubbing(nominal, is)),
         prior(robot),
         started(to_pose<K>(from ? *from : robot.home)),
         plant(truth, {}, started, 1),
         real(is) {
-    CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
+    ControlSettings control = settings_for(robot, Law::joint);
+    control.period = period;
+    CHECK(default_limits(robot, control, limits));
     CHECK(plant.rest());
     plant.engage();
     static_cast<void>(plant.measure(first));

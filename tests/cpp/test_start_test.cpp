@@ -41,6 +41,32 @@ TEST("a heavy H4 with little friction moves by less than a millimetre") {
   CHECK(bench.passed() && bench.moved < 1e-3);
 }
 
+TEST("an H4 passes with cycles of 0.3 to 5 ms") {
+  for (const double period : {3e-4, 5e-4, 4e-3, 5e-3}) {
+    StartBench<kFour> bench(h4_with(2), {}, nullptr, period);
+    bench.run();
+    CHECK(bench.passed() && bench.moved < 1e-3);
+  }
+}
+
+TEST("64 pairs of equal pulses, which round equally, do not fail a healthy H4") {
+  const Coordinates from{0.1, 0.05, -0.45, 0};
+  StartBench<kFour> bench(h4_with(2), {}, &from, 2e-3);
+  bench.settings.pairs = 64;
+  bench.run();
+  CHECK(bench.passed() && bench.moved < 1e-3);
+}
+
+TEST("weak motors, whose pushes deflect the brakes, pass: no brake seems to slip") {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    Robot robot = limited_robot<mobility()>(mechanism);
+    for (int i = 0; i < robot.motors; ++i) robot.chain[i].torque_limit /= 4;
+    StartBench<mobility()> bench(robot);
+    bench.run();
+    CHECK(bench.passed() && bench.moved < 1e-3);
+  });
+}
+
 TEST("brakes that close two milliseconds later than they open, known or not") {
   const Robot robot = h4_with(1);
   StartBench<kFour> known(robot, {1, 1, 0.018, 0.020}), unknown(robot, {1, 1, 0.018, 0.020});
@@ -144,6 +170,7 @@ TEST("from an unknown pose, or with contradictory limits, nothing moves") {
   wrong.limits.torque[2] = NAN;
   start_test<kFour>(wrong.robot, wrong.settings, wrong.limits, wrong.first, true, wrong.test);
   CHECK(wrong.found(StartFinding::contradictory_limits, -1));
+  CHECK(std::isinf(unknown.test.sigma[0]) && unknown.test.scale[0] == 1);
   for (int i = 0; i < 4; ++i) CHECK(wrong.test.torque[i] == 0);
   CHECK(unknown.largest == 0 && unknown.moved < 1e-6 && wrong.test.brakes == 0xF);
 }

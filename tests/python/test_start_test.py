@@ -1,5 +1,7 @@
 """The start-up test in simulation: shipped robots pass, miswired ones are named at rest."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ FINDINGS = {
     ("theta:sign", True): "theta is reversed",
     ("q2:sign", True): "q2 is reversed",
     ("q1:swap=q4", True): "q1 and q4 are exchanged",
+    ("q1:swap=theta", True): "q1 and theta are exchanged",
+    ("q2:swap=theta", True): "q2 and theta are exchanged",
     ("q3:swap=theta", True): "q3 and theta are exchanged",
     ("q3:stuck", True): "q3 is frozen",
     ("q3:dropout", True): "q3 gives no number",
@@ -33,6 +37,27 @@ def test_shipped_robots_pass_with_less_than_a_millimetre(name: str) -> None:
     assert (run.torque <= [chain.torque_limit for chain in robot.spec.chain]).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "period", "options"),
+    [
+        ("h4", 5e-4, {}),
+        ("h4", 4e-3, {}),
+        ("delta", 4e-3, {}),
+        ("3rpr", 5e-3, {}),
+        ("h4", 2e-3, {"pairs": 64}),
+        ("3rrr", 1e-3, {"start": (-0.06, 0.06, -0.4)}),
+        ("3rrr", 1e-3, {"start": (0.03, -0.06, -0.4)}),
+    ],
+)
+def test_robots_pass_with_any_period_number_of_pulses_and_pose(
+    name: str, period: float, options: dict[str, Any]
+) -> None:
+    controller = tp.Controller(law="joint", period=period)
+    run = tp.simulation.start_test(tp.load(name), controller=controller, **options)
+    assert run.passed, run.said
+    assert run.moved < 1e-3
+
+
 @pytest.mark.parametrize(("fault", "incremental"), FINDINGS)
 def test_miswired_readings_of_an_h4_are_named(fault: str, incremental: bool) -> None:
     run = tp.simulation.start_test(tp.load("h4"), faults=[_fault(fault)], incremental=incremental)
@@ -48,6 +73,7 @@ def test_miswired_readings_of_an_h4_are_named(fault: str, incremental: bool) -> 
 def test_nothing_moves_from_an_unknown_pose() -> None:
     run = tp.simulation.start_test(tp.load("h4"), referenced=False)
     assert "unknown" in run.said
+    assert np.isinf(run.sigma).all()
     assert run.moved < 1e-6
     assert not run.torque.any()
 

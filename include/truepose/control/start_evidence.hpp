@@ -54,7 +54,7 @@ inline Real misfit(const StartEvidence& evidence, int n, int e, const StartHypot
   for (int i = 0; i < evidence.tested; ++i) {
     Extended y = evidence.moved[i], h{}, v;
     if (by.kind == StartFinding::exchanged) std::swap(y[by.a], y[by.b]);
-    for (int c = 0; c < e; ++c) v[c] = evidence.pulses[i] * evidence.variance[c];
+    for (int c = 0; c < e; ++c) v[c] = evidence.noise(i, c);
     h[i] = 1;
     for (int c = n; c < e; ++c) {  // beyond what the other motors' small motions explain
       const auto& g = evidence.g[c - n];

@@ -73,6 +73,13 @@ struct StartEvidence {
   Joint pulses{};                       ///< number of pulses
   Extended variance{};                  ///< of one motion, from counts and noise
   Matrix<kMaxSensors, kMaxMotors> g{};  ///< J_r J
+
+  /// Variance of reading c's motions by all pulses of motor i. Equal pulses round equally: an
+  /// average over more than kRounded of them gains nothing.
+  Real noise(int i, int c) const {
+    return variance[c] * pulses[i] * std::max(pulses[i] / kRounded, Real(1));
+  }
+  static constexpr Real kRounded = 24;
 };
 
 /// An explanation of the evidence. none: the robot is healthy.
@@ -85,12 +92,18 @@ inline constexpr int kStartHypotheses = 1 + kMaxReadings * (kMaxReadings + 1) / 
 
 /// State and report, the caller's; a new one starts with closed brakes.
 struct StartTest {
+  StartTest() {
+    scale.fill(1);
+    sigma.fill(INFINITY);
+  }
+
   StartState state = StartState::rest;
   StartFinding finding = StartFinding::none;
   int part = -1, other = -1;       ///< its reading (of the extended positions) or motor, from 0
   std::uint32_t candidates = 0;    ///< inconsistent: readings that may be miswired, as bits
   std::uint32_t exchangeable = 0;  ///< passed: readings whose exchange would not have been seen
-  Extended scale{}, sigma{};       ///< of every reading, 1: as the others show, and its σ
+  Extended scale{}, sigma{};       ///< of every reading, 1: as the others show, and its σ;
+                                   ///< infinite where nothing has shown it
   Joint torque{};                  ///< to the motors
   std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< that must hold, as bits
 
@@ -103,8 +116,9 @@ struct StartTest {
   std::array<int, kMaxMotors> longest{};  ///< cycles for which a brake may be open
   int open = 0, side = 1, level = 0;      ///< cycles; direction of the pulse; pairs at this length
   int samples = 0;                        ///< of the average
-  Extended sum{}, low{}, high{}, before{}, after{}, begin{}, from{}, forward{}, sunk{}, trimmed{};
-  Extended missing{};  ///< time, s
+  Extended sum{}, low{}, high{}, before{}, after{}, begin{}, from{}, forward{}, trimmed{};
+  Extended sunk{}, closed{};  ///< motion that stays; readings after the last two opposite pulses
+  Extended missing{};         ///< time, s
   StartEvidence evidence;
   std::array<Real, kStartHypotheses> misfit{};
 };

@@ -17,14 +17,13 @@
 
 #include "truepose/control/dynamics.hpp"
 #include "truepose/control/start_evidence.hpp"
+#include "truepose/control/start_pulse.hpp"
 #include "truepose/control/start_rest.hpp"
 
 namespace truepose {
 namespace start_detail {
 inline constexpr int kAveraged = 8;  ///< cycles of an average between pulses,
 inline constexpr int kRested = 32;   ///< and at rest
-inline constexpr Real kSafe = 0.85;  ///< of the bound, which pulses use
-inline constexpr Real kBlind = 5;    ///< pulses' worth of the weight's error until nothing moves
 inline constexpr Real kMost = 1e9;   ///< rad or m: larger readings are missing
 
 /// One cycle of a robot's test.
@@ -186,19 +185,15 @@ class StartCycle {
       }
       test_.lever[m] = std::sqrt(sum);
       test_.response[m] = 1 / (model.slope[m] * inertia[m][m]);
-      const Real weight = std::fabs(test_.weight[m]), error = settings_.weight * weight;
-      const Real worst =
-          Real(0.5) * settings_.inertia * std::fabs(test_.response[m]) * test_.lever[m];
-      const Real most = kSafe * 2 * settings_.motion;
-      const auto square = [](Real value) { return value * value; };
-      const Real wanted = std::max(most / (worst * square(settings_.pulse)) - kBlind * error,
-                                   6 * friction(m) + 2 * error);
-      test_.push[m] = std::min(wanted, limits_.torque[m] - weight - error);
-      const Real longest = std::sqrt(most / (worst * (test_.push[m] + kBlind * error)));
-      test_.longest[m] = static_cast<int>(std::min(longest / limits_.period, Real(1000)));
+      const StartPulse pulse = pulse_within(
+          settings_, limits_.period,
+          {limits_.torque[m], std::fabs(test_.weight[m]), friction(m), std::fabs(test_.response[m]),
+           test_.lever[m], robot_.chain[m].actuator == Actuator::revolute});
+      test_.push[m] = pulse.push;
+      test_.longest[m] = pulse.longest;
       const Real seen = moves(m, test_.longest[m]);
-      const bool fine = test_.push[m] > 2 * friction(m) && seen >= count(m) &&
-                        test_.longest[m] > late() && std::isfinite(longest);
+      const bool fine =
+          test_.push[m] > 2 * friction(m) && seen >= count(m) && test_.longest[m] > late();
       if (!fine) return fail(StartFinding::too_coarse, m);
     }
     StartEvidence& evidence = test_.evidence;
@@ -276,10 +271,7 @@ class StartCycle {
     Extended y{};
     for (int c = 0; c < e(); ++c) y[c] = change(c, test_.before[c], test_.after[c]);
     StartEvidence& evidence = test_.evidence;
-    for (int c = 0; c < e(); ++c) {
-      evidence.moved[i()][c] += test_.side * y[c];
-      test_.sunk[c] += y[c];
-    }
+    for (int c = 0; c < e(); ++c) evidence.moved[i()][c] += test_.side * y[c];
     evidence.expected[i()] += moves(i(), test_.open);
     evidence.pulses[i()] += 1;
     if (test_.side > 0) {
@@ -297,6 +289,12 @@ class StartCycle {
     Real most = 0, clearest = 0, ratio = 0;
     for (int c = 0; c < e(); ++c) {
       const Real apart = test_.forward[c] - back[c];
+      // The torque's way back counts, except for the first two pulses, which begin at the other
+      // side: closed brakes are elastic, and what they do in every pair does not add up.
+      const bool first = test_.evidence.pulses[i()] == 2;
+      test_.sunk[c] +=
+          first ? test_.forward[c] + back[c] : change(c, test_.closed[c], test_.after[c]);
+      test_.closed[c] = test_.after[c];
       // The mean of both directions: closed brakes are elastic.
       const Real gone =
           (change(c, test_.begin[c], test_.from[c]) + change(c, test_.begin[c], test_.after[c])) /
@@ -333,9 +331,8 @@ class StartCycle {
     test_.evidence.tested = i() + 1;
     go(StartState::judge);
     bool any = false, sinks = false;
-    const Real pulses = std::max(test_.evidence.pulses[i()], Real(1));
     for (int c = 0; c < e(); ++c) {
-      const Real variance = kBetter * pulses * test_.evidence.variance[c];
+      const Real variance = kBetter * test_.evidence.noise(i(), c);
       const Real y = test_.evidence.moved[i()][c];
       any = any || y * y > variance;
       sinks = sinks || test_.sunk[c] * test_.sunk[c] > variance;
@@ -388,7 +385,7 @@ class StartCycle {
     Real sum = 0;
     for (int m = 0; m < test_.evidence.tested; ++m) {
       const Real y = test_.evidence.moved[m][c];
-      sum += y * y / (test_.evidence.pulses[m] * test_.evidence.variance[c]);
+      sum += y * y / test_.evidence.noise(m, c);
     }
     return sum > kSeen * kSeen;
   }

@@ -1,0 +1,59 @@
+// Push and opening time of a start-up test's pulses, within the bound of the platform's motion.
+#pragma once
+
+#include "truepose/control/start_states.hpp"
+
+namespace truepose::start_detail {
+inline constexpr Real kSafe = 0.85;  ///< of the bound, for open brakes
+inline constexpr Real kBlind = 5;    ///< pulses' worth of the weight's error until nothing moves
+inline constexpr Real kBrakeTurns = 1e-3;   ///< deflection of a closed brake under its motor's
+inline constexpr Real kBrakeSlides = 1e-4;  ///< torque limit, rad; of a slide's, m (assumed)
+inline constexpr Real kSwings = 2.5;        ///< deflections: under load, when it closes, overshoot
+inline constexpr Real kPart = 0.01;         ///< of a cycle, for rounding
+
+/// A motor at the pose at rest.
+struct StartMotor {
+  Real torque = 0, weight = 0, friction = 0;  ///< limit and absolute values
+  Real response = 0;                          ///< acceleration of the motor per torque, absolute
+  Real lever = 0;                             ///< motion of the platform per motion of the motor
+  bool turns = true;                          ///< revolute
+};
+
+struct StartPulse {
+  Real push = 0;
+  int longest = 0;  ///< cycles for which the brake may be open; 0: none is within the bound
+};
+
+/// The push whose longest opening time is a whole number of cycles, as near to the wanted time as
+/// torque and brakes allow. The deflection of closed brakes counts as motion, too.
+inline StartPulse pulse_within(const StartSettings& settings, Real period,
+                               const StartMotor& motor) {
+  const Real error = settings.weight * motor.weight, unseen = kBlind * error;
+  const Real worst = Real(0.5) * settings.inertia * motor.response * motor.lever;
+  const Real bound = 2 * settings.motion, most = kSafe * bound;
+  const auto cycles = [&](Real push) {
+    return std::sqrt(most / (worst * (push + unseen))) / period;
+  };
+  const auto push_for = [&](Real count) {
+    return most / (worst * (count * period) * (count * period)) - unseen;
+  };
+  const Real deflection = (motor.turns ? kBrakeTurns : kBrakeSlides) * motor.lever;
+  const Real brakes = (1 - kSafe) * bound / (kSwings * deflection) * motor.torque;
+  const Real least = 6 * motor.friction + 2 * error;
+  // Pulses begin at one cycle, by which a robot like its model moves by half of `motion` at most.
+  const Real cycle = worst / settings.inertia * period * period + 2 * deflection / motor.torque;
+  const Real highest =
+      std::min({brakes, settings.motion / (2 * cycle), motor.torque - motor.weight - error});
+  const Real wanted = std::floor(std::min(settings.pulse / period, cycles(least)) + kPart);
+  const auto push_of = [&](Real count) { return std::min(push_for(count), highest); };
+  const auto moves = [&](Real count) { return (push_of(count) - motor.friction) * count * count; };
+  const Real shortest = cycles(highest);
+  const Real fewer = std::max({Real(1), wanted, std::floor(shortest + kPart)});
+  const Real more = std::max(fewer, std::ceil(shortest - kPart));
+  StartPulse pulse;
+  pulse.push = push_of(moves(more) > moves(fewer) ? more : fewer);
+  const Real longest = cycles(pulse.push) + kPart;
+  if (std::isfinite(longest)) pulse.longest = static_cast<int>(std::min(longest, Real(1000)));
+  return pulse;
+}
+}  // namespace truepose::start_detail
