@@ -245,6 +245,39 @@ def test_a_payload_needs_something_that_it_deflects(h4):
         tp.accuracy(h4.with_conditions(payload=(0, 2)), h4.home)
 
 
+def test_the_mass_that_motors_hold_is_one_that_they_hold():
+    """Rounded down, and the torque that is too much is printed above its limit."""
+    robot = at_work("h4", payload=(0.0, 12.0)).with_level("ideal")
+    x = np.array([[-0.01192, 0.09092, -0.4, -0.0783]])
+    with pytest.raises(InputError) as wrong:
+        columns(robot, x, False)
+    found = re.search(r"needs (\S+) N·m .* is (\S+) N·m: it holds (\S+) kg", str(wrong.value))
+    needed, limit, held = map(float, found.groups())
+    assert 11 < held < 12 and needed > limit == 30
+    columns(robot.with_conditions(payload=(0.0, held)), x, False)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("all_chains", 1e-3, "the rods of chain . stretch by .* %, must be at most 1 %"),
+        ("all_arms", 2e4, "arm . turns by .* rad, must be at most 0.1 rad"),
+    ],
+    ids=["all_chains", "all_arms"],
+)
+def test_large_deflections_are_refused(run, tmp_path, key, value, message):
+    """A stiffness taken for a compliance moves poses out of reach, where results would be NaN."""
+    robot = at_work("h4", uncertain=False)
+    soft = Compliance(**SOFT | {key: value})
+    file = tmp_path / "soft.toml"
+    tp.Robot(robot.spec.model_copy(update={"compliance": soft})).save(file)
+    design = ("design", file, "--price", "theta=1", "--budget", "5")
+    for words in (("check", file), ("error-budget", file), design):
+        status, out, err = run(*words)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert re.search(f"payload 2 kg at .*: {message}: is .* a stiffness?", err), err
+
+
 @pytest.mark.parametrize(
     "words",
     [

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -538,6 +539,12 @@ def test_simulated_robots_keep_both(h4):
     assert verify(narrow, robots=60).share < 0.5
 
 
+def test_the_search_ends_where_a_cost_is_no_number(monkeypatch):
+    search, twice = Search(lambda _: np.nan, [1.0], (), survives=False), iter([(0,), (0,)])
+    monkeypatch.setattr(search, "_filled", lambda *_: next(twice))
+    assert search._exchanged((0,), 5.0, search.cost) == (0,)
+
+
 def test_a_volume_and_a_path_are_poses(h4):
     ranges = {"z": (-0.38, -0.36), "theta": (-0.1, 0.2)}
     x = volume_poses(h4, ranges)
@@ -556,8 +563,8 @@ def test_a_volume_and_a_path_are_poses(h4):
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [
-        ({"z": (-0.5, -0.2)}, "volume z -500 mm to -200 mm: .* out of reach; h4 reaches 6. % of"),
-        ({"z": (1, 2)}, "not even its centre is in reach; the workspace has z -4.. mm to"),
+        ({"z": (-0.5, -0.2)}, "volume z -500 mm to -200 mm: .* out of reach; h4 reaches 4. % of"),
+        ({"z": (1, 2)}, "not even its centre is in reach; the workspace has x .*, z -4.. mm to"),
         ({"u": (1, 2)}, "volume: unknown coordinate 'u'"),
         ({"z": (2, 1)}, "volume: z = 2 to 1: must be LOW, HIGH"),
     ],
@@ -565,6 +572,19 @@ def test_a_volume_and_a_path_are_poses(h4):
 def test_a_volume_out_of_reach_is_refused(h4, ranges, message):
     with pytest.raises(tp.InputError, match=message):
         volume_poses(h4, ranges)
+
+
+@pytest.mark.parametrize("named", [["x"], ["z"], ["x", "y"], ["theta", "z"]])
+def test_a_volume_that_is_named_as_in_reach_is_in_reach(h4, named):
+    """Coordinates that are not named keep the range of the workspace."""
+    wide = {"x": (-0.5, 0.4), "y": (-0.5, 0.5), "z": (-0.5, -0.2), "theta": (-3.0, 3.0)}
+    with pytest.raises(tp.InputError) as wrong:
+        volume_poses(h4, {name: wide[name] for name in named})
+    _, _, near = str(wrong.value).partition("centre: ")
+    found = re.findall(r"(\w+) (-?[0-9.]+)(°| mm) to (-?[0-9.]+)", near)
+    factor = {"°": np.pi / 180, " mm": 1e-3}
+    ends = {name: (factor[u] * float(a), factor[u] * float(b)) for name, a, u, b in found}
+    assert set(ends) == set(named) and len(volume_poses(h4, ends)) == 32
 
 
 def test_a_path_needs_a_length_and_must_be_in_reach(h4):
