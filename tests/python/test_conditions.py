@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.commands.conditions import under as of_option
 from truepose.design.verification import machined
 from truepose.exceptions import InputError
 from truepose.robot.conditions import columns, known, sampled, under
@@ -227,7 +228,10 @@ WRONG = {
     "payload=2..1kg": "payload = .2, 1.: must be .lowest, highest.",
     "payload=2kg": "payload=2kg: must be payload=LOW..HIGH with a unit: kg, g",
     "temperature=15..35F": "must be temperature=LOW..HIGH with a unit: degC, °C",
-    "gradient=-2K": "gradient = -2.0: .*greater than or equal to 0",
+    "gradient=-2K": "--conditions gradient=-2K: must be 0 or greater",
+    "backlash=-0.1deg": "--conditions backlash=-0.1deg: must be 0 or greater",
+    "gradient=1K,gradient=2K": "--conditions gradient: is given twice",
+    "payload=0..0kg,payload_centre_sigma=10mm": "payload_centre_sigma: needs a payload",
     "wind=3K": "condition wind is not one of|no condition 'wind'|wind",
 }
 
@@ -238,6 +242,12 @@ def test_wrong_conditions_are_one_line(run, tmp_path, text):
     status, _, err = run("accuracy", tmp_path / "soft.toml", "--conditions", text)
     assert status == 2 and err.count("\n") == 1
     assert re.search(WRONG[text], err), err
+
+
+def test_numbers_of_conditions_may_have_exponents(h4):
+    robot = of_option(h4, "backlash=1e-4rad,temperature=1e1..2e1degC")
+    assert robot.backlash[:4].tolist() == [1e-4] * 4
+    assert robot.spec.conditions.temperature == (10.0, 20.0)
 
 
 def test_a_payload_needs_something_that_it_deflects(h4):
