@@ -244,6 +244,17 @@ def test_wrong_conditions_are_one_line(run, tmp_path, text):
     assert re.search(WRONG[text], err), err
 
 
+def test_a_pose_that_a_small_deflection_moves_out_of_reach_is_refused():
+    """Arms and rods in line, under gravity that pulls up: the payload shortens the rods."""
+    robot = at_work("h4", uncertain=False).with_gravity((0.0, 0.0, 9.81)).with_sensors()
+    free = [one.model_copy(update={"limits": None}) for one in robot.spec.chain]
+    robot = tp.Robot(robot.spec.model_copy(update={"chain": tuple(free)})).with_level("ideal")
+    x = np.array([[0.0, 0.0, -0.7266349, 0.0]])
+    assert np.isfinite(robot.ikm(x)).all()
+    with pytest.raises(InputError, match=r"payload 2 kg at .*: deflections move the robot out of"):
+        columns(robot, x, False)
+
+
 def test_numbers_of_conditions_may_have_exponents(h4):
     robot = of_option(h4, "backlash=1e-4rad,temperature=1e1..2e1degC")
     assert robot.backlash[:4].tolist() == [1e-4] * 4

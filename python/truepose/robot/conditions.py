@@ -224,11 +224,12 @@ def require_small(robot: Kinematics, x: Array, full: bool) -> None:
     strain = np.abs(at.tension * robot.compliance)
     turn = np.abs(at.by_compliance[:, range(n), range(n, 2 * n)] * robot.arm_compliance)
     share = np.hstack([strain / STRAIN, turn / TURN])
-    reached = np.isfinite(under_load(robot, x, full, core).readings).all(axis=1)
-    if (share <= 1).all() and reached.all():
-        return
-    k, part = np.unravel_index(np.nan_to_num(share, nan=np.inf).argmax(), share.shape)
-    if (share <= 1).all():
+    reached = np.isfinite(np.hstack([share, under_load(robot, x, full, core).readings])).all(axis=1)
+    largest = np.nan_to_num(share, nan=0.0)
+    k, part = np.unravel_index(largest.argmax(), share.shape)
+    if largest.max() <= 1:
+        if reached.all():
+            return
         k, said = reached.argmin(), "deflections move the robot out of reach"
     elif part < n:
         said = f"the rods of chain {part + 1} stretch by {number(100 * strain[k, part])} %, "
