@@ -110,7 +110,8 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
     if output.option and known and output.path.suffix.lower() not in known:
         raise InputError(f"{output}: " + choose("ending", output.path.suffix, known))
     if there and not force:
-        raise InputError(f"{output}: exists; --force (force=True) replaces it")
+        how = "--force" if output.option else "--force (force=True)"
+        raise InputError(f"{output}: exists; {how} replaces it")
     return place
 
 

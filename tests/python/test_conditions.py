@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.commands.conditions import under as of_option
 from truepose.design.verification import machined
 from truepose.exceptions import InputError
 from truepose.robot.conditions import columns, known, sampled, under
@@ -227,7 +228,10 @@ WRONG = {
     "payload=2..1kg": "payload = .2, 1.: must be .lowest, highest.",
     "payload=2kg": "payload=2kg: must be payload=LOW..HIGH with a unit: kg, g",
     "temperature=15..35F": "must be temperature=LOW..HIGH with a unit: degC, °C",
-    "gradient=-2K": "gradient = -2.0: .*greater than or equal to 0",
+    "gradient=-2K": "--conditions gradient=-2K: must be 0 or greater",
+    "backlash=-0.1deg": "--conditions backlash=-0.1deg: must be 0 or greater",
+    "gradient=1K,gradient=2K": "--conditions gradient: is given twice",
+    "payload=0..0kg,payload_centre_sigma=10mm": "payload_centre_sigma: needs a payload",
     "wind=3K": "condition wind is not one of|no condition 'wind'|wind",
 }
 
@@ -240,9 +244,59 @@ def test_wrong_conditions_are_one_line(run, tmp_path, text):
     assert re.search(WRONG[text], err), err
 
 
+def test_a_pose_that_a_small_deflection_moves_out_of_reach_is_refused():
+    """Arms and rods in line, under gravity that pulls up: the payload shortens the rods."""
+    robot = at_work("h4", uncertain=False).with_gravity((0.0, 0.0, 9.81)).with_sensors()
+    free = [one.model_copy(update={"limits": None}) for one in robot.spec.chain]
+    robot = tp.Robot(robot.spec.model_copy(update={"chain": tuple(free)})).with_level("ideal")
+    x = np.array([[0.0, 0.0, -0.7266349, 0.0]])
+    assert np.isfinite(robot.ikm(x)).all()
+    with pytest.raises(InputError, match=r"payload 2 kg at .*: deflections move the robot out of"):
+        columns(robot, x, False)
+
+
+def test_numbers_of_conditions_may_have_exponents(h4):
+    robot = of_option(h4, "backlash=1e-4rad,temperature=1e1..2e1degC")
+    assert robot.backlash[:4].tolist() == [1e-4] * 4
+    assert robot.spec.conditions.temperature == (10.0, 20.0)
+
+
 def test_a_payload_needs_something_that_it_deflects(h4):
     with pytest.raises(InputError, match=r"payload 0 to 2 kg: rods and arms are stiff: state"):
         tp.accuracy(h4.with_conditions(payload=(0, 2)), h4.home)
+
+
+def test_the_mass_that_motors_hold_is_one_that_they_hold():
+    """Rounded down, and the torque that is too much is printed above its limit."""
+    robot = at_work("h4", payload=(0.0, 12.0)).with_level("ideal")
+    x = np.array([[-0.01192, 0.09092, -0.4, -0.0783]])
+    with pytest.raises(InputError) as wrong:
+        columns(robot, x, False)
+    found = re.search(r"needs (\S+) N·m .* is (\S+) N·m: it holds (\S+) kg", str(wrong.value))
+    needed, limit, held = map(float, found.groups())
+    assert 11 < held < 12 and needed > limit == 30
+    columns(robot.with_conditions(payload=(0.0, held)), x, False)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("all_chains", 1e-3, "the rods of chain . stretch by .* %, must be at most 1 %"),
+        ("all_arms", 2e4, "arm . turns by .* rad, must be at most 0.1 rad"),
+    ],
+    ids=["all_chains", "all_arms"],
+)
+def test_large_deflections_are_refused(run, tmp_path, key, value, message):
+    """A stiffness taken for a compliance moves poses out of reach, where results would be NaN."""
+    robot = at_work("h4", uncertain=False)
+    soft = Compliance(**SOFT | {key: value})
+    file = tmp_path / "soft.toml"
+    tp.Robot(robot.spec.model_copy(update={"compliance": soft})).save(file)
+    design = ("design", file, "--price", "theta=1", "--budget", "5")
+    for words in (("check", file), ("error-budget", file), design):
+        status, out, err = run(*words)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert re.search(f"payload 2 kg at .*: {message}: is .* a stiffness?", err), err
 
 
 @pytest.mark.parametrize(

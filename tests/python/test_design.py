@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -546,6 +547,12 @@ def test_simulated_robots_keep_both(h4):
     assert verify(narrow, robots=60).share < 0.5
 
 
+def test_the_search_ends_where_a_cost_is_no_number(monkeypatch):
+    search, twice = Search(lambda _: np.nan, [1.0], (), survives=False), iter([(0,), (0,)])
+    monkeypatch.setattr(search, "_filled", lambda *_: next(twice))
+    assert search._exchanged((0,), 5.0, search.cost) == (0,)
+
+
 def test_a_volume_and_a_path_are_poses(h4):
     ranges = {"z": (-0.38, -0.36), "theta": (-0.1, 0.2)}
     x = volume_poses(h4, ranges)
@@ -564,8 +571,8 @@ def test_a_volume_and_a_path_are_poses(h4):
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [
-        ({"z": (-0.5, -0.2)}, "volume z -500 mm to -200 mm: .* out of reach; h4 reaches 6. % of"),
-        ({"z": (1, 2)}, "not even its centre is in reach; the workspace has z -4.. mm to"),
+        ({"z": (-0.5, -0.2)}, "volume z -500 mm to -200 mm: .* out of reach; h4 reaches 4. % of"),
+        ({"z": (1, 2)}, "not even its centre is in reach; the workspace has x .*, z -4.. mm to"),
         ({"u": (1, 2)}, "volume: unknown coordinate 'u'"),
         ({"z": (2, 1)}, "volume: z = 2 to 1: must be LOW, HIGH"),
     ],
@@ -573,6 +580,19 @@ def test_a_volume_and_a_path_are_poses(h4):
 def test_a_volume_out_of_reach_is_refused(h4, ranges, message):
     with pytest.raises(tp.InputError, match=message):
         volume_poses(h4, ranges)
+
+
+@pytest.mark.parametrize("named", [["x"], ["z"], ["x", "y"], ["theta", "z"]])
+def test_a_volume_that_is_named_as_in_reach_is_in_reach(h4, named):
+    """Coordinates that are not named keep the range of the workspace."""
+    wide = {"x": (-0.5, 0.4), "y": (-0.5, 0.5), "z": (-0.5, -0.2), "theta": (-3.0, 3.0)}
+    with pytest.raises(tp.InputError) as wrong:
+        volume_poses(h4, {name: wide[name] for name in named})
+    _, _, near = str(wrong.value).partition("centre: ")
+    found = re.findall(r"(\w+) (-?[0-9.]+)(°| mm) to (-?[0-9.]+)", near)
+    factor = {"°": np.pi / 180, " mm": 1e-3}
+    ends = {name: (factor[u] * float(a), factor[u] * float(b)) for name, a, u, b in found}
+    assert set(ends) == set(named) and len(volume_poses(h4, ends)) == 32
 
 
 def test_a_path_needs_a_length_and_must_be_in_reach(h4):
@@ -596,6 +616,19 @@ def test_the_commands_take_a_volume_or_a_path(run, tmp_path):
     status, out, err = run(*words, "--target", "8mm,0.4deg", "--robots", "20")
     assert status == 0 and "mm, 0.255°; the position limits" in out, out
     assert "position and angle error kept by 95 % of robots" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("option", ["--poses", "--path", "--calibrated"])
+def test_a_pose_of_a_file_that_is_out_of_reach_is_named(run, tmp_path, option):
+    (tmp_path / "far.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0,0,-0.9,0\n")
+    status, _, err = run("design", "h4", "--price", "theta=1", option, tmp_path / "far.csv")
+    assert (status, err.count("\n")) == (2, 1)
+    assert "far.csv: line 3 (x, y, z, theta): h4: pose x = [0, 0, -0.9, 0]: chain 1" in err
+
+
+def test_prices_that_are_given_apart_add_up(run):
+    words = ("design", "h4", "--robots", "0", "--format", "json", "--price")
+    assert run(*words, "t*=9,theta=8,wire1=5") == run(*words, "t*=9,theta=8", "--price", "wire1=5")
 
 
 def test_a_file_says_what_machining_costs(h4, tmp_path):
@@ -641,7 +674,7 @@ def test_prices_stand_in_the_file_too(h4):
             {"target": 1e-6, "survives": True},
             "sensors together, after the worst failure of one, reach",
         ),
-        ({"must": ["elbow1"]}, "must: unknown sensor 'elbow1'"),
+        ({"must": ["elbow1"]}, "must: sensor elbow1 has no price"),
         ({"budget": 30}, "budget 30: too small: the cheapest, pivot1, costs 40"),
         ({"prices": {}}, "h4: neither sensors nor levels to choose"),
         (
@@ -649,7 +682,10 @@ def test_prices_stand_in_the_file_too(h4):
             "price_steps: unknown parameter 'chain\\*.rdo'",
         ),
         ({"price_steps": {"chain*.rod": {}}}, "price_steps: chain\\*.rod: no level"),
-        ({"price_steps": {"chain*.rod": {1: 1}}}, "rod: 1: must be less than its σ, 0.003753"),
+        (
+            {"price_steps": {"chain*.rod": {1: 1}}},
+            "rod: 1000 mm: must be less than its σ, 3.753 mm",
+        ),
         (
             {"price_steps": {"chain*.rod": {0: 1}}},
             "price_steps: chain\\*.rod: σ = 0: must be a finite number greater",
@@ -702,12 +738,32 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
             "theta reaches 12.03 mm; truepose",
         ),
         (("--price", "theta=90", "--budget", "10", "--must", "theta"), "budget 10: theta cost 90"),
-        (("--price", "theta=90", "--calibrated", "0"), "--calibrated 0: must be 1 to 10000"),
-        (("--calibrated", "99999999", "--price", "theta=90"), "must be 1 to 10000, or a CSV file"),
+        (
+            ("--price", "theta=90", "--calibrated", "0"),
+            "--calibrated 0: must be a whole",
+        ),
+        (
+            ("--calibrated", "99999999", "--price", "theta=90"),
+            "from 1 to 10000, or a CSV file",
+        ),
         (("--price", "theta=90", "--confidence", "0.9"), "--confidence 0.9: must be 50%"),
         (("--price", "theta=90", "--measure", "mean"), "--measure"),
         (("--price", "none"), "h4: neither sensors nor levels to choose"),
         (("--price", "theta=90", "--budget", "1"), "too small: the cheapest, theta, costs 90"),
+        (("--price", "theta=9,theta=8"), "--price theta: is given twice"),
+        (("--price", "theta=9", "--price", "theta=8"), "--price theta: is given twice"),
+        (("--price", "wire1=9", "--must", "theta"), "must: sensor theta has no price (--price"),
+        (("--price", "theta=9", "--calibrated", "-3"), "--calibrated -3: must be a whole"),
+        (
+            ("--price", "theta=9", "--volume", "z=-0.4m..-0.5m"),
+            "--volume z=-0.4m..-0.5m: must be COORDINATE=LOW..HIGH",
+        ),
+        (
+            ("--price", "theta=9", "--volume", "z=-0.4m..-0.3m,z=-0.41m..-0.4m"),
+            "--volume z: is given twice",
+        ),
+        ((*NO_PRICE, "chain*.rod=1mm:300,1000um:7"), "chain*.rod=1000um: is given twice"),
+        ((*NO_PRICE, "chain*.rod=10mm:300"), "chain*.rod: 10 mm: must be less than its σ, 3.753"),
         ((*NO_PRICE, "rodd=1mm:3"), "--price-steps: unknown parameter 'rodd'"),
         ((*NO_PRICE, "chain*.rod=1mm"), "must be PARAMETERS=SIGMA:PRICE"),
         ((*NO_PRICE, "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be a length"),

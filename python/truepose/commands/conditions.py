@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Option
 
+from truepose.commands import options
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -43,7 +44,7 @@ def under(robot: Robot, text: str | None) -> Robot:
         key, _, value = part.strip().partition("=")
         if key not in units:
             raise InputError(f"--conditions: {choose('condition', key, units)}")
-        found = re.fullmatch(r"([^a-zA-Z°µ]+)\s*([a-zA-Z°µ]+)", value.strip())
+        found = re.fullmatch(r"(.+?)\s*([a-zA-Z°µ]+)", value.strip())
         factor = units[key].get(found[2], np.nan) if found else np.nan
         try:
             ends = [factor * float(end) for end in found[1].split("..")] if found else []
@@ -55,5 +56,11 @@ def under(robot: Robot, text: str | None) -> Robot:
                 f"--conditions {part.strip()}: must be {key}={form} with a unit: "
                 f"{', '.join(units[key])}"
             )
-        given[key] = tuple(ends) if key in _RANGES else ends[0]
-    return robot.with_conditions(**given) if given else robot
+        if min(ends) < 0 and key != "temperature":
+            raise InputError(f"--conditions {part.strip()}: must be 0 or greater")
+        options.add(given, key, tuple(ends) if key in _RANGES else ends[0], f"--conditions {key}")
+    changed = robot.with_conditions(**given) if given else robot
+    section = changed.spec.conditions
+    if given.get("payload_centre_sigma") and section and not section.payload[1]:
+        raise InputError("--conditions payload_centre_sigma: needs a payload, as payload=0..2kg")
+    return changed

@@ -61,11 +61,11 @@ MOST = 10_000  #: poses of a self-calibration
 
 def command(
     robot: options.RobotName,
-    price: str | None = Option(
+    price: list[str] | None = Option(
         None,
         metavar="A=90,B*=250,reference_pose=210",
         help="Prices of candidate sensors, names or globs, and of one-time steps: "
-        "reference_pose, self_calibration; 'none': no sensor.",
+        "reference_pose, self_calibration; 'none': no sensor. Repeatable.",
         show_default="the keys price and [prices] of the file",
     ),
     price_steps: PriceSteps = None,
@@ -114,7 +114,6 @@ def command(
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**
     """
-    visits = None if calibrated is None or calibrated.isdigit() else calibrated
     for_choosing = {
         "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
         "--survives": survives or None, "--plot": plot, "--report": report,
@@ -124,7 +123,8 @@ def command(
         if value is not None:
             other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
-    write = options.writer((robot, poses, path, visits), force, robot=out, plot=plot, report=report)
+    inputs = (robot, poses, path, calibrated)
+    write = options.writer(inputs, force, robot=out, plot=plot, report=report)
     loaded = under(load(robot), conditions)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
@@ -142,7 +142,7 @@ def command(
     length, angle = parse_targets(loaded, target)
     found = select_sensors(
         loaded,
-        None if price is None else parse_prices(loaded, price),
+        None if price is None else parse_prices(loaded, ",".join(price)),
         price_steps=None if price_steps is None else parse_price_steps(loaded, price_steps),
         budget=budget,
         target=length,
@@ -182,11 +182,12 @@ def parse_targets(robot: Robot, text: str | None) -> tuple[float | None, float |
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
     """Parse prices of sensors and of one-time steps."""
+    given: dict[str, float] = {}
     result: dict[str, float] = {}
     for part in text.split(",") if text != "none" else ():
         name, _, value = part.partition("=")
         price = _price(value, f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
-        name = name.strip()
+        options.add(given, name := name.strip(), price, f"--price {name}")
         names = (name,) if name in STEPS else options.parse_set(robot, name)
         result |= dict.fromkeys(names, price)
     return result
@@ -215,17 +216,17 @@ def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[floa
             example = "PARAMETERS=SIGMA:PRICE,… as chain*.rod=0.1mm:200"
             price = _price(value, f"--price-steps {text}: must be {example}")
             unit = unit_of(robot, fits[0])
-            curve[options.parse_size(size, f"--price-steps {group}:", unit)] = price
+            sigma = options.parse_size(size, f"--price-steps {group}:", unit)
+            options.add(curve, sigma, price, f"--price-steps {group}={size}")
     return result
 
 
 def visited(robot: Robot, text: str) -> Array:
     """Return the poses of --calibrated."""
-    if not text.isdigit():
-        return read_poses(robot, Path(text))
-    if not 1 <= (count := int(text)) <= MOST:
-        raise InputError(f"--calibrated {text}: must be 1 to {MOST}, or a CSV file")
-    return practice(robot, count)
+    given = options.count_or_file(text, "--calibrated", MOST)
+    if isinstance(given, Path):
+        return read_poses(robot, given, reached=True)
+    return practice(robot, given)
 
 
 def report_page(

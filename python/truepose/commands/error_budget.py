@@ -66,8 +66,7 @@ def command(
     **truepose error-budget h4 --target 3mm --price-steps 'chain?.rod=1mm:300,0.1mm:700'**
     """
     loaded = under(options.load_with(robot, sensors), conditions)
-    csv = None if calibrated is None or calibrated.isdigit() else calibrated
-    write = options.writer((robot, poses, path, csv), force, plot=plot)
+    write = options.writer((robot, poses, path, calibrated), force, plot=plot)
     state: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
         "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),

@@ -221,6 +221,23 @@ def numbers_of(text: str) -> Array:
     return np.array([number_of(part) for part in text.split(",")])
 
 
+def add(given: dict[Any, Any], key: Any, value: Any, said: str) -> None:
+    """Add what an option states; raise InputError for a key that is there already."""
+    if key in given:
+        raise InputError(f"{said}: is given twice: give it once")
+    given[key] = value
+
+
+def count_or_file(text: str, option: str, most: int) -> int | Path:
+    """Parse a number of poses, or else the name of a CSV file."""
+    number = number_of(text)
+    if np.isnan(number):
+        return Path(text)
+    if not text.isdigit() or not 1 <= number <= most:
+        raise InputError(f"{option} {text}: must be a whole number from 1 to {most}, or a CSV file")
+    return int(text)
+
+
 def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
     """Parse a sensor set: names or globs separated by commas, "none", or "all"."""
     names = [sensor.name for sensor in robot.spec.sensor]

@@ -15,7 +15,7 @@ from truepose.commands import options, where
 from truepose.commands.conditions import ConditionsOption, under
 from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
-from truepose.design.poses import HARDLY, plan_poses
+from truepose.design.poses import HARDLY, SAMPLED, plan_poses
 from truepose.exceptions import InputError
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
@@ -28,7 +28,7 @@ from truepose.show.units import measured, printed
 def command(
     robot: options.RobotName,
     count: int | None = Option(
-        None, metavar="N", help="Number of poses to choose.", show_default="30"
+        None, min=1, metavar="N", help="Number of poses to choose.", show_default="30"
     ),
     target: str | None = Option(
         None, metavar="0.1mm", help="Choose as many as reach this σ of the position."
@@ -72,11 +72,13 @@ def command(
     Example: **truepose plan h4 --count 20 --sensors theta,z_telemeter**, then
     **truepose plan h4 --target 1.6mm**
     """
-    given = None if candidates.isdigit() else Path(candidates)
-    write = options.writer((robot, after, poses, path, given), force, plan=out, plot=plot)
+    if seen and outside is None:
+        raise InputError("--seen: needs --outside, the σ of the tracker")
+    given = options.count_or_file(candidates, "--candidates", SAMPLED)
+    write = options.writer((robot, after, poses, path, candidates), force, plan=out, plot=plot)
     loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
-    x = int(candidates) if given is None else read_poses(loaded, given)
+    x = given if isinstance(given, int) else read_poses(loaded, given)
     found = plan_poses(
         loaded,
         count,

@@ -16,6 +16,7 @@ from typer import Argument, Option
 from truepose import files, robotfile
 from truepose.commands import options
 from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
+from truepose.robot import conditions
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
 from truepose.robot.workspace import reach, told, workspace_grid
@@ -203,6 +204,10 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
     if problems:
         return None, problems
     robot = Robot(robotfile.parse(text, where))
+    try:
+        conditions.require_small(robot, robot.home[None], robot.highest_level == "full")
+    except InputError as error:
+        return None, [Problem(("compliance",), str(error))]
     if robot.spec.workspace is not None:
         reached, lost, count = _reached(robot)
         if not reached:

@@ -57,23 +57,23 @@ def where(robot: Robot, poses: Path | None, volume: str | None, path: Path | Non
 
         return volume_poses(robot, parse_ranges(volume.split(","), "--volume", unit_of))
     if path is not None:
-        return path_poses(robot, read_poses(robot, path))
-    return None if poses is None else read_poses(robot, poses)
+        return path_poses(robot, read_poses(robot, path, reached=True))
+    return None if poses is None else read_poses(robot, poses, reached=True)
 
 
 def parse_ranges(
     texts: Sequence[str], option: str, unit_of: Callable[[str], str]
 ) -> dict[str, tuple[float, float]]:
     """Parse ranges of coordinates, NAME=LOW..HIGH; `unit_of` gives the unit of each."""
-    result = {}
+    result: dict[str, tuple[float, float]] = {}
     for text in texts:
         name, _, box = text.partition("=")
         unit = unit_of(name.strip())
         low, high = (_signed(end, unit) for end in box.partition("..")[::2])
-        if not np.isfinite([low, high]).all():
+        if not low <= high < np.inf or low == -np.inf:
             example = "-200mm..0.1m" if unit == "m" else "-30deg..30deg"
             raise InputError(f"{option} {text}: must be COORDINATE=LOW..HIGH, as {example}")
-        result[name.strip()] = (low, high)
+        options.add(result, name.strip(), (low, high), f"{option} {name.strip()}")
     return result
 
 

@@ -10,6 +10,7 @@ from truepose.arguments import finite, positive
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import unit_of
+from truepose.show.units import printed
 
 #: Levels by their σ, m or rad, and the price of each.
 Curve = Mapping[float, float]
@@ -76,7 +77,9 @@ def _levels(robot: Robot, group: str, names: list[str], curve: Curve) -> list[Le
     left = {name: robot.parameters[name].sigma for name in names}
     least, most = min(curve), max(left.values())
     if least >= most:
-        raise InputError(f"price_steps: {group}: {least:g}: must be less than its σ, {most:.4g}")
+        unit = unit_of(robot, names[0])
+        finest, own = (printed(sigma, unit, ".4g") for sigma in (least, most))
+        raise InputError(f"price_steps: {group}: {finest}: must be less than its σ, {own}")
     found: list[Level] = []
     paid = 0.0
     for sigma, price in sorted(curve.items(), reverse=True):

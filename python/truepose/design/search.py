@@ -101,7 +101,7 @@ class Search:
                 for rate in (False, True)
             ]
             other = min(again, key=cost, default=best)
-            if cost(other) >= cost(best) * (1 - SAME):
+            if not cost(other) < cost(best) * (1 - SAME):  # also where a cost is NaN
                 return best
             best = other
 

@@ -120,6 +120,8 @@ def select_sensors(
     named, once = _priced(robot, prices, bool(ladders))
     names = list(named)
     if unknown := [name for name in must if name not in named]:
+        if unknown[0] in [sensor.name for sensor in robot.spec.sensor]:
+            raise InputError(f"must: sensor {unknown[0]} has no price (--price, prices)")
         raise InputError(f"must: {choose('sensor', unknown[0], names)}")
     if budget is not None and target is not None:
         raise InputError("budget and target: give one of them")

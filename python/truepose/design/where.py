@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,34 +56,39 @@ def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Arr
         low[names.index(name)], high[names.index(name)] = ends
     inside = np.random.default_rng(0).uniform(size=(CHECKED, robot.n))
     unit = np.vstack([inside, list(itertools.product((0.0, 1.0), repeat=robot.n))])
-    bare, middle = robot.with_sensors(), (low + high) / 2
+    bare, units = robot.with_sensors(), dict(robot.coordinates)
+    shrunk = np.isin(names, list(ranges))
 
-    def missed(size: float) -> Array:
-        """Return which poses cannot be reached of a box of this share of the size."""
-        x = middle + size * (unit - 0.5) * (high - low)
-        return ~reachable(bare, x, robot.highest_level)
+    def box_of(percent: int) -> tuple[Array, Array]:
+        """Return the box with this percentage of the given ranges, about their middles."""
+        gone = (1 - percent / 100) / 2 * shrunk * (high - low)
+        return low + gone, high - gone
 
-    if missed(1.0).any():
-        size, out = 0.0, 1.0
-        for _ in range(10):  # bisection
-            half = (size + out) / 2
-            size, out = (size, half) if missed(half).any() else (half, out)
-        units = dict(robot.coordinates)
+    def missed(percent: int) -> Array:
+        least, most = box_of(percent)
+        return ~reachable(bare, least + unit * (most - least), robot.highest_level)
 
-        def spans(low: Array, high: Array) -> str:
-            ends = {name: (low[names.index(name)], high[names.index(name)]) for name in ranges}
-            parts = [
-                f"{name} {printed(a, units[name], '.4g')} to {printed(b, units[name], '.4g')}"
-                for name, (a, b) in ends.items()
-            ]
-            return ", ".join(parts)
+    def spans(least: Array, most: Array, of: Collection[str]) -> str:
+        ends = zip(names, least.tolist(), most.tolist(), strict=True)
+        return ", ".join(
+            f"{name} {printed(a, units[name], '.4g')} to {printed(b, units[name], '.4g')}"
+            for name, a, b in ends
+            if name in of
+        )
 
-        near = f"{robot.name} reaches {100 * size:.0f} % of that size about the same centre"
-        if missed(0.0).any():
-            workspace_ = spans(np.array(box.minimum), np.array(box.maximum))
-            near = f"not even its centre is in reach; the workspace has {workspace_}"
-        share = missed(1.0).mean()
-        raise InputError(f"volume {spans(low, high)}: {share:.0%} is out of reach; {near}")
+    if (out := missed(100)).any():
+        said = f"volume {spans(low, high, ranges)}: {out.mean():.0%} is out of reach; "
+        size, beyond = 0, 100
+        while beyond - size > 1:  # bisection
+            half = (size + beyond) // 2
+            size, beyond = (size, half) if missed(half).any() else (half, beyond)
+        if size or not missed(0).any():
+            near = spans(*box_of(size), ranges)
+            said += f"{robot.name} reaches {size} % of that size about the same centre: {near}"
+        else:
+            whole = spans(np.array(box.minimum), np.array(box.maximum), names)
+            said += f"not even its centre is in reach; the workspace has {whole}"
+        raise InputError(said)
     return low + inside[:POSES] * (high - low)
 
 

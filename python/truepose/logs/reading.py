@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from truepose.arguments import Array, check_real, column_of, columns_of
-from truepose.exceptions import InputError, choose, controls, one_line
+from truepose.exceptions import InputError, PoseError, choose, controls, one_line
 from truepose.logs import base_lean, formulas, limits, raw
 from truepose.plugins import plugins
 from truepose.robot import lean
@@ -141,17 +141,33 @@ def texts(path: str | Path, names: Sequence[str]) -> Cells:
     return cells
 
 
-def read_poses(robot: Robot, path: Path) -> Array:
-    """Read poses, m and rad, from a CSV file with a column for each coordinate, and others."""
-    return read_samples(robot, path)[1]
+def read_poses(robot: Robot, path: Path, reached: bool = False) -> Array:
+    """Read poses, m and rad, from a CSV file with a column for each coordinate, and others.
+
+    With `reached`, the robot must reach each of them.
+    """
+    cells, x = _poses(robot, path)
+    model = robot.expected()
+    for k in np.flatnonzero(np.isnan(model.ikm(x, "nan")).any(axis=1)) if reached else ():
+        try:
+            model.ikm(x[k])
+        except PoseError as error:
+            names = ", ".join(name for name, _ in robot.coordinates)
+            where = f"{cells.where}: {cells.word} {cells.lines[k]} ({names})"
+            raise PoseError(f"{where}: {error}") from None
+    return x
 
 
 def read_samples(robot: Robot, path: Path) -> tuple[Array | None, Array]:
     """Read times, s, where the file has a column `time`, and poses as :func:`read_poses`."""
+    cells, x = _poses(robot, path)
+    return cells.numbers("time", empty=False) if "time" in cells.columns else None, x
+
+
+def _poses(robot: Robot, path: Path) -> tuple[Cells, Array]:
     names = [name for name, _ in robot.coordinates]
     cells = texts(path, names)
-    time = cells.numbers("time", empty=False) if "time" in cells.columns else None
-    return time, np.column_stack([cells.numbers(name, empty=False) for name in names])
+    return cells, np.column_stack([cells.numbers(name, empty=False) for name in names])
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:

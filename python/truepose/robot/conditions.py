@@ -9,10 +9,11 @@ its part; payload and temperature gradients appear after it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
@@ -31,6 +32,8 @@ AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 When = Literal["work", "reference", "calibration"]
 #: Lever of a unit payload in the derivatives by its centre, m.
 _LEVER = 0.01
+#: Largest strain of a chain's rods, and turn of an arm, rad, of the model of small deflections.
+STRAIN, TURN = 0.01, 0.1
 #: Part whose growth moves a point of a chain or a sensor, or a bar's hinge.
 _CARRIERS = {"base": "base", "origin": "base"}
 _CARRIERS |= dict.fromkeys(("anchor", "pivot", "target"), "platform")
@@ -113,7 +116,7 @@ def columns(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Arr
     Raises
     ------
     InputError
-        A motor cannot hold the largest payload there.
+        A motor cannot hold the largest payload there, or its deflections are not small.
     """
     names = [one.name for one in known(robot)]
     result = np.zeros((len(x), robot.n + robot.r, len(names)))
@@ -122,7 +125,9 @@ def columns(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Arr
     growth, H_xi = _growth(robot), robot.linearize(x, "nan", "full" if full else "ideal")[1]
     loaded: dict[str, Array] = {}
     if when == "work" and (section := robot.spec.conditions) and section.payload[1] > 0:
+        regular = x[np.isfinite(H_xi).all(axis=(1, 2))]
         require_torques(robot, x)
+        require_small(robot, regular, full)
         loaded = _by_payload(robot, x, full, section)
     for k, name in enumerate(names):
         if name == "temperature":
@@ -186,8 +191,7 @@ def require_torques(robot: Kinematics, x: Array) -> None:
     if section is None:
         return
     low, high = section.payload
-    one = _core.Body()
-    one.mass, one.pivot = 1.0, np.array(section.payload_centre)
+    one = _body(1.0, section.payload_centre)
     rest = np.zeros_like(x)
     held, *_ = _core.inverse_dynamics(robot.core, x, rest, rest)
     more = _core.inverse_dynamics(_with(robot, one), x, rest, rest)[0] - held
@@ -198,12 +202,59 @@ def require_torques(robot: Kinematics, x: Array) -> None:
         k, motor = np.unravel_index(room.argmin(), room.shape)
         needed = held[k, motor] + (high - (low + high) / 2) * more[k, motor]
         unit = "N·m" if robot.spec.chain[motor].actuator == "revolute" else "N"
-        pose = ", ".join(f"{v:.4g}" for v in x[k])
         raise InputError(
-            f"{robot.name}: payload {high:g} kg: motor q{motor + 1} needs {number(abs(needed))} "
-            f"{unit} at rest at ({pose}), torque_limit is {limits[motor]:g} {unit}: it holds "
-            + (f"{number(float(most))} kg" if most > 0 else "no payload")
+            f"{robot.name}: payload {high:g} kg: motor q{motor + 1} needs "
+            f"{_three_digits(abs(needed), math.ceil)} {unit} at rest at {_pose(x[k])}, "
+            f"torque_limit is {limits[motor]:g} {unit}: it holds "
+            + (f"{_three_digits(most, math.floor)} kg" if most > 0 else "no payload")
         )
+
+
+def require_small(robot: Kinematics, x: Array, full: bool) -> None:
+    """Raise InputError unless deflections under the largest payload at reachable poses are small.
+
+    Linearized models hold for small deflections only; large ones move a pose out of reach.
+    """
+    if not robot.is_compliant or not len(x):
+        return
+    section = robot.spec.conditions or Conditions()
+    low, high = section.payload
+    core = _with(robot, _body((high - low) / 2, section.payload_centre))
+    at, n = under_load(robot, x, False, core), robot.n
+    strain = np.abs(at.tension * robot.compliance)
+    turn = np.abs(at.by_compliance[:, range(n), range(n, 2 * n)] * robot.arm_compliance)
+    share = np.hstack([strain / STRAIN, turn / TURN])
+    reached = np.isfinite(np.hstack([share, under_load(robot, x, full, core).readings])).all(axis=1)
+    largest = np.nan_to_num(share, nan=0.0)
+    k, part = np.unravel_index(largest.argmax(), share.shape)
+    if largest.max() <= 1:
+        if reached.all():
+            return
+        k, said = reached.argmin(), "deflections move the robot out of reach"
+    elif part < n:
+        said = f"the rods of chain {part + 1} stretch by {number(100 * strain[k, part])} %, "
+        said += f"must be at most {100 * STRAIN:g} %: is compliance (1/N) a stiffness?"
+    else:
+        said = f"arm {part - n + 1} turns by {number(turn[k, part - n])} rad, "
+        said += f"must be at most {TURN:g} rad: is arm compliance (rad/(N·m)) a stiffness?"
+    under = f"payload {high:g} kg" if high > 0 else "its weight and load"
+    raise InputError(f"{robot.name}: {under} at {_pose(x[k])}: {said}")
+
+
+def _pose(x: Array) -> str:
+    return f"({', '.join(f'{v:.4g}' for v in x)})"
+
+
+def _three_digits(value: float, towards: Callable[[float], int]) -> str:
+    """Format a positive number, rounded by `towards` as the message needs it."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return number(towards(value / step) * step)
+
+
+def _body(mass: float, centre: ArrayLike) -> _core.Body:
+    body = _core.Body()
+    body.mass, body.pivot = mass, np.array(centre)
+    return body
 
 
 def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) -> dict[str, Array]:
@@ -211,8 +262,7 @@ def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) ->
     usual = under_load(robot, x, full).readings
 
     def by_one(off: Array) -> Array:
-        one = _core.Body()
-        one.mass, one.pivot = 1.0, np.array(section.payload_centre) + off
+        one = _body(1.0, np.array(section.payload_centre) + off)
         return under_load(robot, x, full, _with(robot, one)).readings - usual
 
     result = {"payload": by_one(np.zeros(3))}
