@@ -9,11 +9,12 @@ import pytest
 from scipy.optimize import minimize
 
 import truepose as tp
+from truepose.commands.design import notes, verified
 from truepose.design.criterion import Criterion
 from truepose.design.relaxation import Relaxation
 from truepose.design.search import Search
 from truepose.design.sensors import in_other_states, searched
-from truepose.design.verification import verify
+from truepose.design.verification import Verification, verify, wilson
 from truepose.design.where import path_poses, volume_poses
 from truepose.design.worth import Worth
 from truepose.robot.units import summed
@@ -21,6 +22,7 @@ from truepose.robotfile import path_of
 from truepose.robotfile.schema import Prices, Tolerance
 
 NO_PRICE = ("--price", "none", "--price-steps")
+HOME = (0.0, 0.0, -0.4, 0.0)
 PRICES = {"theta": 90.0, "z_telemeter": 400.0, "wire1": 250.0, "wire2": 250.0, "pivot1": 40.0}
 
 
@@ -462,6 +464,15 @@ def test_the_stated_share_of_simulated_robots_keeps_the_error(h4, known, measure
     assert seen.error == pytest.approx(found.best.error, rel=0.12)
 
 
+@pytest.mark.parametrize("asked", [{"budget": 300}, {"target": 7e-3}], ids=str)
+def test_a_prediction_that_too_few_robots_keep_is_not_verified(h4, asked):
+    found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, **asked)
+    for within, word in ((380, "Verified"), (374, "Verified"), (340, "Not verified")):
+        seen = Verification(400, found.best.error, within / 400, wilson(within, 400), 8e-3)
+        assert verified(found, seen).startswith(word)
+        assert ("--target" in verified(found, seen)) == ("target" in asked and within == 340)
+
+
 def test_pose_accuracy_averages_noise_but_not_counts(h4):
     """At one pose a reading without noise is the same in all cycles."""
     coarse = tuple(c.model_copy(update={"encoder_counts": 1440}) for c in h4.spec.chain)
@@ -512,6 +523,10 @@ def test_what_is_done_once_has_its_price(h4):
     file = h4.spec.model_copy(update={"prices": Prices(reference_pose=35.0)})
     own = tp.select_sensors(tp.Robot(file), PRICES, budget=400)
     assert own.steps["referenced at home"].once == 35
+    paid = tp.select_sensors(h4, priced, budget=215, reference_pose=h4.home)
+    assert paid.best.sensors == () and paid.best.total == 210
+    assert "motors alone: 0 + 210 of one-time steps = 210" in notes(paid)[-1]
+    assert tp.select_sensors(h4, PRICES, budget=30).best.sensors == ()
 
 
 @pytest.mark.parametrize("name", ["h4", "stewart"])
@@ -642,7 +657,7 @@ def test_prices_stand_in_the_file_too(h4):
     [
         ({"prices": {"tehta": 1}}, "prices: unknown sensor 'tehta'"),
         ({"prices": {"theta": -1}}, "prices: theta = -1: must be a finite number of at least 0"),
-        ({"budget": 50, "must": ["theta"]}, "budget 50: theta cost 90"),
+        ({"budget": 50, "must": ["theta"]}, "budget 50: too small: theta cost 90"),
         ({"budget": 0}, "budget = 0: must be a finite number greater than 0"),
         ({"budget": 50, "target": 1e-3}, "budget and target: give one of them"),
         ({"target_angle": 1e-3}, "target_angle: needs a target of the position too"),
@@ -653,7 +668,10 @@ def test_prices_stand_in_the_file_too(h4):
             "sensors together, after the worst failure of one, reach",
         ),
         ({"must": ["elbow1"]}, "must: unknown sensor 'elbow1'"),
-        ({"budget": 30}, "budget 30: too small: the cheapest, pivot1, costs 40"),
+        (
+            {"prices": PRICES | {"reference_pose": 210}, "budget": 30, "reference_pose": HOME},
+            "budget 30: too small: one-time steps cost 210",
+        ),
         ({"prices": {}}, "h4: neither sensors nor levels to choose"),
         (
             {"price_steps": {"chain*.rdo": {1e-4: 1}}},
@@ -712,7 +730,10 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
             ("--price", "theta=90", "--target", "1um"),
             "theta reaches 12.03 mm; truepose",
         ),
-        (("--price", "theta=90", "--budget", "10", "--must", "theta"), "budget 10: theta cost 90"),
+        (
+            ("--price", "theta=90", "--budget", "10", "--must", "theta"),
+            "10: too small: theta cost 90",
+        ),
         (("--price", "theta=90", "--calibrated", "0"), "--calibrated 0: must be 1 to 10000"),
         (("--calibrated", "99999999", "--price", "theta=90"), "must be 1 to 10000, or a CSV file"),
         (("--price", "theta=90", "--confidence", "0.9"), "--confidence 0.9: must be 50%"),

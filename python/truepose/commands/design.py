@@ -281,7 +281,7 @@ def verified(found: SensorSelection, by: Verification) -> str:
     total = summed(found.robot)
     low, high = by.interval
     limit, error = (measured(value, total.unit) for value in (by.limit, by.error))
-    less = found.target is not None and high < (found.criterion.confidence or 0.0)
+    less = high < (found.criterion.confidence or 0.0)
     share = by.limit / by.error
     tighter = f"--target {number(total.factor * by.limit * share)}{PRINT[total.unit][1]}"
     said = found.criterion.said(total.name)
@@ -293,7 +293,7 @@ def verified(found: SensorSelection, by: Verification) -> str:
     return (
         f"{'Not verified' if less else 'Verified'}: {by.share:.1%} of {by.robots} simulated robots "
         f"({low:.1%} to {high:.1%}) keep {limit}; {said}: {error}."
-        f"{f' {tighter} allows for that.' if less else ''}"
+        f"{f' {tighter} allows for that.' if less and found.target is not None else ''}"
     )
 
 
@@ -314,10 +314,13 @@ def notes(found: SensorSelection) -> list[str]:
     if (best := found.best) is not None:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
         own = described(robot, best, "; machined: ")
+        price = f"{best.price:g}"
+        if best.once:
+            price += f" + {best.once:g} of one-time steps = {best.total:g}"
         error = measured(best.error, summed(robot).unit)
         if best.angle is not None:
             error += f", {measured(best.angle, 'rad')}; the {found.limiting} limits"
-        lines.append(f"Best: {own}: {best.price:g}, {error}; {sure}.")
+        lines.append(f"Best: {own}: {price}, {error}; {sure}.")
     return lines
 
 

@@ -99,8 +99,8 @@ def select_sensors(
     Raises
     ------
     InputError
-        A candidate has no price; the budget is below every price or that of `must`; all candidates
-        together do not reach the target.
+        A candidate has no price; the budget is below the price of `must` and one-time steps; all
+        candidates together do not reach the target.
 
     Examples
     --------
@@ -302,16 +302,12 @@ def searched(
 
 
 def _fits(state: _State, budget: float) -> None:
-    """Raise InputError where a budget is too small for steps, `must` or any candidate."""
-    search, asked = state.search, state.asked
-    once, needed, least = state.once or 0.0, search.spent(search.must), min(search.prices)
-    done = f", and one-time steps {once:g}" if once else ""
-    if asked.must and needed + once > budget:
-        raise InputError(f"budget {budget:g}: {', '.join(asked.must)} cost {needed:g}{done}")
-    if not asked.must and least + once > budget:
-        what = dict(enumerate(asked.prices)).get(search.prices.index(least), "machining")
-        what = f"the cheapest, {what}, costs {least:g}"
-        raise InputError(f"budget {budget:g}: too small: {what}{done}")
+    """Raise InputError where a budget is too small for one-time steps and `must`."""
+    once, needed = state.once or 0.0, state.search.spent(state.search.must)
+    if needed + once > budget:
+        costs = [f"{', '.join(state.asked.must)} cost {needed:g}"] * bool(needed)
+        costs += [f"one-time steps cost {once:g}"] * bool(once)
+        raise InputError(f"budget {budget:g}: too small: {', '.join(costs)}")
 
 
 def _unreached(state: _State, visited: Array, touched: Array) -> str:
