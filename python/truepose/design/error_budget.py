@@ -27,7 +27,7 @@ from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
 from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Table, number
 from truepose.show.units import PRINT
 
 #: The source of parameters that a calibration identified: their errors are correlated.
@@ -64,12 +64,12 @@ class ErrorBudget(Shown):
             factor, unit = PRINT[one.unit]
             stated = None if one.sigma is None else factor * one.sigma
             sizes = total.factor * one.error, 100 * one.share, total.factor * one.halved
-            name = Cell(f"{one.source} ({unit})" if unit else one.source, one.source)
-            rows.append([name, number(stated), *map(number, sizes)])
+            rows.append([one.source, unit, number(stated), *map(number, sizes)])
         unit = PRINT[total.unit][1]
         title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
         header = [
             "source",
+            "unit",
             "its σ",
             f"contribution ({unit})",
             "share (%)",
