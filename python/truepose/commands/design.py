@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from typer import Option
+from typer import Context, Option
 
 from truepose.arguments import Array
 from truepose.commands import options, where
@@ -60,6 +60,7 @@ MOST = 10_000  #: poses of a self-calibration
 
 
 def command(
+    context: Context,
     robot: options.RobotName,
     price: str | None = Option(
         None,
@@ -115,10 +116,13 @@ def command(
     **truepose design h4 --place wire1 -o placed.toml**
     """
     visits = None if calibrated is None or calibrated.isdigit() else calibrated
-    for_choosing = {
+    for_choosing: dict[str, Any] = {
         "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
         "--survives": survives or None, "--plot": plot, "--report": report,
     }  # fmt: skip
+    for name in ("confidence", "measure", "robots"):  # they have defaults
+        source = context.get_parameter_source(name)
+        for_choosing[f"--{name}"] = (source and source.name == "COMMANDLINE") or None
     unused = for_choosing if place is not None else {"--within": within, "-o": out}
     for option, value in unused.items():
         if value is not None:
@@ -333,6 +337,11 @@ def _placement_notes(found: Placement) -> list[str]:
         f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after}, "
         f"{before} at the places in the file; {len(found.over)} poses."
     ]
-    if found.sigma > 0.95 * found.before:
+    if found.sigma > found.before:
+        more = found.sigma / found.before - 1
+        lines.append(
+            f"Within the ranges every place found is worse than the file's, by {more:.1%} or more."
+        )
+    elif found.sigma > 0.95 * found.before:
         lines.append("The mounting places have little effect.")
     return lines
