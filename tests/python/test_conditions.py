@@ -48,6 +48,13 @@ def exact(robot):
     return tp.Robot(robot.spec.model_copy(update=update))
 
 
+def noisy(robot, sigma=1e-4):
+    """The same with noise of the motors' encoders, and twice as much of the sensors."""
+    chain = tuple(c.model_copy(update={"encoder_noise": sigma}) for c in robot.spec.chain)
+    sensor = tuple(s.model_copy(update={"noise": 2 * sigma}) for s in robot.spec.sensor)
+    return tp.Robot(robot.spec.model_copy(update={"chain": chain, "sensor": sensor}))
+
+
 def position(robot, x, **known):
     P = tp.accuracy(robot, x, **known)
     return float(np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, summed(robot).columns].sum(1).mean()))
@@ -142,7 +149,7 @@ def test_the_budget_has_a_row_for_each_condition_and_adds_up(name, known_by, any
 def test_a_share_of_robots_with_finer_tolerances_keeps_the_errors_of_their_budgets(
     known_by, measure, anywhere, rng
 ):
-    robot = at_work("h4", backlash=1e-4)
+    robot = noisy(at_work("h4", backlash=1e-4))
     x = anywhere(robot, 16, rng)
     at = {"calibrated_on": x[6:], "reference_pose": robot.home}
     asked = {"poses": x[:6], "measure": measure} | {key: at[key] for key in known_by}

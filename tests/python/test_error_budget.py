@@ -1,5 +1,7 @@
 """Contributions of tolerances and readings to the error of a pose."""
 
+import csv
+import io
 import itertools
 
 import numpy as np
@@ -84,6 +86,9 @@ def test_the_command_prints_the_budget(run, tmp_path):
     status, out, err = run(*words, "--plot", tmp_path / "budget.svg", "--format", "csv")
     assert status == 0 and "chain*.rod" in out and "h4 with theta, self-calibrated" in err
     assert (tmp_path / "budget.svg").exists()
+    row = next(csv.DictReader(io.StringIO(out)))
+    assert (row["source"], row["unit"]) == ("chain*.rod", "mm")
+    assert float(row["its σ"]) == pytest.approx(1e3 * tp.load("h4").parameters["chain1.rod"].sigma)
     status, _, err = run("error-budget", "h4", "--poses", "none.csv")
     assert status == 2 and err.count("\n") == 1
 
@@ -126,9 +131,24 @@ def test_the_command_finds_and_verifies_the_cheapest_tolerances(run):
     status, out, err = run("error-budget", "h4", "--target", "8mm", *steps, "--robots", "40")
     assert status == 0, err
     assert "Best: theta; machined: rod 2 mm: 40" in out and "40 simulated robots" in out
-    row = next(line for line in out.splitlines() if line.startswith("chain*.rod (mm)  "))
-    assert row.split()[-3:] == ["3.75", "2.00", "40.0"]
+    row = next(line for line in out.splitlines() if line.startswith("chain*.rod  "))
+    assert row.split()[1:] == ["mm", "3.75", "2.00", "40.0"]
     status, _, err = run("error-budget", "h4", "--target", "0.1mm", *steps)
     assert (status, err.count("\n")) == (2, 1) and "machined to the smallest σ, reach" in err
     status, _, err = run("error-budget", "h4", *steps)
     assert status == 2 and "--price-steps: needs --target" in err
+
+
+@pytest.mark.parametrize(
+    ("robot", "target", "said"),
+    [
+        ("delta", "5mm", "Target 5 mm: met already, without finer tolerances: 1.363 mm"),
+        ("h4", "50mm", "Target 50 mm: met already, without finer tolerances: 12.03 mm"),
+        ("delta", "1um", "target 0.001 mm: motors alone reach 1.363 mm"),
+        ("h4", "1um", "without --target shows what limits it; no tolerance has a price (--price-"),
+    ],
+)
+def test_a_target_is_met_already_or_needs_prices(run, robot, target, said):
+    status, out, err = run("error-budget", robot, "--target", target, "--robots", "20")
+    assert said in " ".join((out + err).split())
+    assert (status, "Cheapest" in out) == (0 if "met" in said else 2, False)

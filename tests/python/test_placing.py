@@ -80,6 +80,14 @@ def test_the_file_that_is_written_loads_to_the_same_robot(run, h4, tmp_path):
     assert text.count("# assumed") == h4.spec._text.count("# assumed") - 1
 
 
+def test_a_place_worse_than_the_files_is_said_to_be(run):
+    words = ("--place", "wire1", "--within", "wire1.*.[xy]=0..0", "--within", "wire1.target.z=0..0")
+    status, out, err = run("design", "h4", *words, "--within", "wire1.origin.z=5m..5.1m")
+    assert status == 0 and re.search(
+        r"worse than the file's, by \d+\.\d% or more", " ".join((out + err).split())
+    )
+
+
 def test_sensors_of_the_robot_that_a_file_is_based_on_move_too(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text('based_on = "h4"\nname = "mine"\n')
@@ -118,7 +126,10 @@ def test_a_sensor_that_was_measured_stays(h4):
     [
         (("--place", "wire1", "--budget", "9"), "--budget: is for sensor selection"),
         (("--place", "wire1", "--survives"), "--survives: is for sensor selection"),
-        (("--price", "theta=9", "-o", "x.toml"), "-o: needs --place"),
+        (("--place", "wire1", "--measure", "worst"), "--measure: is for sensor selection"),
+        (("--place", "wire1", "--confidence", "95%"), "--confidence: is for sensor selection"),
+        (("--place", "wire1", "--robots", "3"), "--robots: is for sensor selection"),
+        (("--price", "theta=9", "-o", "x.toml"), "--out: needs --place"),
         (("--price", "theta=9", "--within", "wire1.origin.x=0..1"), "--within: needs --place"),
         (("--place", "wire1", "--within", "wire1.origin.x"), "must be COORDINATE=LOW..HIGH"),
         (("--place", "wire1", "--within", "wire1.origin.x=1deg..2deg"), "must be COORDINATE="),

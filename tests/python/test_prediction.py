@@ -113,6 +113,21 @@ def test_the_overview_names_the_best_law_sensors_and_poses(run, h4):
     assert "the bound uses the mean: chain1.arm" in run("accuracy", "h4")[1]
 
 
+def test_the_overview_is_that_of_a_referenced_robot(run, h4):
+    found = prediction.predict(h4, [["theta"], ["theta", "wire*"]], reference_pose=h4.home)
+    table = prediction.overview(found)
+    half = np.random.default_rng(0).permutation(found.poses)[:40]
+    for record, names in zip(table.records(), (["theta", "wire*"], ["theta"]), strict=True):
+        robot = h4.with_sensors(*names)
+        for visited, column in ((None, "referenced (mm)"), (half, "40 poses (mm)")):
+            known = tp.accuracy(robot, found.poses, visited, h4.home).rms
+            assert record[column] == pytest.approx(1e3 * known)
+    words = ("--sensors", "theta", "--reference-pose", "0,0,-0.4,0")
+    out = " ".join(run("accuracy", "h4", *words)[1].split())
+    assert re.search(r"Referenced, theta: 0\.\d+ mm", out)
+    assert re.search(r"on 160 poses and referenced, theta: 0\.\d+ mm", out)
+
+
 def test_the_command_draws_a_map(run, tmp_path):
     words = ("--sensors", "theta,z_telemeter", "--plot", "map.png", "--calibrated")
     assert run("accuracy", "h4", *words)[0] == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from typer import Option
+from typer import Context, Option
 
 from truepose.arguments import Array
 from truepose.commands import options, where
@@ -59,7 +59,13 @@ Robots = Annotated[
 MOST = 10_000  #: poses of a self-calibration
 
 
+#: Options of the selection alone.
+_CHOOSING = ("--price", "--price-steps", "--budget", "--target", "--survives", "--plot", "--report")
+_CHOOSING += ("--confidence", "--measure", "--robots")
+
+
 def command(
+    context: Context,
     robot: options.RobotName,
     price: list[str] | None = Option(
         None,
@@ -114,15 +120,9 @@ def command(
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**
     """
-    for_choosing = {
-        "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
-        "--survives": survives or None, "--plot": plot, "--report": report,
-    }  # fmt: skip
-    unused = for_choosing if place is not None else {"--within": within, "-o": out}
-    for option, value in unused.items():
-        if value is not None:
-            other = "is for sensor selection, not for --place" if place else "needs --place"
-            raise InputError(f"{option}: {other}")
+    wrong = ("--within", "--out") if place is None else _CHOOSING
+    other = "needs --place" if place is None else "is for sensor selection, not for --place"
+    options.refuse(options.given(context), wrong, other)
     inputs = (robot, poses, path, calibrated)
     write = options.writer(inputs, force, robot=out, plot=plot, report=report)
     loaded = under(load(robot), conditions)
@@ -282,7 +282,7 @@ def verified(found: SensorSelection, by: Verification) -> str:
     total = summed(found.robot)
     low, high = by.interval
     limit, error = (measured(value, total.unit) for value in (by.limit, by.error))
-    less = found.target is not None and high < (found.criterion.confidence or 0.0)
+    less = high < (found.criterion.confidence or 0.0)
     share = by.limit / by.error
     tighter = f"--target {number(total.factor * by.limit * share)}{PRINT[total.unit][1]}"
     said = found.criterion.said(total.name)
@@ -294,7 +294,7 @@ def verified(found: SensorSelection, by: Verification) -> str:
     return (
         f"{'Not verified' if less else 'Verified'}: {by.share:.1%} of {by.robots} simulated robots "
         f"({low:.1%} to {high:.1%}) keep {limit}; {said}: {error}."
-        f"{f' {tighter} allows for that.' if less else ''}"
+        f"{f' {tighter} allows for that.' if less and found.target is not None else ''}"
     )
 
 
@@ -315,10 +315,13 @@ def notes(found: SensorSelection) -> list[str]:
     if (best := found.best) is not None:
         sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
         own = described(robot, best, "; machined: ")
+        price = f"{best.price:g}"
+        if best.once:
+            price += f" + {best.once:g} of one-time steps = {best.total:g}"
         error = measured(best.error, summed(robot).unit)
         if best.angle is not None:
             error += f", {measured(best.angle, 'rad')}; the {found.limiting} limits"
-        lines.append(f"Best: {own}: {best.price:g}, {error}; {sure}.")
+        lines.append(f"Best: {own}: {price}, {error}; {sure}.")
     return lines
 
 
@@ -331,6 +334,11 @@ def _placement_notes(found: Placement) -> list[str]:
         f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after}, "
         f"{before} at the places in the file; {len(found.over)} poses."
     ]
-    if found.sigma > 0.95 * found.before:
+    if found.sigma > found.before:
+        more = found.sigma / found.before - 1
+        lines.append(
+            f"Within the ranges every place found is worse than the file's, by {more:.1%} or more."
+        )
+    elif found.sigma > 0.95 * found.before:
         lines.append("The mounting places have little effect.")
     return lines

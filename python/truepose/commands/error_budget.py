@@ -23,12 +23,12 @@ from truepose.commands.design import (
 )
 from truepose.design.criterion import Measure
 from truepose.design.error_budget import error_budget
-from truepose.design.selection import SensorSelection
+from truepose.design.selection import SensorSelection, printed_errors
 from truepose.design.sensors import select_sensors
 from truepose.design.verification import ROBOTS
 from truepose.exceptions import InputError
 from truepose.robot.units import label, summed, unit_of
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Table, number
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, measured
 
@@ -91,8 +91,8 @@ def command(
             **state,
             **asked,
         )
-        finer = [tolerances_table(best)]
-        said = [*notes(best)[-1:], *verification(best, state, robots, seed)]
+        finer = [tolerances_table(best)] * bool(best.levels)
+        said = [*_answer(best), *verification(best, state, robots, seed)]
     elif price_steps is not None:
         raise InputError("--price-steps: needs --target")
     write(plot=found.plot)
@@ -103,6 +103,15 @@ def command(
         f"{found.criterion.said(total.name)}: {error}; σ {sigma}; {len(found.over)} poses."
     )
     show([*finer, found.table()], how, [answer, *said], written=(plot,))
+
+
+def _answer(found: SensorSelection) -> list[str]:
+    """Return a note: the best tolerances, or that those of the file reach the target."""
+    if found.best is None or found.best.machined or found.target is None:
+        return notes(found)[-1:]
+    wanted = printed_errors(found.robot, found.target, found.target_angle)
+    reached = printed_errors(found.robot, found.best.error, found.best.angle)
+    return [f"Target {wanted}: met already, without finer tolerances: {reached}."]
 
 
 def tolerances_table(found: SensorSelection) -> Table:
@@ -116,6 +125,6 @@ def tolerances_table(found: SensorSelection) -> Table:
         after = chosen.get(group)
         price = sum(level.price for level in own if after is not None and level.sigma >= after)
         sizes = factor * before, None if after is None else factor * after
-        rows.append([Cell(f"{group} ({unit})", group), *map(number, sizes), number(price)])
-    header = ["tolerance", "its σ", "finer σ", "price"]
+        rows.append([group, unit, *map(number, sizes), number(price)])
+    header = ["tolerance", "unit", "its σ", "finer σ", "price"]
     return Table("tolerances", "Cheapest finer tolerances for the target", header, rows)

@@ -34,6 +34,9 @@ class Criterion:
         ISO 9283 pose accuracy: of the mean of 30 cycles, at the worst pose
     RP
         ISO 9283 pose repeatability l̄ + 3 S of 30 cycles, at the worst pose; the same for all robots
+
+    Both assume the worse of quantization and backlash: constant at a pose for AP, as where the
+    robot stops at the same place; scatter for RP, as where it stops anywhere within a count.
     """
 
     measure: Measure = "rms"
@@ -61,16 +64,19 @@ class Criterion:
             return f"σ of the {name}" if self.measure == "rms" else f"σ of the {what}"
         return f"{what} kept by {100 * self.confidence:.4g} % of robots"
 
-    def squared(self, L: Array, N: Array, U: Array | None = None) -> float:
+    def squared(
+        self, L: Array, N: Array, U: Array | None = None, noise: Array | float = 0.0
+    ) -> float:
         """Return its square: of errors L u + ε, u of unit variance, (T, c, p), ε of cov (T, c, c).
 
-        u belongs to a robot, ε to each pose and cycle. `U`, (T, c, k): columns, of which L Lᵀ
-        contains U Uᵀ, whose u are uniform; all others are normal.
+        u belongs to a robot, ε to each pose; `noise`, (T, c, c), is the part of `N` that differs
+        between cycles. `U`, (T, c, k): columns, of which L Lᵀ contains U Uᵀ, whose u are uniform;
+        all others are normal.
         """
         if self.measure == "RP":
             return float(_repeatability((1 - 1 / CYCLES) * N).max() ** 2)
         if self.measure == "AP":
-            N = N / CYCLES
+            N = N - (1 - 1 / CYCLES) * noise
         if self.measure != "rms":
             return float(self.kept(L @ L.swapaxes(1, 2) + N, U).max())
         if self.confidence is None:

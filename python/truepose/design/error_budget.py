@@ -27,7 +27,7 @@ from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
 from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Table, number
 from truepose.show.units import PRINT
 
 #: The source of parameters that a calibration identified: their errors are correlated.
@@ -64,12 +64,12 @@ class ErrorBudget(Shown):
             factor, unit = PRINT[one.unit]
             stated = None if one.sigma is None else factor * one.sigma
             sizes = total.factor * one.error, 100 * one.share, total.factor * one.halved
-            name = Cell(f"{one.source} ({unit})" if unit else one.source, one.source)
-            rows.append([name, number(stated), *map(number, sizes)])
+            rows.append([one.source, unit, number(stated), *map(number, sizes)])
         unit = PRINT[total.unit][1]
         title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
         header = [
             "source",
+            "unit",
             "its σ",
             f"contribution ({unit})",
             "share (%)",
@@ -166,7 +166,7 @@ def errors_at(
     visited = given_poses(robot, calibrated_on, "calibrated_on")
     touched = given_poses(robot, reference_pose, "reference_pose", one=True)
     model = _Linear(robot, poses, visited, touched, reference_sigmas(robot, 0.0), "nan")
-    L, N, U = model.moments(np.ones(len(model.sources)))
+    L, N, U, _ = model.moments(np.ones(len(model.sources)))
     V = L @ L.swapaxes(1, 2) + N
     good, error = np.isfinite(V).all(axis=(1, 2)), np.full(len(V), np.nan)
     error[good] = np.sqrt(Criterion("worst", confidence).kept(V[good], U[good]))
@@ -218,26 +218,31 @@ class _Linear:
         self.sources += [*zip(["backlash"] * len(half), half.tolist(), units, strict=True)]
         #: (2 (n + r), n + r) share of the last errors in the variance of each reading.
         self.parts = np.vstack([np.diag(own**2 / stated**2) for own in (rest, half)])
+        #: Share of noise in the variance of each reading.
+        self.random = knowledge.noise_share(robot)
 
-    def errors(self, scale: Array) -> tuple[Array, Array, Array, Array]:
+    def errors(self, scale: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return the position's variance by each error, then :meth:`moments`."""
-        of_readings, seen, K, L, by_u = self._estimate(scale)
+        of_readings, seen, K, L, by_u, random = self._estimate(scale)
         by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
         by_readings = by_readings.sum(axis=(0, 1)) / of_readings[:, 0] ** 2
         of_sources = scale[by_u.shape[-1] :] ** 2 * (self.parts @ by_readings)
         parts = (by_u**2).sum(axis=(0, 1)), of_sources
-        return np.concatenate(parts) / len(K), *self._moments(K, L, by_u)
+        return np.concatenate(parts) / len(K), *self._moments(K, L, by_u, random)
 
-    def moments(self, scale: Array) -> tuple[Array, Array, Array]:
-        """Return L, N and U of a :class:`Criterion`; each error's σ is multiplied by `scale`."""
+    def moments(self, scale: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the arguments of a :class:`Criterion`; `scale` multiplies each error's σ."""
         _, _, *estimate = self._estimate(scale)
         return self._moments(*estimate)
 
-    def _moments(self, K: Array, L: Array, by_u: Array) -> tuple[Array, Array, Array]:
-        return L, K @ K.swapaxes(1, 2), by_u[..., self.uniform]
+    def _moments(
+        self, K: Array, L: Array, by_u: Array, random: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        transposed = K.swapaxes(1, 2)
+        return L, K @ transposed, by_u[..., self.uniform], K * random @ transposed
 
-    def _estimate(self, scale: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return σ of the readings, what these show of u, K, L and the errors by u."""
+    def _estimate(self, scale: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """Return σ of the readings, what these show of u, K, L, the errors by u, noise's share."""
         p = self.B.shape[-1]
         of_u, of_readings = scale[:p], np.sqrt(scale[p:] ** 2 @ self.parts)[:, None]
         H, B = self.H / of_readings, self.B * of_u / of_readings
@@ -250,7 +255,8 @@ class _Linear:
         weighted = weighted.swapaxes(1, 2)
         K = np.linalg.solve(weighted @ H, weighted)[:, self.columns]
         L = K @ L
-        return of_readings, seen, K, L, L @ G.T  # (T, c, p): J⁻¹ = G Gᵀ
+        random = scale[p : p + len(self.random)] ** 2 * self.random / of_readings[:, 0] ** 2
+        return of_readings, seen, K, L, L @ G.T, random  # (T, c, p): J⁻¹ = G Gᵀ
 
 
 def _parameter(robot: Robot, name: str) -> tuple[str, float | None, str]:

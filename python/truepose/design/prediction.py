@@ -22,6 +22,8 @@ from truepose.show.units import PRINT
 
 #: Compared laws of a robot as built, and numbers of self-calibration poses.
 LAWS, POSES = ("joint", "tej", "estimated"), (10, 40, 160)
+#: Column of a robot referenced at a known pose.
+REFERENCED = "referenced"
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Prediction:
     left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
     calibrated: bool
     sigma: dict[str, Array]  #: by state: (sets, n + 1), coordinates and position norm
+    reference_pose: ArrayLike | None = None  #: (n,)
 
 
 def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
@@ -80,7 +83,7 @@ def predict(
         for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
             each = [accuracy(c, poses, visited, touched, level).sigma for c in candidates]
             sigma[state_of(visited, touched)] = np.sqrt((np.array(each) ** 2).mean(axis=1))
-    return Prediction(robot, sets, poses, left_out, calibrated, sigma)
+    return Prediction(robot, sets, poses, left_out, calibrated, sigma, reference_pose)
 
 
 def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None = None) -> float:
@@ -102,26 +105,36 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
 
 
 def overview(found: Prediction, level: Level | None = None) -> Table:
-    """Compare laws as built and self-calibration on few random poses: the position's rms error."""
+    """Compare laws as built and self-calibration on few random poses: the position's rms error.
+
+    With a reference pose also the bound of a referenced robot, and these self-calibrated.
+    """
     robots = [found.robot.with_sensors(*names) for names in found.sets]
     chosen = np.random.default_rng(0).permutation(found.poses)
     total, rows = summed(found.robot), []
     sizes = [n for n in POSES if n <= len(chosen)]
+    touched = found.reference_pose
+    columns = [*LAWS, *[REFERENCED] * (touched is not None), *(f"{n} poses" for n in sizes)]
     for names, r in zip(found.sets, robots, strict=True):
         errors = [
             steady_state_error(r, found.poses, law, level) if r.r or law == "joint" else np.nan
             for law in LAWS
         ]
+        if touched is not None:
+            errors.append(accuracy(r, found.poses, None, touched, level).rms)
         errors += [
-            accuracy(r, found.poses, chosen[:n], level=level).rms if r.r else np.nan for n in sizes
+            accuracy(r, found.poses, chosen[:n], touched, level).rms if r.r else np.nan
+            for n in sizes
         ]
         cells = [number(total.factor * v if np.isfinite(v) else None) for v in errors]
         named = Cell(label(found.robot, names), ",".join(names) or "none")
         rows.append((len(names) > 0, errors[-1], [named, *cells]))
-    columns = [*LAWS, *(f"{n} poses" for n in sizes)]
     rows.sort(key=lambda row: row[:2])
     unit = PRINT[total.unit][1]
-    title = f"Error of the {total.name}, 1σ rms: as built, by law; self-calibrated on N poses"
+    states = "self-calibrated on N poses"
+    if touched is not None:
+        states = f"referenced; {states} and referenced"
+    title = f"Error of the {total.name}, 1σ rms: as built, by law; {states}"
     header = ["sensors", *(f"{name} ({unit})" for name in columns)]
     return Table("overview", title, header, [row[2] for row in rows])
 
@@ -130,9 +143,13 @@ def best(table: Table) -> list[str]:
     """Return notes: the best law and sensors of an :func:`overview`, as built and calibrated."""
     said: list[str] = []
     records: list[dict[str, Any]] = table.records()
+    laws, others = table.header[1 : 1 + len(LAWS)], table.header[1 + len(LAWS) :]
+    referenced = [name for name in others if name.startswith(REFERENCED)]
+    learnt = "Self-calibrated on {}" + " and referenced" * bool(referenced)
     for names, how in (
-        (table.header[1 : 1 + len(LAWS)], "As built, best: {} law"),
-        (table.header[1 + len(LAWS) :][-1:], "Self-calibrated on {}"),
+        (laws, "As built, best: {} law"),
+        (referenced, "Referenced"),
+        (others[len(referenced) :][-1:], learnt),
     ):
         sizes = [(r[c], c, k) for c in names for k, r in enumerate(records) if r[c] is not None]
         if sizes:

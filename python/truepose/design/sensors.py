@@ -99,8 +99,8 @@ def select_sensors(
     Raises
     ------
     InputError
-        A candidate has no price; the budget is below every price or that of `must`; all candidates
-        together do not reach the target.
+        A candidate has no price; the budget is below the price of `must` and one-time steps; all
+        candidates together do not reach the target.
 
     Examples
     --------
@@ -117,7 +117,7 @@ def select_sensors(
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
     ladders = levels_of(robot, price_steps)
-    named, once = _priced(robot, prices, bool(ladders))
+    named, once = _priced(robot, prices, bool(ladders) or target is not None)
     names = list(named)
     if unknown := [name for name in must if name not in named]:
         if unknown[0] in [sensor.name for sensor in robot.spec.sensor]:
@@ -304,24 +304,20 @@ def searched(
 
 
 def _fits(state: _State, budget: float) -> None:
-    """Raise InputError where a budget is too small for steps, `must` or any candidate."""
-    search, asked = state.search, state.asked
-    once, needed, least = state.once or 0.0, search.spent(search.must), min(search.prices)
-    done = f", and one-time steps {once:g}" if once else ""
-    if asked.must and needed + once > budget:
-        raise InputError(f"budget {budget:g}: {', '.join(asked.must)} cost {needed:g}{done}")
-    if not asked.must and least + once > budget:
-        what = dict(enumerate(asked.prices)).get(search.prices.index(least), "machining")
-        what = f"the cheapest, {what}, costs {least:g}"
-        raise InputError(f"budget {budget:g}: too small: {what}{done}")
+    """Raise InputError where a budget is too small for one-time steps and `must`."""
+    once, needed = state.once or 0.0, state.search.spent(state.search.must)
+    if needed + once > budget:
+        costs = [f"{', '.join(state.asked.must)} cost {needed:g}"] * bool(needed)
+        costs += [f"one-time steps cost {once:g}"] * bool(once)
+        raise InputError(f"budget {budget:g}: too small: {', '.join(costs)}")
 
 
 def _unreached(state: _State, visited: Array, touched: Array) -> str:
     """Return a message: what all candidates together reach, and the cheapest step that helps."""
     asked, names = state.asked, state.asked.prices
     together = f"all {len(names)} sensors together" if len(names) > 1 else "".join(names)
-    together, verb = together or "all levels", "reaches" if len(names) == 1 else "reach"
-    added = ["all parts machined to the smallest σ"] * bool(names and asked.levels)
+    together, verb = together or "motors alone", "reaches" if len(names) == 1 else "reach"
+    added = ["all parts machined to the smallest σ"] * bool(asked.levels)
     added += ["after the worst failure of one"] * bool(names and asked.survives)
     together += f", {', '.join(added)}," if added else ""
     target, every = asked.target or 0.0, tuple(range(len(asked.every)))
@@ -336,7 +332,8 @@ def _unreached(state: _State, visited: Array, touched: Array) -> str:
     further = asked.further(visited, touched)  # those with an unknown price last
     steps = sorted(further, key=lambda x: (x[1].once is None, x[1].price + (x[1].once or 0.0)))
     if not steps:
-        said.append("truepose error-budget shows what limits it")
+        said.append("truepose error-budget without --target shows what limits it")
+        said += ["no tolerance has a price (--price-steps)"] * (not asked.levels)
     for name, best in steps[:1]:
         own = f"{described(asked.robot, best)} ({best.price:g})"
         if best.once is None:
@@ -348,9 +345,12 @@ def _unreached(state: _State, visited: Array, touched: Array) -> str:
 
 
 def _priced(
-    robot: Robot, prices: Mapping[str, float] | None, machined: bool = False
+    robot: Robot, prices: Mapping[str, float] | None, otherwise: bool = False
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the prices of candidate sensors and of STEPS: those given, or all of the file."""
+    """Return the prices of candidate sensors and of STEPS: those given, or all of the file.
+
+    Raise InputError where it has no sensor, unless there are levels or a target `otherwise`.
+    """
     every = {sensor.name: sensor.price for sensor in robot.spec.sensor}
     steps = robot.spec.prices.model_dump(exclude_none=True) if robot.spec.prices else {}
     given = every | steps if prices is None else {**prices}
@@ -362,7 +362,7 @@ def _priced(
                 f"{robot.name}: sensor {name}: has no price (the file's key price, --price, prices)"
             )
         finite(f"prices: {name}", price, 0)
-    if every.keys().isdisjoint(given) and not machined:
+    if every.keys().isdisjoint(given) and not otherwise:
         none = "no sensor in its file" if prices is None else "neither sensors nor levels to choose"
         raise InputError(f"{robot.name}: {none}")
     sensors, once = ({k: float(given[k]) for k in x if k in given} for x in (every, STEPS))

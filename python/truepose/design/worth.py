@@ -32,6 +32,7 @@ class _Left(NamedTuple):
     G: Array  #: (p, p) root of the unknowns' covariance after earlier readings
     position: Array  #: (T, c, p) rows of the position error after the readings there
     across: Array  #: (T, c, S) covariance of position and sensor values after these readings
+    gains: Array  #: (T, c, S) of these sensors in the estimate of the position
     unknowns: list[int]  #: the p of all
 
 
@@ -69,8 +70,13 @@ class Worth:
         #: Of every unknown: its combination of those of `root`, and whether it is uniform.
         self._mixed = left if more else np.eye(len(root.T))
         self._uniform = np.pad(knowledge.uniform(robot, uncertain), (0, more))
-        self._F, by_motors = self._rows(self.poses, root, "work")
-        self._by_motors = by_motors @ by_motors.swapaxes(1, 2)  # noise at the poses
+        self._F, self._motors = self._rows(self.poses, root, "work")
+        self._by_motors = self._motors @ self._motors.swapaxes(1, 2)  # noise at the poses
+        by_group = [knowledge.noise_share(one)[robot.n :] for one in self._groups()]
+        #: Shares of noise in the readings' variances: of the motors, of each sensor.
+        self._random = np.split(
+            np.concatenate([knowledge.noise_share(robot)[: robot.n], *by_group]), [robot.n]
+        )
         size = len(self._linear)
         #: (V, S, p) rows of earlier readings; (V, S, n) of the motors' noise in them.
         earlier = self._rows(self.calibrated_on, root, "calibration")
@@ -121,20 +127,22 @@ class Worth:
         self._own = [np.flatnonzero(one).tolist() for one in used]
         return reduced(finer)
 
+    def _groups(self) -> list[Robot]:
+        """Return robots that together use all candidates, each as many as a robot can."""
+        most = min(_core.max_sensors, _core.max_readings - self.robot.n)
+        groups = [self.names[k : k + most] for k in range(0, len(self.names), most)]
+        return [self.robot.with_sensors(*group) for group in groups or [[]]]
+
     def _jacobians(self, x: Array, when: conditions.When) -> tuple[Array, Array]:
         """Return H_x and H_ξ, conditions last, of all readings, in units of each one's σ."""
-        robot = self.robot
-        most = min(_core.max_sensors, _core.max_readings - robot.n)
-        groups = [self.names[k : k + most] for k in range(0, len(self.names), most)]
         H: list[Array] = []
         B: list[Array] = []
-        for group in groups or [[]]:
-            one = robot.with_sensors(*group)
+        for one in self._groups():
             sigma = knowledge.stated_sigma(one, None)[:, None]
             model, level = one.expected(), one.highest_level
             H_x, H_xi = model.linearize(x, level=level)
             by = conditions.columns(model, x, model.is_full(level), when)
-            first = robot.n if H else 0
+            first = one.n if H else 0
             H.append((H_x / sigma)[:, first:])
             B.append((np.concatenate([H_xi[..., self._at], by], axis=2) / sigma)[:, first:])
         return np.concatenate(H, axis=1), np.concatenate(B, axis=1)
@@ -164,11 +172,21 @@ class Worth:
         shares[list(chosen)] = 1.0
         left = self._left(shares, [k for k in chosen if k < len(self.names)])
         L = left.position
-        N = left.covariance - L @ L.swapaxes(1, 2)
-        if by.confidence is None:
-            return [by.squared(L[:, p], N[:, p, p]) for p in self.parts.slices]
-        U = self._by_uniform(L @ (self._mixed[:, left.unknowns] @ left.G).T, shares)
-        return [by.squared(L[:, p], N[:, p, p], U[:, p]) for p in self.parts.slices]
+        N, noise = left.covariance - L @ L.swapaxes(1, 2), self._averaged(left.gains, chosen)
+        U = L[..., :0]
+        if by.confidence is not None:
+            U = self._by_uniform(L @ (self._mixed[:, left.unknowns] @ left.G).T, shares)
+        return [by.squared(L[:, p], N[:, p, p], U[:, p], noise[:, p, p]) for p in self.parts.slices]
+
+    def _averaged(self, gains: Array, chosen: Sequence[int]) -> Array:
+        """Return the covariance of the position by the readings' noise, (T, c, c)."""
+        size, own = len(self._linear), [k for k in chosen if k < len(self.names)]
+        motors, sensors = self._random[0], self._random[1][own]
+        if not (motors.any() or sensors.any()):
+            return np.zeros((*gains.shape[:2], size))
+        rows = self._motors.take([size + k for k in own], 1)
+        K = np.concatenate([self._motors[:, :size] - gains @ rows, -gains], axis=2)
+        return K * np.concatenate([motors, sensors]) @ K.swapaxes(1, 2)
 
     def _by_uniform(self, by_u: Array, shares: Array) -> Array:
         """Return the columns, by uniform variables, of a position error by the parameters' own.
@@ -211,7 +229,7 @@ class Worth:
         by = (d * np.linalg.solve(eye + d * told * d.T, d * across)).swapaxes(1, 2)
         left = across.swapaxes(1, 2) - by @ told
         covariance, position = P[:, :size, :size] - by @ across, F[:, :size] - by @ F[:, size:]
-        return _Left(covariance, G, position, left, unknowns)
+        return _Left(covariance, G, position, left, by, unknowns)
 
     def relaxed(self, shares: Array) -> tuple[float, Array]:
         """Return the mean variance with shares (N,), 0 to 1, of the information; its gradient."""

@@ -189,9 +189,13 @@ class Description:
         >>> bool(np.allclose(h4.reading_sigma, h4.resolution / np.sqrt(12)))
         True
         """
+        return np.sqrt(self.noise**2 + self.resolution**2 / 12 + self.backlash**2 / 4)
+
+    @property
+    def noise(self) -> Array:
+        """σ of every reading's noise, shape (n + r,)."""
         noise = [part.encoder_noise for part in self.spec.chain]
-        noise += [sensor.noise for sensor in self.spec.used]
-        return np.sqrt(np.square(noise) + self.resolution**2 / 12 + self.backlash**2 / 4)
+        return np.array(noise + [sensor.noise for sensor in self.spec.used])
 
     @property
     def backlash(self) -> Array:

@@ -128,6 +128,11 @@ def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
     return np.hypot(reading_sigma(robot), 0.0 if full else stated_error(robot))
 
 
+def noise_share(robot: Kinematics) -> Array:
+    """Return the share of noise in the variances of the readings, (n + r,)."""
+    return np.square(robot.noise / stated_sigma(robot, None))
+
+
 def model_error(robot: Kinematics) -> Array:
     """Return the rms difference of readings between the levels over the workspace, (n + r,)."""
     errors, box = left_out(robot), robot.spec.workspace
