@@ -60,8 +60,8 @@ MOST = 10_000  #: poses of a self-calibration
 
 
 #: Options of the selection alone.
-_CHOOSING = ("--price", "--price-steps", "--budget", "--target", "--survives", "--plot", "--report")
-_CHOOSING += ("--confidence", "--measure", "--robots")
+_CHOOSING = {"--price", "--price-steps", "--budget", "--target", "--confidence", "--measure"}
+_CHOOSING |= {"--survives", "--robots", "--plot", "--report"}
 
 
 def command(
@@ -120,7 +120,7 @@ def command(
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**
     """
-    wrong = ("--within", "--out") if place is None else _CHOOSING
+    wrong = {"--within", "--out"} if place is None else _CHOOSING
     other = "needs --place" if place is None else "is for sensor selection, not for --place"
     options.refuse(options.given(context), wrong, other)
     inputs = (robot, poses, path, calibrated)
