@@ -78,7 +78,7 @@ TEST("slow growth is a warm-up; the same growth at once, or more of it, is a fau
     CHECK(fast.grows(0, 0, 3 * kMemory));
     CHECK(!fast.seen.warm_up.warm);
     CHECK(!fast.grows(0, 0.9, kMemory / 5));
-    CHECK(!large.grows(0, 5, 5 * kSlow));
+    CHECK(!large.grows(0, 5, 200 * kMemory));
   });
   CHECK(grown > 0);
 }
