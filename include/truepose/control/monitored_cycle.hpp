@@ -115,6 +115,7 @@ struct MonitoredCycle {
   /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
   /// whose motor was driven off.
   static constexpr Real kStoodBy = 0.4;
+  /// Share of `moved` by which the setpoint must have left a sensor that stands still.
   static constexpr Real kAsked = 0.2;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
