@@ -220,7 +220,8 @@ platform.
 ## Printed against twin
 
 Exact statics at the full level, mm and degrees. An entry is reached within 25 % or 0.5 mm / 0.15°,
-whichever is larger; a `!` marks a missed entry. The printed "error" is taken as estimated −
+whichever is larger, θ's average within 0.05°; a `!` marks a missed entry. The printed "error" is
+taken as estimated −
 measured. {missed}
 
 {estimated}

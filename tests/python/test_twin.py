@@ -66,7 +66,7 @@ def test_the_twin_is_close_to_the_printed_table(tables):
 def test_the_twin_gains_on_theta_what_the_paper_gained(tables):
     usual, redundant = tables[:, article.QUANTITIES.index("theta")]
     assert 0.35 < 1 - redundant[2] / usual[2] < 0.55
-    assert abs(usual[0]) > 0.2 and abs(redundant[0]) < 0.07
+    assert abs(usual[0]) > 0.2 and abs(redundant[0]) < 0.05
     assert np.sqrt(tables[1, 4, 2] / tables[0, 4, 2]) == pytest.approx(1, abs=0.05)
 
 
@@ -83,14 +83,6 @@ def test_motors_alone_do_not_give_the_printed_sum_of_squares(runs):
     )
     assert redundant[2] == pytest.approx(usual[2], rel=0.05) == pytest.approx(231, rel=0.05)
     assert runs["tej"].table()[theta, 2] == pytest.approx(128, rel=0.05)
-
-
-def test_what_the_law_changes_of_x_y_z_is_less_than_what_changes_from_run_to_run(h4, shipped):
-    squares = twin.set_up_again(h4, shipped, range(6))[..., :3, 2]
-    law = np.abs(squares[:, 1] / squares[:, 0] - 1)
-    again = np.abs(squares[1:, 0] / squares[:-1, 0] - 1)
-    assert law.max() < 0.04
-    assert (again.max(axis=0) > 2 * law.max(axis=0)).all()
 
 
 def test_the_twin_lies_in_the_papers_ranges(h4, shipped):
