@@ -172,7 +172,7 @@ def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h
 
 
 def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
-    lines = sensor_sets.compare(h4, robots=2, seed=1)
+    lines = sensor_sets.compare(sensor_sets.tolerances(h4), robots=2, seed=1)
     assert len(lines) == 2 * len(sensor_sets.SETS)
     for line in lines:
         rms = line.rms

@@ -188,11 +188,11 @@ def test_a_reproduction_gives_programs_one_number_for_each_name(run, reproductio
     monkeypatch.setattr("truepose.paper.report.write", lambda *_: None)
     status, data, said = run("reproduce", "--robots", "1", "--format", "json", "--out", "new")
     tables = json.loads(data)
-    assert status == 0 and "Report: " in said
+    assert status == 0 and "report: " in said
     for row in tables["table3_robots"]:
         assert row["unit"] in ("mm", "mm²", "°", "°²")
         assert all(type(v) is float for k, v in row.items() if k not in ("error", "unit") and v)
-        assert row["usual, truepose"] == row["usual, truepose 5 %"]  # of a single robot
+        assert row["usual"] == row["usual 5 %"]  # of a single robot
     names = {name for table in tables.values() for row in table for name in row}
     assert {"max |x| (mm)", "final θ (°)"} <= names
 

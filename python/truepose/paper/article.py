@@ -32,10 +32,15 @@ def _rows(name: str) -> list[dict[str, str]]:
     return list(csv.DictReader(text.splitlines()))
 
 
+def locations() -> list[dict[str, str]]:
+    """Return Table 2 as printed: minimum, maximum and step of each coordinate, the tool's angle."""
+    return _rows("table2_locations")
+
+
 def table2() -> Array:
     """Return the 625 poses of Table 2, shape (625, 4): x, y, z in m, the *nacelle's* θ in rad."""
     axes = []
-    for row in _rows("table2_locations"):
+    for row in locations():
         low, high, step = (float(row[key]) for key in ("minimum", "maximum", "step"))
         values = np.linspace(low, high, round((high - low) / step) + 1)
         axes.append(values / 1000 if row["unit"] == "mm" else values / GEAR)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
@@ -34,6 +35,8 @@ CONTROLS: dict[Control, Law] = {
     "cartesian": "cartesian",
     "self-calibrated": "estimated",
 }
+#: Controls of the printed Table 3, and their columns' names there.
+PRINTED: dict[Control, str] = {"joint": "usual", "tej": "redundant"}
 Kind = TypeVar("Kind")
 #: Function called with the numbers of finished and of all parts of a study.
 Progress = Callable[[int, int], None]
@@ -56,6 +59,7 @@ class Experiment:
     poses: Array  #: (P, 4), m and rad (nacelle)
     errors: dict[Control, Array]  #: (robots, P, 4) each
     tables: dict[Control, Array]  #: (robots, 5, 4) each, see :func:`table3`
+    measured: dict[Control, Array]  #: (robots, 5, 4), Table 3 of estimated − true poses, as printed
 
     def ratio(self, quantity: str, statistic: str, control: Control = "tej") -> Array:
         """Return a control's statistic divided by that of joint control, one value per robot."""
@@ -128,7 +132,67 @@ def run(
     found = list(each(settled, enumerate(truths), progress))
     errors = {c: in_print_units(np.array([x[c] for x in found]) - poses) for c in controls}
     tables = {control: table3(values) for control, values in errors.items()}
-    return Experiment(robot, truths, poses, errors, tables)
+    measured = {
+        control: np.array(
+            [
+                table3(_as_measured(control, robot, truth, poses, x[control]))
+                for truth, x in zip(truths, found, strict=True)
+            ]
+        )
+        for control in PRINTED
+        if control in controls
+    }
+    return Experiment(robot, truths, poses, errors, tables, measured)
+
+
+def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Array:
+    """Return the pose estimated from readings by each control's own model; NaN if none fits."""
+    if control == "joint":
+        return believed.fkm(q_e[:, : believed.n], guess=poses, errors="nan")
+    if control in ("tej", "cartesian"):
+        return believed.redundant_fkm(q_e, errors="nan")
+    return believed.estimate(q_e, guess=poses, errors="nan").x
+
+
+def _as_measured(control: Control, robot: Robot, truth: Robot, poses: Array, x: Array) -> Array:
+    """Return the paper's error, estimated from the encoders − measured, of an exact measurement."""
+    return in_print_units(estimate(control, robot, poses, truth.extended_positions(x)) - x)
+
+
+def with_m_at_x(robot: Robot, x_d: Array, q_e: Array) -> Array:
+    """Return the motor error of the paper's law with M at the present pose x instead of x_d."""
+    _, M_plus = robot.tej(robot.redundant_fkm(q_e))
+    return M_plus @ (robot.extended_positions(x_d) - q_e)
+
+
+def changed_by_m_at_x(
+    robot: Robot,
+    truths: Sequence[Robot],
+    poses: Array,
+    progress: Progress = lambda done, total: None,
+) -> Array:
+    """Return by how much M at x instead of x_d changes the steady-state pose, (robots, P, 4).
+
+    In mm and degrees, exact statics.
+    """
+
+    def change(truth: Robot) -> Array:
+        at_x, at_desired = (steady_state(robot, truth, poses, law) for law in (with_m_at_x, "tej"))
+        return in_print_units(np.asarray(at_x) - at_desired)
+
+    return np.array(list(each(change, truths, progress)))
+
+
+def law_seconds(robot: Robot, poses: Array, runs: int = 5) -> float:
+    """Return the time of J, M and M⁺ at a pose, s: the shortest of some runs over all poses."""
+    many = np.tile(poses, (16, 1))
+
+    def seconds() -> float:
+        start = time.perf_counter()
+        robot.tej(many)
+        return time.perf_counter() - start
+
+    return min(seconds() for _ in range(runs)) / len(many)
 
 
 def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,30 +30,25 @@ COLOURS: dict[Control, str] = {
 _AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
 
 
-def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
-    """Plot errors of x, y, z (mm) and θ (degrees) during a move, as in Figures 11 to 13.
-
-    The scales also cover the moves in `beside`, so that all these figures have the same.
-    """
-    figure = Figure(figsize=(8.4, 3.1), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    error = experiment.in_print_units(run.error)
-    time = 1e3 * run.time
-    for column, (name, colour) in enumerate(_AXES.items()):
-        left.plot(time, error[:, column], color=colour, label=name)
-    right.plot(time, error[:, 3], color="#7b3294", label="θ")
-    for axes, unit, columns in ((left, "mm", slice(3)), (right, "°", slice(3, 4))):
-        for other in beside:
-            held = experiment.in_print_units(other.error)[:, columns]
-            axes.update_datalim([(0, held.min()), (0, held.max())])
-        axes.autoscale_view(scalex=False)
-        axes.axvline(200, color="0.6", lw=0.8, ls=":")
-        axes.axhline(0, color="0.6", lw=0.8)
-        axes.set(xlabel="time (ms)", ylabel=f"error ({unit})", xlim=(0, time[-1]))
-    figure.legend(loc="outside upper center", ncols=4, fontsize=9, frameon=False)
-    low, high = right.get_ylim()
-    if high - low < 0.1:  # keeps encoder counts from looking like errors
-        right.set_ylim(min(low, -0.05), max(high, 0.05))
+def moves(runs: Sequence[Simulation]) -> Figure:
+    """Plot errors of x, y, z (mm) and θ (degrees) during the moves of Figures 11 to 13."""
+    figure = Figure(figsize=(8.4, 3.6), layout="constrained")
+    titles = ("Fig. 11: ideal, usual", "Fig. 12: errors, usual", "Fig. 13: errors, TEJ")
+    above, below = figure.subplots(2, 3, sharex=True, sharey="row")
+    for run, title, upper, lower in zip(runs, titles, above, below, strict=True):
+        error, time = experiment.in_print_units(run.error), 1e3 * run.time
+        for column, (name, colour) in enumerate(_AXES.items()):
+            upper.plot(time, error[:, column], color=colour, label=name)
+        lower.plot(time, error[:, 3], color="#7b3294", label="θ")
+        upper.set_title(title, size=10)
+        lower.set(xlabel="time (ms)", xlim=(0, time[-1]))
+        for axes in (upper, lower):
+            axes.axvline(200, color="0.6", lw=0.8, ls=":")
+            axes.axhline(0, color="0.6", lw=0.8)
+    above[0].set_ylabel("error (mm)")
+    below[0].set_ylabel("error (°)")
+    handles = [h for axes in (above[0], below[0]) for h in axes.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside right upper", fontsize=9, frameon=False)
     return figure
 
 

@@ -17,7 +17,7 @@ from truepose import files, logs
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
+from truepose.paper import article, claims, experiment, figures, sensor_sets, tables, twin
 from truepose.paper.experiment import CONTROLS
 from truepose.paper.reproduce import Reproduction
 from truepose.show import page
@@ -70,8 +70,10 @@ def write(
         images[name] = _save(draw(), out / name)
         progress("figures", done, len(drawn))
     numbers = [
-        tables.verdicts(result),
-        tables.one_robot(result),
+        claims.claims(result),
+        tables.table3(result),
+        tables.sensors(result),
+        claims.errata(),
         tables.many_robots(result),
         tables.gains(result),
         tables.moves(result),
@@ -83,7 +85,7 @@ def write(
         *(tables.twin_tables(result.section) if result.section else ()),
     ]
     for table in numbers:
-        data = table.columns(0, 3, 4) if table.name == "verdicts" else table  # words alone
+        data = table.columns(0, 1, 3, 4) if table.name == "claims" else table  # words alone
         _csv(out / f"{table.name}.csv", data.records())
     _raw_numbers(result, out)
     if result.section:
@@ -96,7 +98,7 @@ def write(
         tables={table.name: table for table in numbers},
         **vars(result),
         robots=len(found.truths),
-        reasons=tables.REASONS,
+        reasons=claims.REASONS,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(found.ratio("theta", "sum_sq"))),
         displaced=float(np.median(experiment.moved_by_tej(found, MOVE_TO))),
@@ -106,17 +108,20 @@ def write(
         },
         norm=float(np.median(norms)),
         norms=np.percentile(norms, [5, 95]),
-        promised=sensor_sets.promised(result.robot, result.sensing[0], result.seed),
+        promised=result.sensing[0].bound / result.sensing[0].rms["joint"],
         left=experiment.theta_law(result.robot, found.poses),
         errors=article.simulation_errors(),
+        locations=article.locations(),
         machined=sensor_sets.MACHINED,
         real=len(result.sensing[0].each["joint"]),
+        own=len(result.sensing[0].each["self-calibrated"]),
         most=sensor_sets.ROBOTS,
         several=len(result.following[0].each),
         moved=len(result.faults[0].alone["joint"]),
         thermal=Effects(),
         judged=len(found.poses[:: sensor_sets.EVERY]),
         learnt=float(np.median(np.sqrt(found.ratio("norm_xyz", "sum_sq", "self-calibrated")))),
+        bias=twin.BIAS,
         setup=describe(section.twin) if section else None,
         csv=sorted(file.name for file in out.glob("*.csv")),
         versions=page.versions(),
@@ -128,7 +133,7 @@ def _figures(result: Reproduction) -> dict[str, Callable[[], Figure]]:
     """Return the function that draws each figure, by its name."""
     moves, found, section = result.moves, result.experiment, result.section
     drawn: dict[str, Callable[[], Figure]] = {"robot": result.robot.plot}
-    drawn |= {name: partial(figures.move, run, moves.values()) for name, run in moves.items()}
+    drawn["figures-11-13"] = partial(figures.moves, [moves[f"figure-{k}"] for k in (11, 12, 13)])
     drawn["poses"] = partial(figures.poses, found)
     drawn["ratios"] = partial(figures.ratios, found)
     drawn["rest"] = partial(figures.rest, result.robot, found)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.paper import article, experiment, forgotten, twin
+from truepose.paper import article, experiment, forgotten, sensor_sets, twin
 from truepose.paper import faulty as lying
 from truepose.paper import following as paths
-from truepose.paper.experiment import LABELS, Control
+from truepose.paper.experiment import LABELS, PRINTED, Control, over_robots, rms_interval
 from truepose.paper.reproduce import MOVES, Reproduction
 from truepose.paper.sensor_sets import Line
 from truepose.paper.virtual_experiment import READINGS, Reading, Run
@@ -19,7 +19,6 @@ from truepose.robot.frames import coordinates
 from truepose.robot.laws import LAWS
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.units import PRINT
-from truepose.simulation.paths import MOVE_TO
 
 #: Names for people of :data:`article.QUANTITIES` and :data:`article.STATISTICS`.
 QUANTITY_NAMES = ("x", "y", "z", "θ", "norm")
@@ -51,109 +50,76 @@ def cells() -> Iterator[tuple[tuple[int, int], tuple[str, str], Cell]]:
             yield (q, s), (quantity, statistic), Cell(label, data)
 
 
-FEW = 20  #: least number of robots for a verdict by 5 and 95 %
+def table3(result: Reproduction) -> Table:
+    """Return the paper's Table 3: printed, of the twin, and of the sampled robots (median, 5-95 %).
 
-#: Why a statement of the paper differs from the results here, or cannot be judged.
-REASONS = (
-    "[1] At rest the TEJ moves the motors by w j e_θ, and with them the position.",
-    "[2] The encoder does not see about 0.45° of the printed scatter of θ.",
-    "[3] Cannot be judged: it depends on dimensions that the paper does not print.",
-)
-
-
-def verdicts(result: Reproduction) -> Table:
-    """Compare the paper's statements with the results: verdict and test of each.
-
-    Values are medians over the robots. A ratio or size holds if the printed one is within 5 to 95 %
-    of the robots'; the share of θ's average holds if within the law's range over the poses.
+    The error is estimated − measured, as printed. The twin is fitted to the printed table; the
+    robots are measured exactly.
     """
-    ends = {name: experiment.in_print_units(run.error[-1]) for name, run in result.moves.items()}
-    position = {name: float(np.linalg.norm(end[:3])) for name, end in ends.items()}
-    theta = {name: float(abs(end[3])) for name, end in ends.items()}
-    ideal, usual, law = (f"figure-{k}" for k in (11, 12, 13))
-    printed, found = article.table3(), result.experiment
-    displaced = float(np.median(experiment.moved_by_tej(found, MOVE_TO)))
-    share = experiment.theta_law(result.robot, found.poses)
-    average = abs(printed["redundant"]["theta", "average"] / printed["usual"]["theta", "average"])
-    removed = float(np.abs(found.errors["cartesian"][..., 3]).max())
-    holds = {True: "holds", False: "differs"}
-    spread = dict.fromkeys(holds, "few robots") if len(found.truths) < FEW else holds
+    printed = article.table3_as_printed()
+    count = len(result.experiment.truths)
+    header = ["Table 3 (mm, °)"]
+    columns: list[list[str]] = [[label for _, _, label in cells()]]
+    for (control, law), name in zip(PRINTED.items(), ("usual", "TEJ"), strict=True):
+        own, robots = result.twin_runs[control].table(), result.experiment.measured[control]
+        header += [f"{name}, paper", f"{name}, twin", f"{name}, {count} robots"]
+        columns.append([printed[law][key] for _, key, _ in cells()])
+        digits = [len(printed[law][key].partition(".")[2]) for _, key, _ in cells()]
+        values = zip((float(own[at]) for at, _, _ in cells()), digits, strict=True)
+        columns.append([fixed(v, n) if n else number(v) for v, n in values])
+        columns.append([_spread(robots[(slice(None), *at)], header[-1]) for at, _, _ in cells()])
+    title = "Table 3, estimated − measured: paper, twin (fitted to it), robots: median [5, 95 %]"
+    return Table("table3", title, header, list(zip(*columns, strict=True)))
 
-    def robots(values: Array, value: float, words: dict[bool, str]) -> tuple[str, Cell, str]:
-        low, high = np.percentile(values, [5, 95])
-        return f"{value:.3g}", _spread(values, "found"), words[bool(low <= value <= high)]
 
-    def ratio(quantity: str, words: dict[bool, str]) -> tuple[str, Cell, str]:
-        value = printed["redundant"][quantity, "sum_sq"] / printed["usual"][quantity, "sum_sq"]
-        return robots(found.ratio(quantity, "sum_sq"), value, words)
+def sensors(result: Reproduction) -> Table:
+    """Return what passive sensors give: position rms as built and warm, by law and sensor set.
 
-    def usual_control(q: int, s: int, words: dict[bool, str]) -> tuple[str, Cell, str]:
-        key = article.QUANTITIES[q], article.STATISTICS[s]
-        return robots(found.tables["joint"][:, q, s], printed["usual"][key], words)
-
+    The verdict says in how many sets the law's rms is below that without sensors, by the 90 %
+    interval of their ratio.
+    """
+    sets, warm = result.sensing[: len(sensor_sets.SETS)], result.warm
+    as_built, cold = sets[0].rms["joint"], over_robots(warm[0].each["frozen"])
+    names = ("θ", "θ+z", "θ+elbows", "θ+wires")
+    few = len(sets[0].each["self-calibrated"])
     rows = [
-        ("Fig. 11: ideal robot, no error", "0", f"{position[ideal]:.2f} mm, "
-         f"{theta[ideal]:.3f}°", holds[position[ideal] < 0.1 and theta[ideal] < 0.01],
-         "test_simulation.py::test_an_ideal_robot_ends_the_move_where_it_was_told"),
-        ("Fig. 12: geometric errors remain", "> 0", f"{position[usual]:.2f} mm, "
-         f"{theta[usual]:.2f}°", holds[position[usual] > 0.1],
-         "test_statics.py::test_a_rod_3_mm_too_long_is_invisible_to_the_motors"),
-        ("Fig. 13: TEJ reduces θ's error", "less", f"{theta[usual]:.2f}° → {theta[law]:.2f}°",
-         holds[theta[law] < theta[usual] / 2],
-         "test_experiment.py::test_the_redundant_law_cuts_thetas_sum_of_squares_two_hundred_fold"),
-        ("Fig. 13: same position error", "0 mm", f"moves {displaced:.2f} mm",
-         "holds" if displaced < 0.1 else "differs [1]",
-         "test_statics.py::test_at_rest_the_motors_give_way_by_w_j_times_the_error_of_theta"),
-        ("θ average, TEJ / usual", f"{average:.2f}", f"{share.min():.2f} to {share.max():.2f}",
-         holds[bool(share.min() <= average <= share.max())],
-         "test_statics.py::test_the_tej_leaves_of_a_small_theta_error_what_the_law_predicts"),
-        ("θ Σ squares, TEJ / usual", *ratio("theta", holds | {False: "differs [2]"}),
-         "test_statistics.py::test_the_published_scatter_of_theta_is_what_the_derivation_says"),
-        ("position Σ squares, TEJ / usual", *ratio("norm_xyz", spread),
-         "test_experiment.py::test_the_redundant_law_leaves_the_position_as_it_was"),
-        ("position average, usual (mm)", *usual_control(4, 0, spread),
-         "test_experiment.py::test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was"),
-        ("θ Σ squares, usual (°²)", *usual_control(3, 2, dict.fromkeys(holds, "open [3]")),
-         "test_experiment.py::test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was"),
-        ("Cartesian law: no error of θ", "0", f"{removed:.4f}°", holds[removed < 1e-3],
-         "test_statics.py::test_a_trusted_theta_leaves_no_error_of_theta"),
+        _by_set("other passive sensors, TEJ", [line.each["tej"] for line in sets],
+                [line.each["joint"] for line in sets]),
+        _by_set("… weighted TEJ", [line.each["weighted"] for line in sets]),
+        _by_set(f"… calibrated ({few} robots)", [line.each["self-calibrated"] for line in sets]),
+        _by_set(f"a warm day ({cold:.2f} frozen), TEJ", [line.each["tej"] for line in warm],
+                [line.each["frozen"] for line in warm]),
+        _by_set("… weighted TEJ", [line.each["weighted"] for line in warm]),
     ]  # fmt: skip
-    named = [(*row, Cell(test.split("::test_")[1].replace("_", " "), test)) for *row, test in rows]
-    count = len(found.truths)
-    title = f"The paper's statements. Figures: one robot. Else {count} robots [5 %, 95 %]"
-    header = ["statement", "printed", "found", "verdict", "test"]
-    return Table("verdicts", title, header, named)
-
-
-def one_robot(result: Reproduction) -> Table:
-    """Return Table 3 for the first sampled robot."""
-    return _table3(
-        result, "table3_one_robot", "Table 3 for one robot", lambda each, _: number(each[0])
+    header = [f"position rms (mm), {as_built:.2f} as built", *names, "verdict"]
+    title = (
+        f"Position rms over {len(sets[0].each['joint'])} robots, as built and after 20 K of warm-up"
     )
+    return Table("sensors", title, header, rows)
+
+
+def _by_set(name: str, of: list[Array], without: list[Array] | None = None) -> list[str]:
+    """Return a row: the rms over the robots of each set, and in how many sets it is smaller."""
+    row = [name, *(number(float(over_robots(each))) for each in of)]
+    if without is None:
+        return [*row, ""]
+    if len(of[0]) < 2:
+        return [*row, "one robot"]
+    better = [rms_interval(*pair)[1] < 1 for pair in zip(of, without, strict=True)]
+    count = sum(better)
+    words = {0: "differs", len(better): "holds"}
+    return [*row, words.get(count, f"{count} of {len(better)}")]
 
 
 def many_robots(result: Reproduction) -> Table:
-    """Return Table 3 for all sampled robots: median and 5-95 % of each statistic."""
-    title = f"Table 3 over {len(result.experiment.truths)} robots: median [5 %, 95 %]"
-    return _table3(result, "table3_robots", title, _spread)
-
-
-def _table3(
-    result: Reproduction, name: str, title: str, cell: Callable[[Array, str], Cell]
-) -> Table:
-    """Return Table 3: printed values, and a cell of each statistic of all robots, (robots,)."""
-    tables, printed = result.experiment.tables, article.table3_as_printed()
-    header = [UNITS]
-    columns: list[list[str]] = [[label for _, _, label in cells()]]
+    """Return Table 3 of the true errors of all robots: median and 5-95 % of each statistic."""
+    header, columns = [UNITS], [[label for _, _, label in cells()]]
     for control, label in LABELS.items():
-        law = {"joint": "usual", "tej": "redundant"}.get(control, label)
-        if law in printed:
-            header.append(f"{label}, paper")
-            columns.append([printed[law][key] for _, key, _ in cells()])
-        header.append(f"{label}, truepose")
-        every = np.moveaxis(tables[control], 0, -1)
-        columns.append([cell(every[at], f"{law}, truepose") for at, _, _ in cells()])
-    return Table(name, title, header, list(zip(*columns, strict=True)))
+        header.append(label)
+        every = result.experiment.tables[control]
+        columns.append([_spread(every[(slice(None), *at)], label) for at, _, _ in cells()])
+    title = f"True − desired, {len(result.experiment.truths)} robots: median [5 %, 95 %]"
+    return Table("table3_robots", title, header, list(zip(*columns, strict=True)))
 
 
 def _spread(each: Array, name: str) -> Cell:

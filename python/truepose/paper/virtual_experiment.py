@@ -125,19 +125,10 @@ def run(
         believed = experiment.believed(control, robot, learnt)
         visited = visit(believed, poses, control)
         seen = vision.measure(visited.frame, seed)
-        estimated = estimate(control, believed, poses, visited.q_e)
+        estimated = experiment.estimate(control, believed, poses, visited.q_e)
         measured = coordinates(believed, seen.frame)
         status = np.where(visited.status == "ok", seen.status, visited.status).astype(object)
         status[(status == "ok") & ~np.isfinite(estimated).all(axis=1)] = "no pose fits the readings"
         judged = seen.covariance, status.astype(str), visited
         result[control] = Run(control, believed, poses, visited.q_e, estimated, measured, *judged)
     return result
-
-
-def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Array:
-    """Return the pose estimated from readings by each control's own model; NaN if none fits."""
-    if control == "joint":
-        return believed.fkm(q_e[:, : believed.n], guess=poses, errors="nan")
-    if control in ("tej", "cartesian"):
-        return believed.redundant_fkm(q_e, errors="nan")
-    return believed.estimate(q_e, guess=poses, errors="nan").x

@@ -12,7 +12,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.learnt import calibrated
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
-from truepose.paper import article
+from truepose.paper import article, sensor_sets
 from truepose.paper.experiment import Progress, of_every_kind, position_rms
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
@@ -37,6 +37,7 @@ NAMES: dict[Method, str] = {
     "online": "online self-calibration",
 }
 SETS = {"θ": ("theta",), "θ + z telemeter": ("theta", "z_telemeter")}
+WARM = 20  #: at most, of :func:`warm`
 ROBOTS = 6  #: at most, per sensor set
 STEPS, POSES = 36, 50  #: over one and a half warm-ups; poses of Table 2 visited in each step
 PERFECT = 1e-3  #: σ of each parameter after the cold calibration over its tolerance's
@@ -55,6 +56,43 @@ class WarmUp:
     def over_bound(self) -> Array:
         """Return the rms over the robots of `estimated` divided by that of `bound`, (T,)."""
         return np.sqrt((self.estimated**2).mean(axis=0) / (self.bound**2).mean(axis=0))
+
+
+@dataclass(frozen=True)
+class Warm:
+    """Steady-state position errors of warm robots with one sensor set, mm."""
+
+    sensors: str
+    each: dict[Method, Array]  #: rms over the poses of every robot, (robots,)
+
+
+def warm(
+    robot: Robot, robots: int, seed: int, progress: Progress = lambda done, total: None
+) -> list[Warm]:
+    """Compute the errors of robots that were perfectly calibrated when cold and are warm now.
+
+    The methods are those of `METHODS` without online calibration; the sets those of
+    :data:`truepose.paper.sensor_sets.SETS`. Exact statics at every sixth pose of Table 2.
+    `progress` is called after each robot of each set.
+    """
+    effects = Effects().only("thermal", "quantization")
+    poses = article.table2()[:: sensor_sets.EVERY]
+
+    def one(label: str, source: np.random.SeedSequence) -> list[float]:
+        drawn = robot.with_sensors(*sensor_sets.SETS[label])
+        cold = drawn.with_level(drawn.highest_level).sample(source)
+        true = effects.geometry(cold, effects.warm_up_time)
+        models = _models(drawn, cold, effects)
+        return [
+            position_rms(steady_state(models[method], true, poses, METHODS[method]) - poses)
+            for method in models
+        ]
+
+    sources = np.random.SeedSequence(seed).spawn(robots)
+    return [
+        Warm(label, dict(zip(METHODS, np.array(found).T, strict=False)))
+        for label, found in of_every_kind(one, sensor_sets.SETS, sources, progress)
+    ]
 
 
 def study(
@@ -92,15 +130,13 @@ def study(
 def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array) -> Array:
     """Return one robot's rms errors, (T, 6): per method, of `online`'s estimates; their bound."""
     cold = drawn.with_level(drawn.highest_level).sample(source)
-    known = _calibrated(drawn, cold, np.zeros((0, 0)))
     growth = effects.growth(cold)
-    names = knowledge.uncertain(drawn)
-    modes = np.array([[gain.get(name, 0.0) for name in names] for gain in growth])
+    believed = _models(drawn, cold, effects)
+    known = believed["frozen"]
     lines = POSES * effects.warm_up_time / (times[1] - times[0])
     online = OnlineCalibrator(
         known, [{name: g / np.sqrt(lines) for name, g in gain.items()} for gain in growth]
     )
-    believed = {"frozen": known, "tej": known, "weighted": _calibrated(drawn, cold, modes)}
     rng = np.random.default_rng(source.spawn(1)[0])
     table = article.table2()
     rows = []
@@ -118,6 +154,15 @@ def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: 
         rows.append([*row, position_rms(learnt.estimate(readings).x - x), bound])
         online.observe(readings)
     return np.array(rows)
+
+
+def _models(drawn: Robot, cold: Robot, effects: Effects) -> dict[Method, Robot]:
+    """Return the controller's robot under each method that does not calibrate online."""
+    names = knowledge.uncertain(drawn)
+    growth = effects.growth(cold)
+    modes = np.array([[gain.get(name, 0.0) for name in names] for gain in growth])
+    known = _calibrated(drawn, cold, np.zeros((0, 0)))
+    return {"frozen": known, "tej": known, "weighted": _calibrated(drawn, cold, modes)}
 
 
 def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:

@@ -7,7 +7,7 @@ import json
 import math
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Literal
@@ -95,6 +95,11 @@ def limit(everything: bool) -> None:
     _limited = not everything
 
 
+def everything() -> bool:
+    """Return whether :func:`show` prints everything."""
+    return not _limited
+
+
 def show(
     tables: list[Table],
     how: Format = Format.table,
@@ -168,6 +173,21 @@ def laid_out(table: Table, width: int) -> list[str]:
     for block in _blocks(sizes, width):
         lines += ["", *_block([(columns[k], sizes[k], words[k]) for k in block])]
     return lines
+
+
+def compact(table: Table, left: Collection[int] = (0,)) -> list[str]:
+    """Return header and rows without title and rules, one blank between columns.
+
+    The columns `left` begin at the left, the others end at the right.
+    """
+    columns: list[list[str]] = []
+    for k, (name, *cells) in enumerate(zip(table.header, *table.rows, strict=True)):
+        texts = [*map(_printable, (name, *cells))]
+        width = max(map(cell_len, texts))
+        blanks = [" " * (width - cell_len(text)) for text in texts]
+        pairs = zip(texts, blanks, strict=True)
+        columns.append([text + blank if k in left else blank + text for text, blank in pairs])
+    return [" ".join(row).rstrip() for row in zip(*columns, strict=True)]
 
 
 def _blocks(sizes: list[int], width: int) -> list[list[int]]:
