@@ -95,7 +95,7 @@ def compare(
         kind: tuple[str, str], numbered: tuple[int, np.random.SeedSequence]
     ) -> dict[Control, float]:
         drawn, (number, source) = kinds[kind], numbered
-        truth = drawn.sample(source).with_level(drawn.highest_level)
+        truth = drawn.sample(source)
         found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)
         return {control: position_rms(x - poses) for control, x in found.items()}
 
@@ -117,6 +117,6 @@ def promised(robot: Robot, line: Line, seed: int, robots: int = 100) -> float:
     poses = article.table2()[::EVERY]
     usual = []
     for source in np.random.SeedSequence(seed).spawn(robots):
-        truth = robot.sample(source).with_level(robot.highest_level)
+        truth = robot.sample(source)
         usual.append(position_rms(steady_state(robot, truth, poses, "joint") - poses))
     return line.bound / float(over_robots(np.array(usual)))

@@ -91,7 +91,7 @@ def study(
 
 def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array) -> Array:
     """Return one robot's rms errors, (T, 6): per method, of `online`'s estimates; their bound."""
-    cold = drawn.with_level(drawn.highest_level).sample(source)
+    cold = drawn.sample(source)
     known = _calibrated(drawn, cold, np.zeros((0, 0)))
     growth = effects.growth(cold)
     names = knowledge.uncertain(drawn)
