@@ -56,7 +56,7 @@ def at_work(name, sensors, conditions=True):
 
 def error(robot, visited, home, x, seed):
     """Return the error of a sampled robot's estimates, (T, c)."""
-    true = robot.sample(seed).with_level(robot.highest_level)
+    true = robot.sample(seed)
     noise = np.random.SeedSequence(seed).generate_state(4).tolist()
     on_the_day, now = sampled(true, noise[0])
     model = robot

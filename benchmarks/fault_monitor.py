@@ -45,7 +45,7 @@ def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -
     """Return the controller's model and the true robot."""
     name, sensors = (SETS | MORE)[which]
     robot = tp.load(name).with_sensors(*sensors).expected()
-    truth = robot.sample(seed).at_highest_level
+    truth = robot.sample(seed)
     if not calibrated:
         return robot, truth
     if effects is not None:

@@ -44,7 +44,7 @@ def circle(frequency: float, turns: float) -> tp.simulation.Circle:
 
 def contour(seed: int) -> dict:
     """Return rms and largest error, m, by case and law, of one robot of known geometry."""
-    truth = tp.load("h4").sample(seed).at_highest_level
+    truth = tp.load("h4").sample(seed)
     found = {}
     for law in LAWS:
         bears = tp.Controller.for_robot(truth, tp.Effects(), law)

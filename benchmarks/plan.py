@@ -69,7 +69,6 @@ def erred(
     at, squares, lost, asked = over[:: max(len(over) // 60, 1)], [], 0, 0
     for seed in range(robots):
         true = robot.sample(seed)
-        true = true.with_level(true.highest_level)
         fit = tp.calibrate(robot, true.read(visited, seed))
         readings = true.read(at, seed + 10**6, "nan")
         reached = np.isfinite(readings).all(axis=1)  # reachable for the true robot

@@ -151,7 +151,7 @@ def verify(task: tuple[Setup, int, int]) -> np.ndarray:
     for source in np.random.SeedSequence(5).spawn(last)[first:]:
         draw, noise = source.spawn(2)
         rng = np.random.default_rng(noise)
-        true = robot.sample(draw).at_highest_level
+        true = robot.sample(draw)
         judged = rng.uniform(box.minimum, box.maximum, (JUDGED, 4))
         log = true.read(tp.steady_state(robot, true, table, "joint"), seed=int(rng.integers(2**31)))
         options = {}

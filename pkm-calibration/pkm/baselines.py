@@ -76,19 +76,25 @@ def machines(path: Path, robot: dict[str, Any]) -> list[dict[str, Any]]:
 def submit(benchmark: Path, out: Path) -> list[Path]:
     """Write the baselines' submissions to all logs of a benchmark; return their folders."""
     check(benchmark)
-    cpu: dict[str, dict[str, float]] = {}
+    about: dict[str, dict[str, Any]] = {}
     for log, entry in load(benchmark / "manifest.json")["logs"].items():
         robot = robot_of(benchmark / "robots", entry["robot"])
         parts = machines(benchmark / "logs" / f"{log}.csv", robot)
-        for name, method in methods(robot).items():
-            start = time.process_time()
-            answers = [method(part) for part in parts]
-            cpu.setdefault(name, {})[log] = round(time.process_time() - start, 3)
+        for name, method in (every := methods(robot)).items():
+            start, answers = time.process_time(), []
+            own = about.setdefault(name, {"name": name, "cpu_s": {}, "refused": {}})
+            for part in parts:
+                try:
+                    answers.append(method(part))
+                except ValueError as refusal:  # a machine that is not calibrated stays nominal
+                    answers.append(every["nominal"](part))
+                    own["refused"].setdefault(log, {})[str(part["machine"])] = str(refusal)
+            own["cpu_s"][log] = round(time.process_time() - start, 3)
             (out / name).mkdir(parents=True, exist_ok=True)
             write_submission(out / name / f"{log}.csv", robot["pose"], parts, answers)
-    for name, times in cpu.items():
-        save(out / name / "submission.json", {"name": name, "cpu_s": times})
-    return [out / name for name in cpu]
+    for name, own in about.items():
+        save(out / name / "submission.json", own)
+    return [out / name for name in about]
 
 
 def write_submission(path: Path, names: list[str], parts: Any, answers: Any) -> None:
@@ -136,6 +142,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(error, file=sys.stderr)
             return 1
         print(table(results, {log: one["cause"] for log, one in truth.items()}))
+        for name in results:
+            for log, refused in load(out / name / "submission.json")["refused"].items():
+                first, reason = next(iter(refused.items()))
+                print(f"{name}: {log}: {len(refused)} machines refused, {first}: {reason}")
         for name, scores in over_seeds(given.seeds, out).items():
             for key in ("position", "angle", "coverage", "ratio"):
                 values = np.array([getattr(one, key) for one in scores])

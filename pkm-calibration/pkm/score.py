@@ -30,6 +30,7 @@ class Score:
     coverage: float  #: share of coordinates within 1.96 of their σ; 0.95 is right
     ratio: float  #: √NEES, rms of the error in units of the stated σ; 1 is right
     cpu: float  #: processor time, s
+    refused: int = 0  #: machines whose log was refused; their estimates are those without it
 
 
 def check(benchmark: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -75,7 +76,7 @@ def estimates(path: Path, names: list[str], rows: np.ndarray) -> tuple[np.ndarra
     return x, P
 
 
-def score_log(off: np.ndarray, P: np.ndarray, cpu: float) -> Score:
+def score_log(off: np.ndarray, P: np.ndarray, cpu: float, refused: int = 0) -> Score:
     """Return the scores of one log from errors (N, n) and covariances (N, n, n)."""
     n = off.shape[1]
     lengths = min(n, 3)
@@ -88,6 +89,7 @@ def score_log(off: np.ndarray, P: np.ndarray, cpu: float) -> Score:
         coverage=float((np.abs(off) < _Z95 * sigma).mean()),
         ratio=float(np.sqrt(squared.mean())),
         cpu=cpu,
+        refused=refused,
     )
 
 
@@ -104,6 +106,7 @@ def overall(scores: Sequence[Score]) -> Score:
         float(np.mean([one.coverage for one in scores])),
         mean([one.ratio for one in scores]),
         sum(one.cpu for one in scores),
+        sum(one.refused for one in scores),
     )
 
 
@@ -119,13 +122,15 @@ def score(submission: Path, benchmark: Path = HERE) -> dict[str, Score]:
         x, P = estimates(submission / f"{log}.csv", names, rows)
         off = difference(names, x, np.array(truth[log]["poses"]))
         cpu = float(about.get("cpu_s", {}).get(log, np.nan))
-        scores[log] = score_log(off, P, cpu)
+        scores[log] = score_log(off, P, cpu, len(about.get("refused", {}).get(log, ())))
     return scores | {"all": overall(list(scores.values()))}
 
 
 def table(results: dict[str, dict[str, Score]], causes: dict[str, str]) -> str:
     """Return the scores of several submissions as text, a block for each log."""
-    lines = [f"{'':34}{'mm rms':>9}{'° rms':>9}{'coverage':>10}{'√NEES':>10}{'CPU s':>9}"]
+    lines = [
+        f"{'':34}{'mm rms':>9}{'° rms':>9}{'coverage':>10}{'√NEES':>10}{'CPU s':>9}{'refused':>9}"
+    ]
     for log in next(iter(results.values())):
         lines.append(f"{log} ({causes[log]})" if log in causes else "all logs")
         for name, scores in results.items():
@@ -133,7 +138,7 @@ def table(results: dict[str, dict[str, Score]], causes: dict[str, str]) -> str:
             angle = f"{one.angle:9.4f}" if np.isfinite(one.angle) else f"{'–':>9}"
             lines.append(
                 f"    {name:30}{one.position:9.3f}{angle}{one.coverage:10.2f}{one.ratio:10.3g}"
-                f"{one.cpu:9.2f}"
+                f"{one.cpu:9.2f}{one.refused:9}"
             )
     return "\n".join(lines)
 

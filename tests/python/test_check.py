@@ -1,5 +1,6 @@
 """Warnings of `truepose check` on valid robot files."""
 
+import json
 import re
 import tomllib
 
@@ -9,7 +10,7 @@ import tomlkit
 
 import truepose as tp
 from truepose import robotfile
-from truepose.commands.robots import check, remarks
+from truepose.commands.robots import check, remarks, warnings
 from truepose.robot.units import reading_units
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
@@ -70,7 +71,7 @@ def in_millimetres(data, angles: int):
 def test_home_beyond_a_sensors_range_is_remarked(checked, ends, said):
     text = changed(text_of("h4"), "resolution = 20e-6", f"range = {ends}\nresolution = 20e-6")
     robot, _ = checked(changed(text, '["theta"]', '["z_telemeter"]'))
-    remarked = "\n".join(line for line in remarks(robot) if "range" in line)
+    remarked = "\n".join(line for line in warnings(robot) if "range" in line)
     assert remarked == (f"sensor z_telemeter: {said}" if said else "")
 
 
@@ -291,3 +292,88 @@ def test_an_orthoglide_whose_file_says_it_is_a_robot(checked):
     x = np.array([0.02, -0.03, 0.01])
     assert np.isfinite(robot.rkm(x, level="full")).all()
     assert robot.fkm(robot.ikm(x, level="full"), level="full") == pytest.approx(x, abs=1e-12)
+
+
+ROD = '"chain*.rod" = { sigma = 0.0003 }'
+YAW = '"chain*.yaw" = { sigma = 0.00174533 }'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("counts = 8192 # assumed", "# counts", "elbow1 has neither counts nor noise"),
+        ("resolution = 20e-6", "# none", "z_telemeter has neither counts nor noise"),
+        ("encoder_counts = 8192", "# none", "q1, q2, q3 have neither counts nor noise"),
+        ("encoder_counts = 8192", "encoder_counts = 4", "q1: σ of its readings = 26.0°"),
+        (ROD, '"chain*.rod" = { sigma = 0.05 }', "σ = 50.0 mm, 22 % of chain1.rod = 232 mm"),
+        (ROD, '"chain*.rod" = { interval = [0.231, 0.233] }', "mean = 232 mm, 100 % of"),
+        (ROD, '"chain*.rod_spacing" = { sigma = 0.02 }', "σ = 20.0 mm, 25 % of chain1.rod_spacing"),
+        (ROD, '"chain*.rod_difference" = { sigma = 0.02 }', "rod_difference: σ = 20.0 mm"),
+        (ROD, '"chain2.anchor.*" = { sigma = 0.1 }', "tolerances.chain2.anchor.*: σ = 100 mm"),
+        (ROD, '"z_telemeter.origin.x" = { sigma = 0.3 }', "origin.x: σ = 300 mm"),
+        (ROD, '"*[12].offset" = { sigma = 0.3 }', "tolerances.*[12].offset: σ = 17.2°, 30 %"),
+        (ROD, '"chain*.gain" = { sigma = 0.3 }', "tolerances.chain*.gain: σ = 0.300, 30 %"),
+        (ROD, '"compliance.all_chains" = { sigma = 0.1 }', "tolerances.compliance.all_chains: σ"),
+        (YAW, '"chain*.yaw" = { sigma = 0.2 }', "σ = 11.5°, 20 % of a radian"),
+        ("home = [0.0, 0.0, -0.2]", "home = [0.0, 0.08, -0.2]", "home: y = 80.00 mm is outside"),
+    ],
+)
+def test_what_is_likely_a_mistake_is_warned_of_and_no_file_with_it_is_ok(run, old, new, said):
+    run("new", "delta", "-o", "robot.toml")
+    with open("robot.toml", encoding="utf-8") as file:
+        text = file.read()
+    with open("robot.toml", "w", encoding="utf-8") as file:
+        file.write(changed(text, old, new))
+    status, out, err = run("check", "robot.toml")
+    *_, verdict = out.splitlines()
+    assert (status, err) == (0, "") and verdict.startswith("robot.toml: usable, ")
+    assert said in out.split("warning: ")[1]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "tolerance"),
+    [
+        ("chain*.rod", "sigma = 0.3"),
+        ("chain2.arm", "sigma = 0.04"),
+        ("chain3.rod", "interval = [-0.25, 0.1]"),
+    ],
+)
+def test_a_tolerance_that_leaves_no_length_is_refused(checked, parameter, tolerance):
+    robot, told = checked(changed(text_of("delta"), ROD, f'"{parameter}" = {{ {tolerance} }}'))
+    assert robot is None and re.search(r"FILE:7\d: tolerances\..* is no length", told), told
+
+
+def test_a_shipped_robot_is_ok_and_says_what_it_takes_as_exact(any_robot, run):
+    status, out, err = run("check", robotfile.shipped()[any_robot.name])
+    assert (status, err) == (0, "") and out.endswith(": ok\n") and "warning" not in out
+    (exact,) = re.findall(r"taken as exact: (.*)", out)
+    assert "gain" in exact and ("yaw" in exact) == (any_robot.parameters["chain1.yaw"].sigma == 0)
+    for glob in any_robot.spec.tolerances:
+        assert re.search(rf"^{re.escape(glob)} .*\d", out, re.MULTILINE), glob
+
+
+def test_a_checked_file_as_data_has_errors_and_the_verdict_last(run, h4_text):
+    for text, status, verdict in ((h4_text, 0, "ok"), (h4_text + "wrong = 1\n", 2, "refused")):
+        with open("robot.toml", "w", encoding="utf-8") as file:
+            file.write(text)
+        left, out, _ = run("check", "robot.toml", "--format", "json")
+        data = json.loads(out)
+        assert left == status and data["check"][-1] == {"kind": "verdict", "text": verdict}
+        assert ("error" in {row["kind"] for row in data["check"]}) == (status == 2)
+        if status == 0:
+            rod = next(row for row in data["tolerances"] if row["tolerance"] == "chain*.rod")
+            assert rod["unit"] == "m" and rod["sigma"] == pytest.approx(0.013 / 12**0.5)
+
+
+@pytest.mark.parametrize("command", ["accuracy", "error-budget", "plan", "faults", "design"])
+def test_predictions_with_an_exact_reading_say_so(command, run):
+    run("new", "delta", "-o", "robot.toml")
+    with open("robot.toml", encoding="utf-8") as file:
+        text = changed(file.read(), "resolution = 20e-6", "# none")
+    with open("robot.toml", "w", encoding="utf-8") as file:
+        file.write(text)
+    sensors = ("--price", "*=1") if command == "design" else ("--sensors", "z_telemeter")
+    status, _, err = run(command, "robot.toml", *sensors)
+    assert status == 0 and "z_telemeter has neither counts nor noise" in err
+    if command != "design":
+        assert run(command, "robot.toml", "--sensors", "elbow1")[2] == ""

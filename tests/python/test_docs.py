@@ -2,7 +2,10 @@
 
 import importlib.util
 import inspect
+import os
 import re
+import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -31,6 +34,7 @@ from truepose.robotfile.schema import (
 from truepose.robotfile.sensors import SENSORS
 
 SITE = Path(__file__).parents[2] / "docs" / "site"
+ROOT = SITE.parents[1]
 TABLES = (
     RobotFile,
     Chain,
@@ -124,9 +128,8 @@ def test_the_reference_has_every_public_name(site):
 
 
 def pages() -> list[Path]:
-    root = SITE.parents[1]
-    beside = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "*/README.md", "robots/*/README.md")
-    return sorted({*root.glob("docs/**/*.md"), *(page for at in beside for page in root.glob(at))})
+    beside = ("*.md", "*/README.md", "robots/*/README.md", "reference/*/README.md")
+    return sorted({*ROOT.glob("docs/**/*.md"), *(page for at in beside for page in ROOT.glob(at))})
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: "/".join(page.parts[-2:]))
@@ -161,6 +164,114 @@ def test_what_a_page_loads_from_elsewhere_is_found(site, tmp_path, remote):
     assert not site["make"].from_network(tmp_path)
     page.write_text(remote)
     assert len(site["make"].from_network(tmp_path)) == 1
+
+
+def shell(page: Path) -> list[str]:
+    """Return the lines of a page's shell commands: indented, or in a block of sh."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    lines = re.findall(r"^ {4}(\S.*)$", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), re.M)
+    for block in re.findall(r"^```sh\n(.*?)^```", text, flags=re.M | re.S):
+        lines += block.splitlines()
+    return [line for line in lines if re.match(r"(truepose|make|cd|python3?|PYTHONPATH\S+) ", line)]
+
+
+#: Commands of truepose that are run elsewhere, or that no test can run.
+ELSEWHERE = {
+    r"\btruepose workbench": "a server: integrations/workbench",
+    r"\btruepose view": "a screen: integrations/mujoco",
+    r"\btruepose reproduce": "minutes: a stage of .ci/run",
+    r"--install-completion": "changes the user's shell",
+    r"--cluster tcp": "needs a cluster: test_study.py",
+    r"…": "not written out",
+}
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in pages() if any(line.startswith("truepose ") for line in shell(page))],
+    ids=lambda page: page.stem if page.stem != "README" else page.parent.name,
+)
+def test_commands_of_a_page_run_in_their_order(page, run, plain_page, tmp_path):
+    for folder in ROOT.iterdir():  # paths from the repository's root
+        if folder.is_dir() and not folder.name.startswith((".", "build")):
+            (tmp_path / folder.name).symlink_to(folder)
+    for line in shell(page):
+        words = shlex.split(line, comments=True)
+        if words[0] != "truepose" or any(re.search(each, line) for each in ELSEWHERE):
+            continue
+        if words[1] == "monte-carlo":
+            words += ["--count", "1"]
+        status, _, said = run(*words[1:])
+        if "exists; --force" in said:  # another way to the same file
+            status, _, said = run(*words[1:], "--force")
+        missing = re.search(r"(\S+): cannot be read: No such file", said)  # the reader's own
+        shown = said.removeprefix("truepose: error: ")[:60] in page.read_text(encoding="utf-8")
+        given = missing is not None and missing[1] in " ".join(words)
+        assert status == 0 or given or shown, f"{line}\n{said}"
+
+
+def test_every_command_that_is_run_elsewhere_is_on_a_page():
+    every = [line for page in pages() for line in shell(page)]
+    assert all(any(re.search(each, line) for line in every) for each in ELSEWHERE)
+
+
+#: Documented targets of make that no stage of .ci/run makes: tests that do the same, or why none.
+TARGETS = {
+    "reference": "tests/python/test_reference.py",
+    "dev": "tests/python/test_make_dev.py",
+    "page": "tests/python/deployments/test_page.py",
+    "report": "minutes of statistics beside reproduce",
+    "twin": "ten searches, minutes",
+    "bench": "times on this machine",
+    "bench-peers": "times on this machine",
+    "wheel": "a release",
+    "coverage": "minutes; a report",
+    "coverage-python": "minutes; a report",
+    "random-mutants": "minutes; drawn at random",
+}
+
+
+def test_every_documented_target_of_make_is_made_in_ci_or_has_a_reason():
+    makefile, ci = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", ".ci/run"))
+    made = set(re.findall(r'="make ([a-z-]+)', ci))
+    for target in list(made):
+        made |= set(re.search(rf"^{target}:(.*)$", makefile, re.M)[1].split())
+    documented = set()
+    for page in pages():
+        text = "\n".join(shell(page) + re.findall(r"`(make [^`]*)`", page.read_text("utf-8")))
+        for words in re.findall(r"\bmake((?: [a-z-]+)+)", re.sub(r" #.*", "", text)):
+            documented |= set(words.split()) - {"-"}
+    declared = set(re.findall(r"^([a-z-]+):", makefile, re.M))
+    assert documented <= declared
+    assert documented - made == set(TARGETS)
+    files = [where for where in TARGETS.values() if where.endswith(".py")]
+    assert all((ROOT / where).is_file() for where in files)
+
+
+def scripts() -> dict[str, str]:
+    """Return the documented Python scripts and modules with options, and those that pages give."""
+    found: dict[str, str] = {}
+    for page in pages():
+        for line in shell(page):
+            of = re.search(r"\bpython (-m pkm\.\w+|\S+\.py)(.*?)(?: #|$)", line)
+            if of and (of[1].startswith("-m") or "argparse" in (ROOT / of[1]).read_text("utf-8")):
+                found[of[1]] = found.get(of[1], "") + of[2]
+    return found
+
+
+@pytest.mark.parametrize("script", scripts())
+def test_a_documented_script_has_the_options_of_its_pages(script):
+    ran = subprocess.run(
+        [sys.executable, *script.split(), "--help"],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(["pkm-calibration", *sys.path])},
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    for option in re.findall(r"(?<=\s)--[a-z-]+", scripts()[script]):
+        assert option in ran.stdout
 
 
 needs_sphinx = pytest.mark.skipif(

@@ -220,6 +220,23 @@ def test_baselines_are_scored_and_calibration_helps(small, submitted, capsys):
     assert "five-bar-1 (none)" in said and "all logs" in said
 
 
+def test_a_refused_machine_stays_nominal_and_is_counted(small, monkeypatch, tmp_path, capsys):
+    def refuse(*_, **__):
+        raise tp.InputError("readings: q1: slipped before row 19")
+
+    monkeypatch.setattr(tp, "calibrate", refuse)
+    assert baselines.main(["--benchmark", str(small), "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "truepose-full: delta-2: 2 machines refused, 0: readings: q1: slipped" in said
+    found = {name: score.score(tmp_path / name, small) for name in ("nominal", "truepose-full")}
+    assert (
+        found["truepose-full"]["delta-2"].refused == 2
+        and found["truepose-full"]["all"].refused == 4
+    )
+    nominal, refused = (one["delta-2"].position for one in found.values())
+    assert nominal == refused
+
+
 def test_scores_are_compared_over_seeds(small, monkeypatch, tmp_path, capsys):
     few = functools.partial(generate.generate, machines=1, only=["five-bar-1"])
     monkeypatch.setattr(generate, "generate", few)

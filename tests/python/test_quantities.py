@@ -1,12 +1,15 @@
 """Robot files with values in mm and degrees."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 import tomlkit
 
 import truepose as tp
+from truepose.robot.units import unit_of
 from truepose.robotfile import quantities, reading
+from truepose.robotfile.to_core import drawn
 
 WRITTEN = {"m": ("mm", 1e3), "rad": ("deg", 180 / math.pi)}
 
@@ -17,10 +20,10 @@ def in_mm(data, value, bare, path=()):
         return {key: in_mm(data, of, bare, (*path, key)) for key, of in value.items()}
     if isinstance(value, list):
         return [in_mm(data, of, bare, (*path, k)) for k, of in enumerate(value)]
-    units = set(quantities._units(data, path)) if isinstance(value, float) else set()
-    if len(units) != 1:
+    of = "".join(quantities.Units(data)(path)) if isinstance(value, float) else ""
+    if of not in WRITTEN:
         return value
-    unit, factor = WRITTEN[units.pop()]
+    unit, factor = WRITTEN[of]
     return value * factor if bare else f"{value * factor!r} {unit}"
 
 
@@ -132,3 +135,82 @@ def test_tolerances_have_units_too(h4_text, tmp_path):
     assert spec.tolerances["chain*.rod"].sigma == 1e-4
     assert spec.tolerances["theta.offset"].interval == pytest.approx((-0.0174533, 0.0174533))
     assert spec.tolerances["chain1.encoder_offset"].sigma == 2e-3
+
+
+def in_mm_and_degrees(text: str) -> str:
+    """Return a robot file's text with bare numbers in mm and degrees."""
+    data = reading.table_of(text)
+    return tomlkit.dumps({"units": ["mm", "deg"]} | in_mm(data, data, True))
+
+
+#: A pattern whose copies have motors of two kinds.
+MIXED = """
+name = "mixed"
+mobility = "planar"
+home = [0, 0, 0]
+pattern = { repeat = 3 }
+[chain_defaults]
+actuator = ["revolute", "prismatic", "revolute"]
+arm = 0.2
+rod = 0.3
+encoder_noise = [0.01, 0.001, 0.01]
+[[chain]]
+base = [0.4, 0, 0]
+anchor = [0.05, 0, 0]
+axis = [0, 0, 1]
+arm_zero = [1, 0, 0]
+"""
+
+
+@pytest.mark.parametrize("name", [*tp.list_robots(), "mixed"])
+def test_every_parameter_of_every_chain_has_its_unit_in_mm_and_degrees(name):
+    text = MIXED if name == "mixed" else tp.load(name).spec._text
+    text = text.partition("[tolerances]")[0]
+    spec, _ = reading.examine(reading.table_of(text))
+    text = in_mm_and_degrees(text)
+    robot = SimpleNamespace(spec=spec, coordinates=spec.coordinates)
+    units = {parameter: unit_of(robot, parameter) for parameter in drawn(spec)}
+    for table, form in (("tolerances", "{{ sigma = {} }}"), ("parameters", "{}")):
+        lines = "\n".join(f"{parameter!r} = {form.format(0.02)}" for parameter in units)
+        read, wrong = reading.examine(reading.table_of(f"{text}\n[{table}]\n{lines}"))
+        assert not wrong and [c.encoder_noise for c in read.chain] == pytest.approx(
+            [c.encoder_noise for c in spec.chain], rel=1e-14
+        )
+        for parameter, unit in units.items():
+            tolerance = read.tolerance(parameter)
+            value = read.parameters[parameter] if tolerance is None else tolerance.sigma
+            factor = WRITTEN[unit][1] if unit in WRITTEN else 1.0
+            assert factor * value == pytest.approx(0.02, rel=1e-14), parameter
+
+
+@pytest.mark.parametrize("glob", ["*", "chain2.*", "chain*.*", "chain[12]*", "z_tele*"])
+def test_one_number_for_lengths_and_angles_is_refused(glob, tmp_path):
+    path = tmp_path / "robot.toml"
+    for units in ('"mm"', '"deg"'):
+        path.write_text(
+            f'based_on = "delta"\nunits = [{units}]\ntolerances.{glob!r} = {{ sigma = 1 }}',
+            encoding="utf-8",
+        )
+        if (units, glob) == ('"deg"', "z_tele*"):  # of lengths and directions
+            tp.load(path)
+            continue
+        with pytest.raises(tp.RobotFileError, match=r"sigma = 1: .*: name them apart"):
+            tp.load(path)
+
+
+@pytest.mark.parametrize("name", [*tp.list_robots(), "copies"])
+def test_robots_written_by_truepose_in_mm_and_degrees_are_read_back(name, tmp_path, rng):
+    text = in_mm_and_degrees(tp.load("delta" if name == "copies" else name).spec._text)
+    path, again = tmp_path / "robot.toml", tmp_path / "again.toml"
+    if name == "copies":  # a pattern's copies have tolerances of their own
+        text = text.partition("[tolerances]")[0] + (
+            '[tolerances]\n"chain2.base.x" = { sigma = 0.3 }\n"chain3.rod" = { interval = [-1, 1] }'
+            '\n"chain2.yaw" = { sigma = 0.1 }\n"chain3.encoder_offset" = { sigma = 0.1 }\n'
+        )
+    path.write_text(text, encoding="utf-8")
+    robot = tp.load(path)
+    values = {key: one.value + 1e-3 * rng.random() for key, one in robot.parameters.items()}
+    robot.replace(values).save(again)
+    read = tp.load(again)
+    assert read.parameters == robot.replace(values).parameters
+    assert (read.extended_positions(read.home) != robot.extended_positions(robot.home)).all()

@@ -9,7 +9,7 @@ import truepose as tp
 
 @pytest.mark.parametrize("name", ["h4", "delta", "stewart", "neck", "3rrr"])
 def test_kinematics(kept, name):
-    robot = tp.load(name).sample(1)
+    robot = tp.load(name).sample(1).with_level(None)  # each method at its own level
     x = some(robot)
     q, found = robot.ikm(x), {}
     for method in (
@@ -118,7 +118,7 @@ def test_accuracy_of(kept):
 
 
 def test_planned_poses(kept):
-    h4, design = tp.load("h4").sample(1), tp.design
+    h4, design = tp.load("h4").sample(1).with_level(None), tp.design
     candidates = some(h4, 40, 3)
     plan = tp.plan_poses(h4, 5, candidates=candidates, poses=some(h4, 8), reference_pose=h4.home)
     measured = design.CandidatePoses(

@@ -420,3 +420,11 @@ def test_ctrl_c_ends_a_study_on_a_cluster_in_one_line(endless, tmp_path, monkeyp
         assert study.wait(120) == 130
         assert study.stderr.read() == b"truepose: interrupted\n"
         assert waited(lambda: not cluster.scheduler.tasks)
+
+
+def test_calibrations_of_sampled_robots_keep_their_bound():
+    """Par4's rods are in pairs: readings of one level, calibrated at the other, exceed it."""
+    par4 = tp.load("par4").with_sensors("theta", "z_telemeter")
+    found = tp.monte_carlo("calibration", par4, 64, workers=0).columns
+    error, bound = (np.sqrt(np.mean(found[f"{of}_mm"] ** 2)) for of in ("calibrated", "bound"))
+    assert 0.85 < error / bound < 1.15

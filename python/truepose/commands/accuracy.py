@@ -51,6 +51,7 @@ def command(
     touched = options.parse_pose(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
     found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
+    options.tell_exact(loaded, (name for names in found.sets for name in names))
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     slice_ = workspace_slice(shown) if plot else shown.home

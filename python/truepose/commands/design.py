@@ -126,6 +126,7 @@ def command(
     inputs = (robot, poses, path, calibrated)
     write = options.writer(inputs, force, robot=out, plot=plot, report=report)
     loaded = under(load(robot), conditions)
+    options.tell_exact(loaded, (sensor.name for sensor in loaded.spec.sensor))
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else visited(loaded, calibrated),
         "reference_pose": options.parse_pose(loaded, reference_pose, "--reference-pose"),

@@ -19,6 +19,7 @@ from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.disturbance import Disturbance
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.logs import Log
+from truepose.robot.assumptions import exact_readings, told_exact
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import summed
 from truepose.robotfile import path_of, to_toml
@@ -333,7 +334,16 @@ def parse_target(robot: Robot, text: str | None) -> float | None:
 def load_with(robot: str, sensors: str | None) -> Robot:
     """Load a robot with these sensors of its file in use; None: those that the file uses."""
     loaded = load(robot)
-    return loaded if sensors is None else loaded.with_sensors(*parse_set(loaded, sensors))
+    loaded = loaded if sensors is None else loaded.with_sensors(*parse_set(loaded, sensors))
+    tell_exact(loaded, loaded.sensors)
+    return loaded
+
+
+def tell_exact(robot: Robot, sensors: Iterable[str]) -> None:
+    """Print which motors and which of these sensors are taken as exact, if any."""
+    names = {*robot.readings[: robot.n], *sensors}
+    if exact := [one for one in exact_readings(robot, every=True) if one in names]:
+        say(f"{robot.name}: {told_exact(exact)}", err=True)
 
 
 def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
@@ -393,8 +403,7 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
         return load(text).with_sensors(*robot.sensors)
     if not any(parameter.sigma for parameter in robot.parameters.values()):
         say(f"{robot.name}: the file has no tolerances; the true robot is nominal", err=True)
-    true = robot.sample(seed)
-    return true.with_level(true.highest_level)
+    return robot.sample(seed)
 
 
 def between_option(text: str, shown: str | bool = True, value: Any = None, **more: Any) -> Any:

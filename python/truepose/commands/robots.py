@@ -16,7 +16,7 @@ from typer import Argument, Option
 from truepose import files, robotfile
 from truepose.commands import options
 from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
-from truepose.robot import conditions
+from truepose.robot import assumptions, conditions
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
 from truepose.robot.workspace import reach, told, workspace_grid
@@ -108,26 +108,47 @@ GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 _LARGEST = 20.0  # m; no part of a robot is as long; most files in mm have a greater number
 
 
-def check_command(file: Path = Argument(help="A robot file (TOML).")) -> None:
-    """Check a robot file: one line for each error, and exit status 2.
+def check_command(
+    file: Path = Argument(help="A robot file (TOML)."), how: options.How = Format.table
+) -> None:
+    """Check a robot file, and print what it assumes.
 
-    An error states file, line, key, value and the valid choices. For a valid file the command
-    prints motors and sensors at home and the reachable part of the workspace on a grid.
+    One line for each error, with file, line, key, value and the valid choices; exit status 2. For a
+    valid file: motors and sensors at home, the reachable part of the workspace on a grid, readings
+    and parameters that are taken as exact, σ beside each length, warnings, and last the verdict.
 
     Example: **truepose check my_robot.toml**
     """
     robot, problems = check(file)
-    for problem in problems:
-        say(problem, err=True)
+    tables: list[Table] = []
+    lines = [("error", problem) for problem in problems]
+    verdict = "refused"
+    if robot is not None:
+        doubts, tables = warnings(robot), [assumptions.table(robot)]
+        lines = [("fact", fact) for fact in [_summary(robot), *remarks(robot)]]
+        lines += [("warning", doubt) for doubt in doubts]
+        verdict = f"usable, {len(doubts)} warning{'s' * (len(doubts) > 1)}" if doubts else "ok"
+    if how is not Format.table:
+        rows = [*lines, ("verdict", verdict)]
+        show([Table("check", str(file), ["kind", "text"], rows), *tables], how)
+    for kind, text in lines:
+        if kind == "error":
+            say(text, err=True)
+        else:
+            say(f"{file}: {'warning: ' * (kind == 'warning')}{text}", how)
     if robot is None:
         raise typer.Exit(2)
+    if how is Format.table and tables[0].rows:
+        show(tables)
+    say(f"{file}: {verdict}", how)
+
+
+def _summary(robot: Robot) -> str:
     sensors = ", ".join(robot.sensors) or "none"
-    say(
-        f"{file}: ok: {robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}),"
-        f" {len(robot.parameters)} parameters"
+    return (
+        f"{robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}), "
+        f"{len(robot.parameters)} parameters"
     )
-    for remark in remarks(robot):
-        typer.echo(f"{file}: {remark}")
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:
@@ -148,7 +169,7 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
 
 
 def remarks(robot: Robot) -> list[str]:
-    """Return remarks, one line each: readings at home, sensors beyond their range, workspace."""
+    """Return facts, one line each: readings at home, workspace, parameters taken as exact."""
     units = reading_units(robot)
     at_home = zip(robot.readings, robot.extended_positions(robot.home), units, strict=True)
     readings = ", ".join(f"{name} = {printed(r, unit)}" for name, r, unit in at_home)
@@ -158,23 +179,39 @@ def remarks(robot: Robot) -> list[str]:
             "legs: each is a single rod; the model assumes that other parts constrain the "
             "platform's orientation"
         )
-    sensors = zip(robot.spec.used, robot.rkm(robot.home), units[robot.n :], strict=True)
-    for sensor, r, unit in sensors:
+    if robot.spec.workspace is None:
+        lines.append("no [workspace] minimum, maximum: 'info' and 'accuracy' need one")
+    else:
+        reached, lost, count = _reached(robot)
+        share = f"{100 * reached / count:.3g} %" if lost else "all"
+        missing = f"; not: {told(lost)}" if lost else ""
+        grid = f"{GRID[robot.n]}^{robot.n} = {count} poses, a grid over the box"
+        lines.append(f"workspace: {share} of {grid}, reached and regular{missing}")
+    return [*lines, f"without a tolerance, taken as exact: {assumptions.known_exactly(robot)}"]
+
+
+def warnings(robot: Robot) -> list[str]:
+    """Return what is likely a mistake in a valid file, one line each."""
+    lines, box = [], robot.spec.workspace
+    if exact := assumptions.exact_readings(robot, every=True):
+        lines.append(assumptions.told_exact(exact))
+    lines += assumptions.implausible(robot)
+    units = reading_units(robot)[robot.n :]
+    for sensor, r, unit in zip(robot.spec.used, robot.rkm(robot.home), units, strict=True):
         if sensor.range is not None and not sensor.range[0] <= r <= sensor.range[1]:
             at, low, high = (printed(float(value), unit) for value in (r, *sensor.range))
             lines.append(
                 f"sensor {sensor.name}: reads {at} at home, beyond its range {low} to {high}"
             )
-    box = robot.spec.workspace
-    if box is None:
-        return [*lines, "no [workspace] minimum, maximum: 'info' and 'accuracy' need one"]
-    reached, lost, count = _reached(robot)
-    share = f"{100 * reached / count:.3g} %" if lost else "all"
-    missing = f"; not: {told(lost)}" if lost else ""
-    grid = f"{GRID[robot.n]}^{robot.n} = {count} poses, a grid over the box"
-    lines.append(f"workspace: {share} of {grid}, reached and regular{missing}")
-    if not ((box.minimum <= robot.home) & (robot.home <= box.maximum)).all():
-        lines.append("workspace: home is not in it")
+    if box is not None:
+        reached, _, count = _reached(robot)
+        if 2 * reached < count:
+            lines.append("workspace: less than half of its box is reached and regular")
+        ends = zip(robot.coordinates, robot.home, box.minimum, box.maximum, strict=True)
+        for (name, unit), here, least, most in ends:
+            if not least <= here <= most:
+                of, *side = (printed(float(value), unit) for value in (here, least, most))
+                lines.append(f"home: {name} = {of} is outside the workspace, {' to '.join(side)}")
     return lines
 
 
@@ -213,7 +250,8 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
         if not reached:
             text = f"workspace: none of {count} poses, a grid over the box: {told(lost)}"
             return None, [Problem(("workspace",), text)]
-    return robot, []
+    wrong = [Problem(("tolerances", glob), text) for glob, text in assumptions.impossible(robot)]
+    return (None, wrong) if wrong else (robot, [])
 
 
 def _in_millimetres(spec: RobotFile) -> list[Problem]:

@@ -78,7 +78,7 @@ def verify(
     off = np.array(reference_sigmas(robot, reference_sigma))
     x, errors, expected = np.tile(over, (cycles, 1)), [], robot.expected()
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
-        true = robot.sample(own).at_highest_level
+        true = robot.sample(own)
         noise = own.generate_state(5).tolist()
         at_reference, at_work = sampled(true, noise[3])
         known = expected

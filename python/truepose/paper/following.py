@@ -99,7 +99,7 @@ def drawn(robot: Robot, effects: Effects, seed: int, number: int) -> tuple[Robot
     `number` seeds the phases of the encoders.
     """
     source = np.random.SeedSequence([seed, number])
-    truth = robot.sample(source).with_level(robot.highest_level)
+    truth = robot.sample(source)
     allowed = effects.allowed_for(robot)
     there = effects.geometry(truth, seed=number)
     learnt = experiment.self_calibrated(allowed, there, article.table2(), number)

@@ -105,7 +105,7 @@ def compare(
         kind: tuple[str, str], numbered: tuple[int, np.random.SeedSequence]
     ) -> dict[Control, float]:
         drawn, (number, source) = kinds[kind], numbered
-        truth = drawn.sample(source).with_level(drawn.highest_level)
+        truth = drawn.sample(source)
         controls = CONTROLS if number < calibrated else LAWS
         found = experiment.rest(drawn, truth, poses, visited, controls, number)
         return {control: position_rms(x - poses) for control, x in found.items()}

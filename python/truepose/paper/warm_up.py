@@ -80,7 +80,7 @@ def warm(
 
     def one(label: str, source: np.random.SeedSequence) -> list[float]:
         drawn = robot.with_sensors(*sensor_sets.SETS[label])
-        cold = drawn.with_level(drawn.highest_level).sample(source)
+        cold = drawn.sample(source)
         true = effects.geometry(cold, effects.warm_up_time)
         models = _models(drawn, cold, effects)
         return [
@@ -129,7 +129,7 @@ def study(
 
 def _one(drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array) -> Array:
     """Return one robot's rms errors, (T, 6): per method, of `online`'s estimates; their bound."""
-    cold = drawn.with_level(drawn.highest_level).sample(source)
+    cold = drawn.sample(source)
     growth = effects.growth(cold)
     believed = _models(drawn, cold, effects)
     known = believed["frozen"]

@@ -77,7 +77,8 @@ class Robot(Kinematics, Shown):
         """Return a robot with every parameter sampled from its tolerance in the robot file.
 
         Independently; normal where the file gives a sigma, uniform where it gives an interval. The
-        same `seed` (int or SeedSequence) gives the same robot.
+        same `seed` (int or SeedSequence) gives the same robot. It is at :attr:`highest_level`, as
+        :func:`truepose.calibrate` and predictions are: every rod by itself where that model exists.
 
         Examples
         --------
@@ -85,11 +86,13 @@ class Robot(Kinematics, Shown):
         >>> true = tp.load("h4").sample(seed=1)
         >>> -0.003 <= true.parameters["chain1.rod"].value - 0.48 <= 0.010
         True
+        >>> true.level
+        'full'
         """
         if not isinstance(seed, np.random.SeedSequence):
             check_seed(seed)
         generator = np.random.default_rng(seed)
-        sampled, robot = {}, self.with_calibration(None)
+        sampled, robot = {}, self.at_highest_level.with_calibration(None)
         for name, parameter in robot.parameters.items():
             tolerance = robot.spec.tolerance(name)
             if tolerance and tolerance.interval is not None:

@@ -7,9 +7,9 @@ from fractions import Fraction
 from truepose.robotfile.schema import Chain
 
 #: Keys of a chain that turn with its copy.
-_TURNED = ("base", "axis", "arm_zero", "anchor", "pair_axis")
+TURNED = ("base", "axis", "arm_zero", "anchor", "pair_axis")
 #: Keys whose single value is a list.
-_LISTS = ("limits", "eccentricity")
+LISTS = ("limits", "eccentricity")
 
 
 def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
@@ -51,9 +51,9 @@ def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], s
 
 def _lists(chain: object) -> Iterator[tuple[str, list]]:
     for key, value in chain.items() if isinstance(chain, dict) else ():
-        if key in _TURNED or not isinstance(value, list):
+        if key in TURNED or not isinstance(value, list):
             continue
-        if key not in _LISTS or all(isinstance(v, list) for v in value):
+        if key not in LISTS or all(isinstance(v, list) for v in value):
             yield key, value
 
 
@@ -61,7 +61,7 @@ def _copy(chain: object, k: int, repeat: int, about: str) -> object:
     if not isinstance(chain, dict):  # the schema reports it
         return chain
     result = dict(chain)
-    for key in _TURNED:
+    for key in TURNED:
         vector = chain.get(key, Chain.model_fields[key].default)
         numbers = isinstance(vector, (list, tuple)) and len(vector) == 3
         if numbers and all(type(v) in (int, float) for v in vector):

@@ -72,7 +72,8 @@ def _stated(document: tomlkit.TOMLDocument, spec: RobotFile, value: Any, *path: 
     """Return a value as the document has it: where `units` is a key, in a stated unit."""
     if "units" not in document:
         return value
-    return quantities.stated(spec.model_dump(mode="json"), value, path)
+    units = quantities.Units(spec.model_dump(mode="json", exclude={"pattern"}))
+    return quantities.stated(units, value, path)
 
 
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:

@@ -72,7 +72,7 @@ class LifeCycle:
         scenario = str(case.values.get("scenario", "warm day"))
         life = self.rates
         nominal = case.robot.with_sensors(*wanted)
-        true = nominal.sample(case.seed).at_highest_level
+        true = nominal.sample(case.seed)
         rng = np.random.default_rng([*case.seed.generate_state(2), list(SCENARIOS).index(scenario)])
         known = commissioned(nominal, true, life.commissioning, rng)
         states = stages(scenario, true, life, rng)

@@ -66,8 +66,7 @@ class State:
 
     def with_drawn_errors(self, seed: int) -> State:
         """Sample the true robot from the file's tolerances."""
-        truth = self.drawn.sample(seed).with_sensors(*self.drawn.sensors)
-        return replace(self, truth=truth.at_highest_level)
+        return replace(self, truth=self.drawn.sample(seed))
 
     def with_sensors(self, names: Iterable[str]) -> State:
         """Use these sensors, in the file's order; InputError if the core's limit is exceeded."""
