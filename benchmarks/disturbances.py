@@ -1,12 +1,14 @@
-"""Tables of docs/fault-monitor.md: noisy readings, payloads, false alarms.
+"""Tables of docs/fault-monitor.md: noisy readings, loose contacts, payloads, false alarms.
 
 disturbances.py noise [--robots 3]          # error beyond a healthy robot's
+disturbances.py loose [--robots 3]          # the same, calibrated robots, all effects
 disturbances.py payload [--robots 30]       # error of the identified mass, calibrated robots
 disturbances.py alarms [--robots 25]        # false alarms and names, robots as built
 """
 
 import argparse
 from collections import Counter
+from itertools import product
 
 import numpy as np
 from fault_monitor import SETS, drawn, row
@@ -57,6 +59,33 @@ def noise(robots: int) -> None:
                 without, with_it, failed = np.array(found).T
                 ends = f"{without.max():.2f}", f"{with_it.max():.2f}", int(failed.sum())
                 row(f"{which}, {law}", reading, name, *ends)
+
+
+def loose(robots: int) -> None:
+    row("sensors", "reading", "failed or stopped", "another failed", "error (mm), median, largest")
+    row("---", "---", "---:", "---:", "---:")
+    effects = tp.Effects()
+    monitor = tp.FaultMonitor(effects=effects)
+    for which in ("h4 θ, z", "h4 θ, elbows"):
+        cases: dict = {}
+        for seed in range(robots):
+            robot, truth = drawn(which, seed, True, effects)
+            usual = {"effects": effects, "seed": seed, "monitor": monitor, "hold": 0.3}
+            controller = tp.Controller.for_robot(robot, effects)
+            healthy = tp.simulate(robot, truth, controller, **usual)
+            for reading, at in product(robot.readings, np.arange(0.03, 0.22, 0.035)):
+                contact = [tp.faults.Fault(reading, "loose", at)]
+                run = tp.simulate(robot, truth, controller, faults=contact, **usual)
+                moves = ~run.stops
+                away = (run.x - healthy.x[: len(run.x)])[moves, :3]
+                found = reading in run.failed or run.stops.any(), bool({*run.failed} - {reading})
+                kind = "motors" if reading in robot.readings[: robot.n] else "sensors"
+                off = 1e3 * np.linalg.norm(away, axis=1).max()
+                cases.setdefault(kind, []).append((*found, off))
+        for kind, rows in cases.items():
+            found, wrong, off = np.array(rows).T
+            ends = f"{np.median(off):.2f}, {off.max():.2f}"
+            row(which, kind, f"{int(found.sum())} of {len(rows)}", int(wrong.sum()), ends)
 
 
 def payload(robots: int) -> None:
@@ -126,10 +155,15 @@ def alarms(robots: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=("noise", "payload", "alarms"))
+    parser.add_argument("what", choices=("noise", "loose", "payload", "alarms"))
     parser.add_argument("--robots", type=int)
     args = parser.parse_args()
-    usual = {"noise": (noise, 3), "payload": (payload, 30), "alarms": (alarms, 25)}
+    usual = {
+        "noise": (noise, 3),
+        "loose": (loose, 3),
+        "payload": (payload, 30),
+        "alarms": (alarms, 25),
+    }
     table, robots = usual[args.what]
     table(args.robots or robots)
 

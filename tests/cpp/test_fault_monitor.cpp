@@ -494,6 +494,24 @@ TEST("a noisy reading is smoothed with a larger sigma, and never excluded for it
   });
 }
 
+TEST("a loose contact is no noise: it is bridged, and fails at the third time") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int c = 0; c < kDof<mobility()> + mechanism.robot.r; ++c)
+      for (const int lasts : {1, 2, 3}) {
+        Scene<mobility()> scene(mechanism);
+        CHECK(scene.healthy(200));
+        for (int k = 200; k < 310; ++k) {
+          Extended q_e = scene.read(k);
+          const double right = q_e[c];
+          if (k % 50 < lasts) q_e[c] += 0.3;
+          static_cast<void>(scene.cycle(k, q_e));
+          CHECK((scene.seen.reading[c].health == Health::failed) == (k >= 300));
+          CHECK(k >= 300 || std::fabs(scene.believed[c] - right) < 5e-3);
+        }
+      }
+  });
+}
+
 TEST("a reading that is held for eight cycles is no frozen one, and one that freezes then fails") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     for (int c = 0; c < kDof<mobility()>; ++c) {

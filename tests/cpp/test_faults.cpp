@@ -41,9 +41,10 @@ TEST(
       [](int k) { return k + 0.5; },                    // noise: random, tested below
       [](int k) { return k % 2 ? k + 1.0 : k * 1.0; },  // coarse, counts of 2
       [](int k) { return k < 24 ? 4.5 : 0; },           // hold, 2 s
+      [](int k) { return k + 0.5; },                    // loose: random, tested below
   };
   for (const FaultProperties& row : kFaultTable) {
-    if (row.kind == FaultKind::noise) continue;
+    if (row.kind == FaultKind::noise || row.kind == FaultKind::loose) continue;
     check::state().scene = row.name;
     for (const double end : {0.7, kNever}) {
       const std::vector<double> read = read_of({{row.kind, 2, 3, 2, 0.4, end, 1}});
@@ -80,6 +81,24 @@ TEST("noise has its sigma, and each value of a held reading lasts as long as sta
   CHECK(std::fabs(squares / kCount / 9 - 1) < 0.05);
   const std::vector<double> read = read_of({{FaultKind::hold, 2, 0, 0.3}});
   for (int k = 0; k < 12; ++k) CHECK_NEAR(read[k], k / 3 * 3 + 0.5, 0);
+}
+
+TEST("a loose contact reads 0 for one to three cycles, which begin in 5 % of the healthy ones") {
+  FaultyReadings loose({{FaultKind::loose, 2, 0, 0}}, 1e-3, 7);
+  std::array<int, 4> lasted{};
+  int open = 0, healthy = 0;
+  for (int k = 0; k < 20000; ++k) {
+    Extended q_e{};
+    q_e[2] = 0.5;
+    loose.read(1e-3 * k, q_e);
+    CHECK(q_e[2] == 0 || q_e[2] == 0.5);
+    open = q_e[2] == 0 ? open + 1 : 0;
+    healthy += open == 0;
+    for (int cycles = 1; cycles <= 3; ++cycles) lasted[cycles] += open == cycles;
+  }
+  CHECK(std::fabs(lasted[1] / (0.05 * healthy) - 1) < 0.1);
+  CHECK(std::fabs(1.5 * lasted[2] / lasted[1] - 1) < 0.1);
+  CHECK(std::fabs(3.0 * lasted[3] / lasted[1] - 1) < 0.2);
 }
 
 TEST("faults act in their order") {

@@ -172,6 +172,16 @@ TEST("a requested stop follows the path without a corner, then the brakes hold t
   });
 }
 
+TEST("a stop of a robot whose setpoint stands still ends within a brake's time") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Bench<mobility()> bench(mechanism);
+    bench.begin();
+    bench.request.stop = true;
+    const int closed = bench.cycles(30, [&] { return bench.shell.brakes != 0; });
+    CHECK(closed > 20 && closed < 25);
+  });
+}
+
 TEST("lost, late and jittering frames of a healthy robot are no violation until one is too old") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
@@ -270,4 +280,17 @@ TEST("a stop request while a motor is suspected is a stop by brake") {
     CHECK(bench.shell.machine.stop == StopKind::brake);
     CHECK(bench.shell.cause == StopCause::requested);
   });
+}
+
+TEST("of motors that may be faulty only one that stands still off its setpoint is suspected") {
+  FaultMonitor monitor;
+  monitor.placed = monitor.undecided = true;
+  monitor.doubted = 3;
+  SafetyCycle plausible, stuck;
+  note_monitor<Mobility::planar_translation>(monitor, plausible);
+  CHECK(plausible.disagree && !plausible.lost && plausible.suspected == 0);
+  monitor.reading[1].still = kStill;
+  monitor.reading[1].seems = 1e-3;
+  note_monitor<Mobility::planar_translation>(monitor, stuck);
+  CHECK(!stuck.disagree && stuck.lost && stuck.suspected == 2);
 }

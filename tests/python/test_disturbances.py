@@ -37,6 +37,28 @@ def test_a_noisy_reading_is_never_excluded(sensors: list[str], kind: str, law: s
         assert off < (4e-3 if reading == "q1" else 2.5e-3)  # a coarse count of q1: 2 mm
 
 
+@pytest.mark.parametrize("sensors", [["theta", "z_telemeter"], ["theta", "elbow1", "elbow3"]])
+@pytest.mark.parametrize("value", [0.0, -3.0])
+def test_a_loose_contact_is_no_noise(sensors: list[str], value: float) -> None:
+    robot = tp.load("h4").with_sensors(*sensors)
+    controller, monitor = tp.Controller.for_robot(robot), tp.FaultMonitor()
+    healthy = tp.simulate(robot, controller=controller)
+    for reading in (*robot.readings[: robot.n], sensors[-1]):
+        contact = [  # several cycles with a value, a few without
+            fault
+            for at in (0.05, 0.07, 0.1, 0.12)
+            for fault in (
+                Fault(reading, "gain", at, 0.0, at + 0.003),
+                Fault(reading, "bias", at, value, at + 0.003),
+            )
+        ]
+        for faults in (contact, [Fault(reading, "loose", 0.05)]):
+            run = tp.simulate(robot, controller=controller, faults=faults, monitor=monitor)
+            assert run.failed == [reading]
+            off = np.linalg.norm((run.x - healthy.x)[~run.stops, :3], axis=1)
+            assert off.max() < 2e-3
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_frozen_encoder_still_fails(seed: int) -> None:
     robot = tp.load("h4").with_sensors("theta").expected()

@@ -29,9 +29,10 @@ class Cycle : MonitoredCycle<K> {
   using Base::number, Base::late, Base::every, Base::symptom_of, Base::covariance, Base::bending;
   using Base::parity_, Base::noise_, Base::unknown_, Base::left_out_, Base::innovation_;
   using Base::replaceable, Base::motors_valid, Base::stale, Base::refresh;
-  using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kStill,
-      Base::kLongest, Base::kStoodBy;
-  using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance, Base::asked;
+  using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kLongest,
+      Base::kStoodBy;
+  using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance, Base::asked,
+      Base::wild, Base::wild_;
 
  public:
   using Base::Base;
@@ -113,10 +114,13 @@ class Cycle : MonitoredCycle<K> {
       innovation_[c] = within_turn(robot_, c, news);
       // Whole turns that an encoder has lost or passed since the start are no motion.
       believed_[c] = innovation_[c] == news ? q_e_[c] : predicted + innovation_[c];
+      if (wild(c)) wild_ |= bit(c);
       if (!late(c) && number(believed_[c])) {
-        reading.noise.sample(believed_[c], weighing_.known->sigma[c], settings_.within);
+        const bool noisy = reading.noise.noisy();
+        reading.noise.sample(wild_ & bit(c) ? predicted : believed_[c], weighing_.known->sigma[c],
+                             settings_.within);
         noise_[c] = variance(c);
-        if (reading.noise.noisy()) reading.spikes = 0;  // they were noise
+        if (!noisy && reading.noise.noisy()) reading.spikes = 0;  // they were noise
       }
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
@@ -126,7 +130,7 @@ class Cycle : MonitoredCycle<K> {
           continue;
         }
         if (symptom == Symptom::stuck) standing_ |= bit(c);
-        bridge(settings_, monitor_.cycle, symptom, every(c), reading);
+        bridge(settings_, monitor_.cycle, symptom, every(c), wild_ & bit(c), reading);
         if (!reading.begun) reading.health = Health::failed;  // nothing to extrapolate from
         symptomatic_ |= bit(c);
       }
@@ -206,7 +210,7 @@ class Cycle : MonitoredCycle<K> {
       const bool stays = still_ & bit(c) && !late(c);
       monitor_.reading[c].stands = stays;
       bridge(settings_, monitor_.cycle, stays ? Symptom::stuck : Symptom::disagrees, every(c),
-             monitor_.reading[c]);
+             false, monitor_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
       exclude(c);
@@ -264,8 +268,10 @@ class Cycle : MonitoredCycle<K> {
     MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + reading.way, jump = raw(c) - reading.raw;
     const Real most = std::max(std::fabs(by), std::fabs(jump));
+    const bool noisy = reading.noise.noisy();
     if (std::fabs(jump - by) < 0.5 * most + settings_.sigmas * std::sqrt(noise_[c]))
       reading.noise.changed(reading.still + 1, most, 0.5 * settings_.moved[c]);
+    if (!noisy && reading.noise.noisy()) reading.spikes = 0;  // they were samples
   }
 
   /// Updates a motor's following error and, while it moves, mean and variance of that.
@@ -347,8 +353,9 @@ class Cycle : MonitoredCycle<K> {
       const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) &&
                           !(symptomatic_ & ~standing_) && !monitor_.lost &&
                           settings_.moved[c] > 0 && (c < n || motors);
-      // Setpoints are known from the second cycle on.
-      if (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2) {
+      // Setpoints are known from the second cycle on. What a wild jump reads is no change.
+      const bool wild = wild_ & bit(c);
+      if (!wild && (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2)) {
         if (reading.stands || reading.noise.noisy()) sampled(c);
         reading.stands = false;
         if (c < n) reading.pushed = monitor_.pushed[c];
@@ -356,7 +363,7 @@ class Cycle : MonitoredCycle<K> {
         if (c < n || monitor_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = reading.asked = 0;
         reading.still = 0;
-      } else {
+      } else if (!wild) {
         if (c >= n && monitor_.placed) reading.asked += asked(c);
         if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
         if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);

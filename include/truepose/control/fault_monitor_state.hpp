@@ -51,6 +51,7 @@ struct FaultMonitorSettings {
   Real sigmas = 0;  ///< limit of a normal variable with the same probability
   std::array<Real, kMaxSensors + 1> chi2{};  ///< limits, by degrees of freedom
   TrackerGains own, together;
+  Extended wild{};  ///< jump beyond the noise that may be smoothed
 };
 
 inline constexpr Real kOwnPole = 0.3;     ///< of a reading's own tracker
@@ -59,7 +60,9 @@ inline constexpr Real kUnknown = 1e4;     ///< variance of an unknown error, ove
 inline constexpr Real kSamePlace = 0.1;   ///< travel between updates, over `correlation`
 inline constexpr int kFollowed = 8;       ///< cycles for a reading's own tracker,
 inline constexpr int kSettling = 32;      ///< and for the parity's, to settle after the start
+inline constexpr int kStill = 3;          ///< unchanged cycles after which a reading stands still
 inline constexpr int kSpikesKept = 8;
+inline constexpr Real kWild = 3;        ///< σ of the largest noise that make a jump
 inline constexpr Real kNoNumber = 1e9;  ///< rad or m: larger readings count as missing
 
 /// Computes the limits from the false-alarm probability, shared by the level and change tests.
@@ -71,6 +74,10 @@ inline void prepare(FaultMonitorSettings& settings) {
   settings.own = tracker_gains(kOwnPole);
   settings.together = tracker_gains(kParityPole);
   settings.refresh = std::max(1, settings.refresh);
+  for (std::size_t c = 0; c < settings.wild.size(); ++c)
+    settings.wild[c] =
+        kWild * std::sqrt(settings.own.variance) *
+        noisiest(settings.period, kUnmodelled * settings.fastest[c], settings.replaceable);
 }
 
 /// State of one reading.
@@ -146,11 +153,11 @@ inline void acknowledge(FaultMonitor& monitor, int reading) {
 namespace fault_monitor_detail {
 /// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed. One
 /// that stands still may be held between slow samples, and one that jumps may become noisy: they
-/// get twice the time. A noisy reading never jumps too often; jumps within the window in which
-/// noise is recognised count once.
-/// @param every  cycles per sample
+/// get twice the time. Noise is no jump, unless wild; jumps within the window in which noise is
+/// recognised count once.
+/// @param every  cycles per sample @param wild  it jumps as no noise does
 inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
-                   int every, MonitoredReading& reading) {
+                   int every, bool wild, MonitoredReading& reading) {
   const auto spike = [&](std::int64_t k) -> std::int64_t& {
     return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
   };
@@ -159,10 +166,10 @@ inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Sym
   const bool stands = symptom == Symptom::stuck;
   const bool jumps = symptom == Symptom::too_fast || symptom == Symptom::disagrees;
   const bool again = jumps && reading.spikes > 0 && cycle - spike(reading.spikes - 1) < kThirds;
-  if (reading.bridged++ == 0 && !stands && !again) spike(reading.spikes++) = cycle;
+  const bool noise = jumps && !wild && reading.noise.may_be_noisy();
+  if (reading.bridged++ == 0 && !stands && !again && !noise) spike(reading.spikes++) = cycle;
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  const bool noise = jumps && reading.noise.may_be_noisy();
   // A standstill counts from the last change on, however late it was noticed.
   const std::int64_t coast = settings.coast, interval = static_cast<int>(reading.noise.interval);
   const std::int64_t slow = 2 * std::max(coast, interval);

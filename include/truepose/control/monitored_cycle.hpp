@@ -30,6 +30,7 @@ struct MonitoredCycle {
   Extended innovation_{};          ///< of each reading's own tracker
   std::uint32_t symptomatic_ = 0;  ///< extrapolated readings,
   std::uint32_t standing_ = 0;     ///< those of them that stand still
+  std::uint32_t wild_ = 0;         ///< readings that jump as no noise does
   std::uint32_t still_ = 0;        ///< isolated by standing still
   std::uint32_t without_ = 0;      ///< excluded readings,
   std::uint32_t replaced_ = 0;     ///< those of them that the others give
@@ -74,17 +75,45 @@ struct MonitoredCycle {
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
     if (reading.stands && this->raw(c) == reading.raw) return Symptom::stuck;
-    const bool followed = monitor_.cycle - monitor_.began > kFollowed;
-    if (!followed || monitor_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
-    // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
-    // + m(m + 1)/2 of an acceleration. A reading that jumped must return to its prediction.
+    if (wild_ & bit(c)) return Symptom::too_fast;
+    if (monitor_.undecided || !followed(c)) return Symptom::none;
+    const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]);
+    return off_track(c) > chance * (1 + missed(c)) ? Symptom::too_fast : Symptom::none;
+  }
+
+  /// Whether a reading's track and the limit of its acceleration are known.
+  bool followed(int c) const {
+    return monitor_.cycle - monitor_.began > kFollowed && settings_.fastest[c] > 0;
+  }
+
+  /// Cycles without a reading before this one. One that jumped must return to its prediction.
+  int missed(int c) const {
+    const MonitoredReading& reading = monitor_.reading[c];
     const bool gap = reading.symptom == Symptom::missing || reading.symptom == Symptom::stuck;
-    const int m = gap ? reading.bridged : 0;
-    const Real missed = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
+    return gap ? reading.bridged : 0;
+  }
+
+  /// Deviation from a reading's prediction beyond what the largest acceleration explains.
+  Real off_track(int c) const {
+    // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
+    // + m(m + 1)/2 of an acceleration.
+    const int m = missed(c);
+    const Real lag = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
     const Real way = settings_.period * settings_.period * settings_.fastest[c] *
-                     (settings_.own.acceleration + missed);
-    const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
-    return std::fabs(innovation_[c]) > way + chance ? Symptom::too_fast : Symptom::none;
+                     (settings_.own.acceleration + lag);
+    return std::fabs(innovation_[c]) - way;
+  }
+
+  /// Whether a reading jumps farther than noise that may be smoothed: off its track, and off the
+  /// model's motion since it changed last, by which a held reading jumps.
+  bool wild(int c) const {
+    if (late(c) || !followed(c) || !(off_track(c) > settings_.wild[c])) return false;
+    const MonitoredReading& reading = monitor_.reading[c];
+    const Real by = c < n ? desired_[c] - reading.model : reading.asked;
+    const Real jump = std::fabs(within_turn(robot_, c, q_e_[c] - reading.raw - by));
+    const Real chance = settings_.sigmas * weighing_.known->sigma[c];
+    const Real most = std::max(settings_.wild[c], chance * std::sqrt(settings_.own.variance));
+    return !(std::min(off_track(c), jump) <= most * (1 + missed(c)));
   }
 
   /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
@@ -109,8 +138,6 @@ struct MonitoredCycle {
     return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
   }
 
-  /// Unchanged cycles after which a reading stands still.
-  static constexpr int kStill = 3;
   static constexpr int kLongest = 1000;  ///< cycles, counted at most
   /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
   /// whose motor was driven off.

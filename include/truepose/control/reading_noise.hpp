@@ -29,6 +29,13 @@ inline constexpr Real kUnmodelled =
 /// 1 minus the pole of the tracked deviation: least, largest, and largest of a held reading.
 inline constexpr Real kLeastShare = 0.02, kMostShare = 0.7, kSampledShare = 0.3;
 
+/// Largest σ of a noise that a smoothed reading leaves below `left`: σ √(5/4 T √(a/σ)), see
+/// smooth().
+/// @param acceleration  a, largest unmodelled one
+inline Real noisiest(Real period, Real acceleration, Real left) {
+  return std::pow(left * left / (1.25 * period * std::sqrt(acceleration)), Real{2} / 3);
+}
+
 /// State of one reading's noise.
 struct ReadingNoise {
   std::array<Real, 3> past{};         ///< last samples, the newest first

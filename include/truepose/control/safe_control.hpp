@@ -12,17 +12,23 @@ struct Monitored {
   Multirate* late = nullptr;  ///< slow and delayed sensors; nullptr: none
 };
 
-/// Fills in what the fault monitor has found about the motors.
+/// Fills in what the fault monitor has found about the motors. A candidate for a fault is
+/// plausible, within the shell's limits, unless its reading stands still beside an error that
+/// drives it.
 template <Mobility K>
 void note_monitor(const FaultMonitor& monitor, SafetyCycle& cycle) {
   constexpr int n = kDof<K>;
-  for (int i = 0; i < n; ++i)
-    if (monitor.reading[i].health != Health::valid) cycle.unused |= bit(i);
-  const std::uint32_t motors = bit(n) - 1, doubted = monitor.doubted & motors;
-  cycle.suspected |= cycle.unused | doubted | (monitor.lost & motors);
+  std::uint32_t stuck = 0;
+  for (int i = 0; i < n; ++i) {
+    const MonitoredReading& motor = monitor.reading[i];
+    if (motor.health == Health::failed || motor.bridged > 0) cycle.unused |= bit(i);
+    if (monitor.doubted & bit(i) && motor.still >= kStill && motor.seems != 0) stuck |= bit(i);
+  }
+  cycle.unused |= monitor.held;
+  cycle.suspected |= cycle.unused | stuck | (monitor.lost & (bit(n) - 1));
   cycle.known = cycle.known && monitor.placed;
-  cycle.lost = monitor.lost || (monitor.undecided && doubted);
-  cycle.disagree = monitor.undecided && !doubted;
+  cycle.lost = monitor.lost || (monitor.undecided && stuck);
+  cycle.disagree = monitor.undecided && !cycle.lost;
 }
 
 /// Runs one cycle: control() or control_fault_tolerant(), then guard(). The torques and brakes are

@@ -84,9 +84,10 @@ struct SafetyShell {
   bool started = false, acknowledged = false;  ///< requests of the last cycle
   Real since = 0;                              ///< time in this state, s
   Real opening = 0;                            ///< time since the brakes were released, s
-  Real unanswered = 0;                         ///< time without an answer, s
-  Coordinates at{};                            ///< the last setpoint that the law followed,
-  Joint weight{};                              ///< and the torques that hold the robot there
+  Real halted = 0;      ///< time for which the setpoint of a stop along the path stands still, s
+  Real unanswered = 0;  ///< time without an answer, s
+  Coordinates at{};     ///< the last setpoint that the law followed,
+  Joint weight{};       ///< and the torques that hold the robot there
   FrameClock counter, time;
   unsigned cycle = 0;
   std::array<Joint, kMostWindow> past{};    ///< motor readings of the last cycles
@@ -311,6 +312,9 @@ struct Step {
     } else {
       shell.saturated = shell.clipped = {};
     }
+    const bool stops = shell.machine.stop == StopKind::path;
+    const bool halts = stops && first([&](int i) { return cycle.q_d[i] != shell.wanted[i]; }) == n;
+    shell.halted = halts ? shell.halted + limits.period : 0;
     shell.wanted = cycle.q_d;
   }
 
@@ -343,7 +347,7 @@ struct Step {
     now.violated = violations != 0;
     now.trusted =
         !(found.causes & ~by_path) && !cycle.suspected && cycle.answer && fresh && shell.follows;
-    now.path_ended = shell.since >= limits.stop;
+    now.path_ended = shell.since >= limits.stop || shell.halted >= limits.brake;
     now.brakes_closed = shell.since >= limits.brake + limits.standstill;
     // Only a start or an acknowledgement needs more than the absence of a violation.
     if (now.start || now.acknowledge) {

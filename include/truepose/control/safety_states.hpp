@@ -38,8 +38,8 @@ enum class StopCause : int {
   stale_frame = 5,           ///< readings are repeated or too old
   missing_reading = 6,       ///< a motor gives no number
   unknown_pose = 7,          ///< the motors are not referenced
-  suspected_motor = 8,       ///< the fault monitor has lost a motor, or cannot exclude one
-  readings_disagree = 9,     ///< the fault monitor isolates no reading; no motor is a candidate
+  suspected_motor = 8,       ///< the fault monitor has lost a motor, or a candidate stands still
+  readings_disagree = 9,     ///< the fault monitor isolates no reading; every motor is plausible
   no_answer = 10,            ///< the law has no torque
   workspace = 11,            ///< the setpoint leaves its box
   setpoint_speed = 12,       ///< the setpoint jumps, or moves faster than the speed limit

@@ -24,6 +24,7 @@ enum class FaultKind : int {
   noise = 10,   ///< s + Gaussian noise of σ = size, new in every cycle
   coarse = 11,  ///< s in counts that are coarser by the factor size
   hold = 12,    ///< s, each value held for size seconds
+  loose = 13,   ///< s, but 0 for one to three cycles at random: a loose contact
 };
 
 /// Properties of a kind of fault.
@@ -52,6 +53,7 @@ inline constexpr std::array kFaultTable{
     FaultProperties{FaultKind::noise, "noise", "reading"},
     FaultProperties{FaultKind::coarse, "coarse", "1"},
     FaultProperties{FaultKind::hold, "hold", "s"},
+    FaultProperties{FaultKind::loose, "loose", ""},
 };
 static_assert(in_order(kFaultTable, &FaultProperties::kind));
 
@@ -78,7 +80,7 @@ class FaultyReadings {
  public:
   /// @param faults  each acts on the result of the preceding ones
   /// @param period  between readings, s: a delayed reading is the newest of sufficient age
-  /// @param seed    of noise
+  /// @param seed    of noise and loose contacts
   FaultyReadings(const std::vector<Fault>& faults, double period, std::uint64_t seed = 0)
       : period_(period), random_(seed) {
     for (const Fault& fault : faults) state_.push_back({fault, {}, 0, false});
@@ -111,8 +113,11 @@ class FaultyReadings {
     std::size_t newest;
     bool began;
     double since = 0;  ///< s, when the held value was read
+    int open = 0;      ///< cycles for which a contact is still open
   };
 
+  static constexpr double kOpens = 0.05;  ///< chance that a loose contact opens in a cycle,
+  static constexpr int kOpen = 3;         ///< for up to so many
   static constexpr double kClock = 1e-9;  ///< s: k·period is not exactly a decimal time
 
   static bool acts(double time, const Fault& fault) {
@@ -151,6 +156,12 @@ class FaultyReadings {
           state.since = time;
         }
         read = state.past[0];
+        break;
+      case FaultKind::loose:
+        if (state.open == 0 && std::bernoulli_distribution(kOpens)(random_))
+          state.open = std::uniform_int_distribution<int>(1, kOpen)(random_);
+        if (state.open > 0) read = 0;
+        state.open = std::max(0, state.open - 1);
         break;
     }
   }

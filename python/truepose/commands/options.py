@@ -121,8 +121,8 @@ Faults = Annotated[
         metavar=_FAULT,
         help="A fault that begins at TIME, s: theta:stuck@0.1. Kinds with a size: bias, "
         "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
-        "reading), noise (rad or m), coarse (a factor), hold (s); without: stuck, dropout, sign. "
-        "frame:stuck freezes all. "
+        "reading), noise (rad or m), coarse (a factor), hold (s); without: stuck, dropout, sign, "
+        "loose (contact). frame:stuck freezes all. "
         "Repeatable; isolation assumes a single fault.",
         autocompletion=_fitting_kinds,
     ),

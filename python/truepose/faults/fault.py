@@ -28,6 +28,7 @@ FaultKind = Literal[
     "noise",
     "coarse",
     "hold",
+    "loose",
 ]
 FAULT_KINDS: tuple[FaultKind, ...] = tuple(_core.fault_kinds)
 FRAME = "frame"  #: instead of a reading's name: all readings
@@ -54,6 +55,7 @@ class Fault:
     noise       s + Gaussian noise of σ = size                        rad or m
     coarse      s, in counts that are `size` times coarser            1
     hold        s, each value held for `size`                         s
+    loose       s, but 0 for 1 to 3 cycles at random: loose contact
     ==========  ====================================================  ===================
 
     s includes noise and quantization. A delay is rounded up to whole control periods. Plants

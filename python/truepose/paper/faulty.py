@@ -30,7 +30,7 @@ SIZES = {
     "delay": ("5 ms", 0.005),
 }
 #: Within one move a jump is a bias; noise is no failure.
-LEFT_OUT = ("jump", "noise", "coarse", "hold")
+LEFT_OUT = ("jump", "noise", "coarse", "hold", "loose")
 
 
 class Move(NamedTuple):
