@@ -146,11 +146,17 @@ class Session {
     lost[word] = by;
     ++state_;
   }
+  /// G33 P1 changes the height alone, P2 and T no angles.
   void calibrated(const std::string& by) {
     calibrating_ = false;
-    for (const char* word :
-         {"M665 H", "M665 R", "M665 X", "M665 Y", "M665 Z", "M666 X", "M666 Y", "M666 Z"})
-      lose(word, by);
+    const bool g33 = by == "G33";
+    const auto P = options_.find('P');
+    const double points = g33 && P != options_.end() ? P->second : 3;
+    lose("M665 H", by);
+    if (points == 1) return;
+    for (const char* word : {"M665 R", "M666 X", "M666 Y", "M666 Z"}) lose(word, by);
+    if (points >= 3 && !(g33 && options_.contains('T')))
+      for (const char* word : {"M665 X", "M665 Y", "M665 Z"}) lose(word, by);
   }
   void settle() {
     if (calibrating_) calibrated("G33");
@@ -205,7 +211,7 @@ class Session {
     const auto printed = [&](std::string_view label, const std::string& word) {
       after(label, [&](const auto& values, double unit) { set(word, values, unit, false); });
     };
-    const bool sent = has("Send:") || text.starts_with('>');
+    const bool sent = has("Send:") || has("SENDING:") || text.starts_with('>');
     if (has("nknown command")) return;
     if (has("Iteration :") || has("No convergence") || has("Calibration OK")) calibrated("G33");
     if (has(" factors using "))

@@ -221,6 +221,15 @@ SESSIONS = {
     "settings are loaded after the probing": m503(BEFORE) + g30(BEFORE) + "Send: M501\n",
     "G33 only probes": m503(BEFORE) + "Send: G33 P3 V0\n" + dot_height(BEFORE) + g33(BEFORE),
     "G33 calibrates, M503 follows": m503(BEFORE) + "Send: G33 P3\n" + m503(AFTER) + g30(AFTER),
+    "G33 T changes no angles": m503(BEFORE)
+    + "SENDING:G33 P3 T V1\n"
+    + dot_height(BEFORE).split(".  T")[0]
+    + DONE
+    + dot_height(AFTER).split(".  T")[0]
+    + g30(AFTER),
+    "G33 P1 changes the height alone": m503(AFTER).replace("H418.00", "H417.00")
+    + "Send: G33 P1\n.Height:417.00\nCalibration OK\n.Height:418.00\n"
+    + g30(AFTER),
     "RepRapFirmware calibrates after the probing": rrf(BEFORE)
     + "Calibrated 6 factors using 13 points, (mean, deviation) before (0.1, 0.2) after (0, 0)\n",
     "RepRapFirmware probes again": rrf(AFTER) + rrf(BEFORE),
