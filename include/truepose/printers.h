@@ -35,10 +35,9 @@ enum {
 /** Settings of truepose_printer(); 0 everywhere is a good start. All are doubles, so that a caller
  * in another language fills one array. */
 typedef struct truepose_printer_options {
-  double arm_mm; /**< nominal length of the arms (rotary: lower arms); 0: as in the file */
-  double
-      probe_radius_mm; /**< Marlin: radius of G33's points, which it does not print; 0: unknown */
-  double next;         /**< number of next readings to plan, at most 100 */
+  double arm_mm;          /**< nominal length of the arms (rotary: lower arms); 0: as in the file */
+  double probe_radius_mm; /**< Marlin: radius of G33's points; 0: as printed, where it is */
+  double next;            /**< number of next readings to plan, at most 100 */
   double sigma[TRUEPOSE_PRINTER_SIGMAS]; /**< mm, ° and %; 0: as above */
 } truepose_printer_options;
 

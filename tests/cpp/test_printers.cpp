@@ -341,6 +341,32 @@ TEST("a step distance that is wrong by a factor is named") {
       "[delta_calibrate] stepper_a: its step is 2 times the true one"));
 }
 
+TEST("steps of all motors that were changed after the calibration are named") {
+  const Made of = made(false, 4, 7, false);
+  Printer as_true = of.printer;
+  as_true.p = of.truth.head(as_true.delta.count());
+  std::string text = text_of(as_true);
+  CHECK(assess(text, {}).config.error.empty());
+  Printer moved = as_true;  // endstops that were all moved alike are no such change
+  moved.p.segment<3>(moved.delta.endstop()).array() += 5 * kMm;
+  CHECK(assess(text_of(moved), {}).config.error.empty());
+  for (const char* turn : {"20", "32", "60", "80"}) {
+    text = text_of(as_true);
+    for (int i = 0; i < 3; ++i)
+      text = replaced_in(text, "rotation_distance: 40\n", format("rotation_distance: %s \n", turn));
+    CHECK(assess(text, {}).config.error.starts_with("[delta_calibrate] the steps of all motors"));
+  }
+}
+
+TEST("equal rods in the lines of a firmware with one length fit the readings as well") {
+  const Made of = made(false, 8, 13, false);
+  const Assessment found = assess(text_of(of.printer), {});
+  const Delta& delta = found.printer.delta;
+  const Vector p = with_equal_rods(found.estimate, delta);
+  CHECK_NEAR(p[delta.rod()], p[delta.rod() + 2], 1e-12);
+  CHECK(rms(errors(delta, p, found.printer.readings).off) < 1.5 * rms(found.fits[2].off));
+}
+
 TEST(
     "any text is a printer or one line, and the answer fits the caller's memory or says its size") {
   check::Random random(1);
@@ -358,6 +384,8 @@ TEST(
                                  "M665 L200 R100\nBed X: 0 Y: 0 Z: 0",
                                  "M665 L90 R100 H200\nBed X: 0 Y: 0 Z: 0",
                                  "M665 L200 R100 H200\nBed probe heights: 0.1 0.2",
+                                 "G33\n.Height:\nM665 L200:1 R100 H200\n x:1 x:1\nM502\nc:0",
+                                 "M665L200 R100 H2 A B:\nG30 P\nEndstop adjustments X,\nG31 X",
                                  std::string(2000000, 'x'),
                                  std::string(10000000, '\n') + log};
   const long count = check::sample_size(60);

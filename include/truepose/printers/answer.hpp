@@ -15,6 +15,16 @@ inline std::vector<std::pair<Place, std::string>> changes_of(const Assessment& o
   return changes;
 }
 
+/// The parameters of a firmware with one rod length: those of the estimate's distribution with
+/// equal rods.
+inline Vector with_equal_rods(const Estimate& of, const Delta& delta) {
+  Matrix D = Matrix::Zero(2, of.theta.size());
+  for (int i = 0; i < 2; ++i) D(i, delta.rod() + i) = 1, D(i, delta.rod() + i + 1) = -1;
+  const Matrix gain = of.covariance * D.transpose();
+  const Vector theta = of.theta - gain * (D * gain).ldlt().solve(D * of.theta);
+  return theta.head(delta.count());
+}
+
 inline void write(Json& json, const char* name, const Bed& of) {
   json.key(name).open('{').member("rms_mm", Vector3(of.rms() / kMm));
   for (const auto& [shape, known] :
@@ -130,7 +140,9 @@ inline std::string answer(std::string_view text, const Request& request) {
     write_fit(json, of);
     std::vector<std::string> lines;
     if (!klipper)
-      lines = lines_to_send(of.estimate.p(), of.config.kind == "marlin");
+      lines = lines_to_send(
+          of.config.own_rods ? of.estimate.p() : with_equal_rods(of.estimate, of.printer.delta),
+          of.config.kind == "marlin", of.config.own_rods);
     else
       for (const char* section : {"printer", "stepper_a", "stepper_b", "stepper_c"}) {
         lines.push_back("[" + std::string(section) + "]");

@@ -3,10 +3,11 @@
 
 #include "truepose/printers/bed.hpp"
 #include "truepose/printers/gcode.hpp"
+#include "truepose/printers/steps.hpp"
 
 namespace truepose::printers {
-constexpr int kFewest = 3;  ///< heights that Klipper accepts
-constexpr double kRefit = 0.98, kNothing = 1e-6, kTheSame = 1e-6, kWorse = 1.15, kUnfit = 1 * kMm;
+constexpr double kRefit = 0.98, kNothing = 1e-6, kTheSame = 1e-6, kWorse = 1.15;
+constexpr double kManual = 0.1 * kMm;  ///< heights probed by hand are 0, or the paper's thickness
 constexpr double kIdentified = 0.3, kBarely = 0.9;  ///< largest posterior over prior σ
 
 /// Request of a caller.
@@ -74,28 +75,6 @@ inline std::string departing(const Assessment& of, int k) {
   return reading.name + format(" = %.6g: %+.2f mm off what all else says, ± %.2f",
                                reading.value / kMm, of.judged.off[k] / kMm,
                                of.judged.scale[k] / kMm);
-}
-
-/// A wrong step distance of one motor that explains readings no printer fits, or empty.
-inline std::string wrong_steps(const Printer& printer, const Config& config, const Assumed& assumed,
-                               double arm) {
-  double least = 0.2 * kMm;
-  std::string said;
-  for (int i = 0; i < 3; ++i)
-    for (const double factor : {0.25, 0.5, 0.8, 1.25, 2.0, 4.0}) {
-      Printer other = printer;
-      other.delta.step[i] /= factor;
-      const Prior known = prior(other, config, assumed, arm);
-      const Estimate found = estimate(other.delta, other.readings, known, assumed);
-      const double left = rms(errors(other.delta, found.p(), other.readings).off);
-      if (!(left < least)) continue;
-      least = left;
-      said = format(
-          "stepper_%c: its step is %g times the true one: look at microsteps, gear and "
-          "rotation_distance; if not that, ",
-          kTowers[i], factor);
-    }
-  return said;
 }
 
 inline std::string left_over_text(const Assessment& of, std::size_t fit) {
@@ -199,15 +178,17 @@ inline std::vector<std::string> noise_in_words(const Assessment& of) {
   return lines;
 }
 
-/// Whether to use the calibration; sets `rely`.
-inline std::string use(const Assessment& of, bool as_klipper, bool holds_estimate, bool& rely) {
+/// Whether to use the calibration; sets `rely`. `steps`: wrong steps that explain the readings.
+inline std::string use(const Assessment& of, bool as_klipper, bool holds_estimate,
+                       const std::string& steps, bool& rely) {
   const double arm = of.prior.arm / kMm;
   rely = false;
   if (of.judged.wrong >= 0)
-    return "Do not rely on this calibration: " + departing(of, of.judged.wrong) +
+    return "Do not rely on this calibration: " + steps + departing(of, of.judged.wrong) +
            ". Measure it again, or " + kTakeOut;
   if (of.judged.scattered)
-    return "Do not rely on this calibration: heights are " + shown_mm(of.judged.noise.sigma[0]) +
+    return "Do not rely on this calibration: " + steps + "heights are " +
+           shown_mm(of.judged.noise.sigma[0]) +
            format(
                " mm off any such printer's. Level and clean the bed, look for loose joints and "
                "whether the "
@@ -264,6 +245,11 @@ inline Assessment assess(std::string_view text, const Request& request) {
                      option.starts_with("distance")));
   of.read = any || request.next == 0;
   if (of.read && heights < kFewest) {
+    if (config.kind != "klipper") {
+      config.fail(format("%d probed points: %d at least, better 13, by %s", heights, kFewest,
+                         config.kind == "marlin" ? "G30 X… Y…" : "bed.g"));
+      return of;
+    }
     std::string said = heights ? format("%d heights: Klipper probes %d at least", heights, kFewest)
                        : of.extended()
                            ? "distances, but no heights; DELTA_CALIBRATE and SAVE_CONFIG write them"
@@ -293,6 +279,8 @@ inline Assessment assess(std::string_view text, const Request& request) {
             "that nothing can be printed",
             enough));
   } else {
+    if (const std::string said = changed_steps(of.printer); !said.empty())
+      return stop(where + said);
     if (const std::string said = mistake(of.printer, config, of.prior, assumed); !said.empty())
       return stop(where + wrong_steps(of.printer, config, assumed, request.arm) + said);
     const Estimate first = estimate(delta, readings, of.prior, assumed);
@@ -313,6 +301,10 @@ inline Assessment assess(std::string_view text, const Request& request) {
                          "of the distances are "
                          "left over; are some wrong, or %s?",
                          left[0] / kMm, left[1] / kMm, kChanged));
+    std::string steps;
+    if (of.judged.wrong >= 0 || of.judged.scattered)
+      steps = wrong_steps(of.printer, config, assumed, request.arm,
+                          kRival * std::max(left[0], left[1]), 3);
     const bool reaches = errors(delta, of.printer.p, readings).finite();
     const Vector nominal = of.prior.mean.head(delta.count());
     of.klipper = klipper_fit(delta, reaches ? of.printer.p : nominal, readings);
@@ -341,7 +333,9 @@ inline Assessment assess(std::string_view text, const Request& request) {
     for (const Reading& each : readings)
       if (each.probed) probed.push_back(each.value / kMm);
     const std::string probe = probe_of(config);
-    if (!probe.empty() && !probed.empty() && config.has(probe, "z_offset")) {
+    const bool manual = std::all_of(probed.begin(), probed.end(),
+                                    [](double z) { return std::fabs(z) <= kManual / kMm; });
+    if (!probe.empty() && !manual && config.has(probe, "z_offset")) {
       const double z = config.number(probe, "z_offset"), middle = median(probed);
       if (std::fabs(z - middle) > 0.5)
         note(
@@ -357,7 +351,7 @@ inline Assessment assess(std::string_view text, const Request& request) {
     of.words = {fit_in_words(of, as_klipper, holds)};
     for (const auto& lines : {distances_in_words(of), noise_in_words(of)})
       of.words.insert(of.words.end(), lines.begin(), lines.end());
-    of.words.push_back(of.verdict = use(of, as_klipper, holds, of.rely));
+    of.words.push_back(of.verdict = use(of, as_klipper, holds, steps, of.rely));
     if (request.next > 0)
       of.plan = next_readings(of.printer, of.prior, of.estimate, of.found_noise, request.next, 0);
   }

@@ -30,12 +30,13 @@ using Place = std::pair<std::string, std::string>;
 struct Config {
   std::string kind = "klipper";  ///< or "marlin", "rrf"
   bool log = false;              ///< of a klippy.log
+  bool own_rods = true;          ///< the firmware has a rod length for each tower
   std::vector<std::string> lines;
   std::string end = "\n", mark;  ///< most frequent line end; byte-order mark, or empty
   Sections values, saved;        ///< as Klipper reads them; those of the saved block
   std::vector<Place> saved_order;
   std::map<Place, double> off;  ///< first number commented out in the file's own part
-  std::vector<std::string> included;
+  std::vector<std::string> included, notes;
   std::string error;
 
   void fail(const std::string& text) {

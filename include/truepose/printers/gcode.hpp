@@ -1,4 +1,5 @@
-// Delta printers with Marlin or RepRapFirmware: M665, M666 and probed heights, and lines to send.
+// Delta printers with Marlin or RepRapFirmware: a session's probing as Klipper's configuration, and
+// lines to send.
 //
 // Both firmwares have the same geometry as Klipper (Marlin/src/module/delta.cpp,
 // RepRapFirmware/src/Movement/Kinematics/LinearDeltaKinematics.cpp): towers at 210°, 330° and 90°
@@ -8,184 +9,200 @@
 //     RepRapFirmware: E_i = H + M666's adjustment i;  Marlin: E_i = H - M666's, which is 0 or less.
 //
 // A probed height z at (x, y) is the nozzle's coordinate, by these settings, where it touches the
-// bed.
+// bed; by RepRapFirmware's tilt A, B in per cent its carriages are z + (A x + B y) / 100 high. A, B
+// and C of Marlin's M665 are the rods' trims since 2.0.6; from 1.1.3 to 2.0.5 B is the radius of
+// G33's points.
 #pragma once
 
 #include "truepose/printers/printer.hpp"
+#include "truepose/printers/session.hpp"
 
 namespace truepose::printers {
-/// Reader of words and numbers from a place in a text on.
-struct Scan {
-  std::string_view text;
-  std::size_t at = 0;
+constexpr double kTrim = 10;  ///< mm: a longer B of Marlin's M665 is a radius, no trim of a rod
 
-  bool done() const { return at >= text.size(); }
-  bool starts_word() const { return at == 0 || !wordy(text[at - 1]); }
-  void space() {
-    while (!done() && blank(text[at])) ++at;
+/// The first word of the settings that is not read, as a refusal; empty if there is none.
+inline std::string unread(const Words& words, bool marlin) {
+  bool known = true;  // whether this M665 is Marlin's, whose A, B, C are trims
+  for (const auto& [word, values] : words) {
+    const Command* of = command_of(word.substr(0, word.find(' ')));
+    const char letter = word.back();
+    const bool tower = letter == 'A' || letter == 'B' || letter == 'C';
+    const bool is_radius = marlin && word == "M665 B" && values[0] > kTrim;
+    bool used = of->used.find(letter) != of->used.npos && values.size() == 1;
+    if (tower && of->name == "M665") used = marlin ? std::fabs(values[0]) <= kTrim : letter == 'B';
+    if (tower && of->name == "M666") used = !marlin;
+    if (word == "M665 L") used = values.size() == 1 || values.size() == 3;
+    if (used || is_radius || of->idle == "*" || of->idle.find(letter) != of->idle.npos ||
+        (marlin && word == "M206 Z"))
+      continue;
+    known = known && of->name != "M665";
+    if (values.size() != 1 || values[0] != of->neutral)
+      return word + format(
+                        "%g is not read: firmwares differ in it, or it is no setting of a delta "
+                        "printer with three towers. Set it to %g, probe again",
+                        values[0], of->neutral);
   }
-  bool take(std::string_view word) {
-    const bool is = text.substr(at).starts_with(word);
-    at += is ? word.size() : 0;
-    return is;
-  }
-  /// A decimal number without exponent.
-  bool number(double& value) {
-    std::size_t end = at, digits = 0;
-    if (end < text.size() && (text[end] == '-' || text[end] == '+')) ++end;
-    for (bool point = false; end < text.size() && digits < 40; ++end)
-      if (digit(text[end]))
-        ++digits;
-      else if (text[end] == '.' && !point)
-        point = true;
-      else
-        break;
-    if (digits == 0) return false;
-    value = number_of(text.substr(at, end - at));
-    at = end;
-    return true;
-  }
-};
+  for (const char* word : {"M665 A", "M665 B", "M665 C"})
+    if (const auto at = words.find(word);
+        !known && marlin && at != words.end() && at->second[0] != 0)
+      return word + format(
+                        "%g: is no rod's trim where M665 has D to K or other letters that "
+                        "Marlin's has not. Set it to 0, probe again",
+                        at->second[0]);
+  return {};
+}
 
-/// The heights and settings in a session, as far as they are there. mm, degrees.
-struct Session {
-  std::map<std::string, std::vector<double>> words;  ///< "M665L": last values of each word
-  std::map<int, std::pair<double, double>> places;   ///< of G30 P…
-  std::vector<Vector3> bed;                          ///< x, y, z of Marlin's answers
-  std::map<std::string, double> g33;                 ///< last height by name
-  std::vector<double> g32;                           ///< last heights of RepRapFirmware
-};
+/// The value of a word of the settings.
+inline double value_of(const Words& words, const std::string& word, double otherwise = 0) {
+  const auto at = words.find(word);
+  return at == words.end() ? otherwise : at->second[0];
+}
 
-inline Session session_of(std::string_view text) {
-  std::string plain;  // without comments
-  for (const std::string_view line : lines_of(text))
-    (plain += line.substr(0, line.find(';'))) += '\n';
-  Session of;
-  for (Scan scan{plain}; !scan.done(); ++scan.at) {
-    const std::size_t begin = scan.at;
-    std::string command;
-    for (const char* name : {"M665", "M666", "M92", "G30"})
-      if (command.empty() && scan.starts_word() && scan.take(name)) command = name;
-    std::map<char, double> own;
-    while (!command.empty() && (plain[scan.at] == ' ' || plain[scan.at] == '\t')) {
-      while (plain[scan.at] == ' ' || plain[scan.at] == '\t') ++scan.at;
-      const char letter = plain[scan.at];
-      std::vector<double> values(1);
-      if (letter < 'A' || letter > 'Z' || !(++scan.at, scan.number(values[0]))) break;
-      while (plain[scan.at] == ':') {
-        ++scan.at;
-        values.emplace_back();
-        if (!scan.number(values.back())) break;
-      }
-      own[letter] = values[0];
-      of.words[command + letter] = values;
-    }
-    if (command == "G30" && own.contains('P') && own.contains('X') && own.contains('Y'))
-      of.places[int(std::clamp(own['P'], -1.0, 1e6))] = {own['X'], own['Y']};
-    const auto axis = [&](std::string_view name, double& value) {
-      scan.space();
-      if (!scan.take(name)) return false;
-      scan.space();
-      return scan.number(value);
-    };
-    Vector3 at;
-    if (scan.take("Bed ") && axis("X:", at[0]) && axis("Y:", at[1]) && axis("Z:", at[2]))
-      of.bed.push_back(at);
-    scan.at = begin;
-    for (const char* name : {"c:", "x:", "y:", "z:", "yz:", "zx:", "xy:"}) {
-      double z = 0;
-      if (scan.starts_word() && scan.take(name) && scan.number(z))
-        of.g33[std::string(name, std::string_view(name).size() - 1)] = z;
-      scan.at = begin;
-    }
-    if (scan.take("ed probe heights:") && begin > 0 && (plain[begin - 1] | 32) == 'b') {
-      std::vector<double> heights;
-      for (double z = 0; scan.space(), scan.number(z);) heights.push_back(z);
-      if (!heights.empty()) of.g32 = heights;
-    }
-    scan.at = begin;
+/// The parameters that settings are, and the steps per mm. mm, degrees.
+inline Vector parameters_of(const Words& words, bool marlin, Delta& delta) {
+  Vector p(delta.count());
+  p[0] = value_of(words, "M665 R");
+  const auto L = words.find("M665 L");
+  for (int i = 0; i < 3; ++i) {
+    const char axis = "XYZ"[i];
+    const double trim = marlin ? value_of(words, std::string("M665 ") + "ABC"[i]) : 0;
+    constexpr double usual[] = {210, 330, 90};
+    p[delta.rod() + i] = L->second[L->second.size() == 3 ? std::size_t(i) : 0] +
+                         (std::fabs(trim) <= kTrim ? trim : 0);
+    p[delta.angle() + i] = usual[i] + value_of(words, std::string("M665 ") + axis);
+    p[delta.endstop() + i] = value_of(words, "M665 H") +
+                             (marlin ? -1 : 1) * value_of(words, std::string("M666 ") + axis);
+    delta.step[i] = 1 / value_of(words, std::string("M92 ") + axis, 80);
   }
-  return of;
+  return p;
+}
+
+/// Why a probing cannot be used, empty if it can; its points, x, y, z in mm, are set.
+inline std::string points_of(const Probing& of, double probe_radius, std::vector<Vector3>& points) {
+  for (const auto& [word, by] : of.lost)
+    if (!word.starts_with("M92"))
+      return by + " changed " + word +
+             ", which was not printed before this probing: send M503 (RepRapFirmware: M665, M666), "
+             "probe again";
+  for (const auto& [letter, name] : {std::pair("L", "length of the rods"), std::pair("R", "radius"),
+                                     std::pair("H", "homed height")})
+    if (!of.words.contains(std::string("M665 ") + letter))
+      return format("M665 has no %s, the %s (M503 lists it)", letter, name);
+  const bool marlin = of.by != "G32";
+  if (std::string said = unread(of.words, marlin); !said.empty()) return said;
+  const double A = value_of(of.words, "M666 A") / 100, B = value_of(of.words, "M666 B") / 100;
+  const char* probe = marlin ? "M851 " : "G31 ";
+  double dx = value_of(of.words, std::string(probe) + "X");
+  double dy = value_of(of.words, std::string(probe) + "Y");
+  const auto option = [&](char letter, double otherwise) {
+    const auto at = of.options.find(letter);
+    return at == of.options.end() ? otherwise : at->second;
+  };
+  points = of.bed;
+  for (std::size_t k = 0; k < of.g32.size(); ++k) {
+    if (of.places.size() != of.g32.size() || !of.places.contains(int(k)))
+      return format(
+          "%d bed probe heights, but %d places 'G30 P… X… Y…': give bed.g and the answer to it",
+          int(of.g32.size()), int(of.places.size()));
+    points.emplace_back(of.places.at(int(k)).first, of.places.at(int(k)).second, of.g32[k]);
+  }
+  if (!of.g33.empty()) {
+    const bool shifted = option('O', 0) != 0;
+    if (option('P', 3) > 3)
+      return format("G33 P%g: its heights are means of several points; send G33 P3 V0",
+                    option('P', 3));
+    if (shifted && !of.words.contains("M851 X"))
+      return "G33 O: the probe's offset (M851 X… Y…) is missing";
+    if (!shifted) dx = dy = 0;  // the nozzle is at these points
+    const double B_radius = value_of(of.words, "M665 B");
+    const bool by_B = B_radius > kTrim && !shifted && option('R', 0) == 0;
+    const double radius = probe_radius > 0 ? probe_radius
+                          : of.radius > 0  ? of.radius
+                          : by_B           ? B_radius
+                                           : 0;
+    if (!(radius > 0))
+      return "G33 of this firmware does not print where it probes: give the radius of its points "
+             "(--probe-radius MM)";
+    const std::map<std::string, double> at{{"x", 210}, {"xy", 270}, {"y", 330},
+                                           {"yz", 30}, {"z", 90},   {"zx", 150}};
+    for (const auto& [name, z] : of.g33) {
+      const auto turn = at.find(name);
+      const double angle = turn == at.end() ? 0 : turn->second * kDegree;
+      const double r = turn == at.end() ? 0 : radius;
+      points.emplace_back(r * std::cos(angle), r * std::sin(angle), z);
+    }
+  }
+  for (Vector3& at : points) {
+    at -= Vector3(dx, dy, 0);
+    at[2] += marlin ? 0 : A * at[0] + B * at[1];
+  }
+  return {};
 }
 
 /// A Marlin or RepRapFirmware session as Klipper's configuration; any other text as Klipper's own.
 inline Config read(std::string_view text, double probe_radius) {
-  if (text.find("M665") == text.npos || text.find("===== Config file =====") != text.npos)
+  if ((text.find("M665") == text.npos && text.find("delta radius") == text.npos) ||
+      text.find("===== Config file =====") != text.npos)
     return parse_config(text);
   Config failed;
   if (text.size() > 100 * kMostBytes) {
     failed.fail(format("more than %d bytes", int(100 * kMostBytes)));
     return failed;
   }
-  Session of = session_of(text);
-  const auto first = [&](const std::string& word, double otherwise) {
-    const auto at = of.words.find(word);
-    return at == of.words.end() ? otherwise : at->second[0];
-  };
-  if (!of.words.contains("M665L") && !of.words.contains("M665R")) return parse_config(text);
-  const bool marlin = of.g32.empty();
-  if (!marlin) {
-    of.bed.clear();
-    for (std::size_t k = 0; k < of.g32.size() && of.places.contains(int(k)); ++k)
-      of.bed.emplace_back(of.places[int(k)].first, of.places[int(k)].second, of.g32[k]);
-    if (of.bed.size() != of.g32.size() || of.places.size() != of.g32.size())
-      failed.fail(
-          format("%d bed probe heights, but %d places 'G30 P… X… Y…': give bed.g and the "
-                 "answer to it",
-                 int(of.g32.size()), int(of.places.size())));
-  } else if (of.bed.empty() && !of.g33.empty()) {
-    if (!(probe_radius > 0))
-      failed.fail(
-          "G33 does not print where it probes: give the radius of its points "
-          "(--probe-radius MM)");
-    const std::map<std::string, double> at{{"x", 210}, {"xy", 270}, {"y", 330},
-                                           {"yz", 30}, {"z", 90},   {"zx", 150}};
-    for (const auto& [name, z] : of.g33) {
-      const auto turn = at.find(name);
-      const double angle = turn == at.end() ? 0 : turn->second * kDegree;
-      const double r = turn == at.end() ? 0 : probe_radius;
-      of.bed.emplace_back(r * std::cos(angle), r * std::sin(angle), z);
-    }
-  }
-  for (const auto& [letter, name] : {std::pair("L", "length of the rods"), std::pair("R", "radius"),
-                                     std::pair("H", "homed height")})
-    if (!of.words.contains(std::string("M665") + letter))
-      failed.fail(format("M665 has no %s, the %s (M503 lists it)", letter, name));
-  if (!failed.error.empty()) return failed;
-
-  Delta delta;
-  Vector p(delta.count());
-  p[0] = first("M665R", 0);
-  const std::vector<double>& rods = of.words["M665L"];
-  for (int i = 0; i < 3; ++i) {
-    const char axis = "XYZ"[i], own = "ABC"[i];
-    p[delta.rod() + i] = rods[rods.size() >= 3 ? std::size_t(i) : 0] +
-                         (marlin ? first(std::string("M665") + own, 0) : 0);
-    constexpr double usual[] = {210, 330, 90};
-    p[delta.angle() + i] = usual[i] + first(std::string("M665") + axis, 0);
-    p[delta.endstop() + i] =
-        first("M665H", 0) + (marlin ? -1 : 1) * first(std::string("M666") + axis, 0);
-    delta.step[i] = 1 / first(std::string("M92") + axis, 80);  // steps per mm
-  }
-  const double shortest = p.segment<3>(delta.rod()).minCoeff();
-  if (!(shortest > p[0] && p[0] > 0 && delta.step.minCoeff() > 0 && delta.step.allFinite()))
-    failed.fail(
-        format("rods of %g mm must be longer than the radius, %g mm, and M92's steps "
-               "greater than 0",
-               shortest, p[0]));
-  if (of.bed.size() > kMostReadings)
-    failed.fail(format("%d probed heights: at most %d", int(of.bed.size()), kMostReadings));
-  if (of.bed.empty())
+  const Session session(text);
+  if (!session.seen) return parse_config(text);
+  if (session.probings.empty())
     failed.fail(
         "no probed heights: Marlin's answers to G33 P3 V0 or G30 X… Y…, or RepRapFirmware's "
         "bed.g with 'G30 P0 X… Y…' and its 'bed probe heights'");
+  // The last probing of several points whose settings are known.
+  const Probing* of = nullptr;
+  std::vector<Vector3> bed;
+  std::string why;
+  int number = int(session.probings.size());
+  for (const int fewest : {kFewest, 1})
+    for (int k = int(session.probings.size()); k-- > 0 && !of;) {
+      const Probing& each = session.probings[std::size_t(k)];
+      if (each.points() < fewest) continue;
+      std::vector<Vector3> points;
+      const std::string said = points_of(each, probe_radius, points);
+      if (why.empty()) why = said;
+      if (!said.empty()) continue;
+      of = &each;
+      bed = points;
+      number = k + 1;
+    }
+  if (!of) failed.fail(why);
+  if (!failed.error.empty()) return failed;
+
+  const bool marlin = of->by != "G32";
+  Delta delta, later;
+  const Vector p = parameters_of(of->words, marlin, delta);
+  Words at_end = session.words;
+  at_end.insert(of->words.begin(), of->words.end());
+  const bool known = unread(at_end, marlin).empty() &&
+                     std::none_of(of->words.begin(), of->words.end(), [&](const auto& word) {
+                       return session.lost.contains(word.first);
+                     });
+  if (!known) at_end = of->words;
+  const Vector now = parameters_of(at_end, marlin, later);
+  for (const Vector& each : {p, now})
+    if (const double shortest = each.segment<3>(delta.rod()).minCoeff();
+        !(shortest > each[0] && each[0] > 0 && delta.step.minCoeff() > 0 &&
+          delta.step.allFinite() && later.step.minCoeff() > 0 && later.step.allFinite()))
+      failed.fail(
+          format("rods of %g mm must be longer than the radius, %g mm, and M92's steps "
+                 "greater than 0",
+                 shortest, each[0]));
+  if (bed.size() > kMostReadings)
+    failed.fail(format("%d probed heights: at most %d", int(bed.size()), kMostReadings));
   double reach = 0;
   Vector in_rad = p;
   in_rad.segment<3>(delta.angle()) *= kDegree;
   std::string lines =
-      format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", p[0], kSection);
-  for (std::size_t k = 0; k < of.bed.size() && failed.error.empty(); ++k) {
-    const Vector3& at = of.bed[k];
+      format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", now[0], kSection);
+  for (std::size_t k = 0; k < bed.size() && failed.error.empty(); ++k) {
+    const Vector3& at = bed[k];
     reach = std::max(reach, std::sqrt(at[0] * at[0] + at[1] * at[1]));
     const Vector3 steps = delta.steps(in_rad, at);
     if (!steps.allFinite())
@@ -194,21 +211,47 @@ inline Config read(std::string_view text, double probe_radius) {
                     steps[1], steps[2]);
   }
   if (!failed.error.empty()) return failed;
-  const double bed = marlin ? 0 : first("M665B", 0);
-  lines += format("radius: %.17g\n", bed > 0 ? bed : reach);
+  const double radius = marlin ? 0 : value_of(of->words, "M665 B");
+  lines += format("radius: %.17g\n", radius > 0 ? radius : reach);
   for (int i = 0; i < 3; ++i)
     lines += format(
         "[stepper_%c]\nstep_distance: %.17g\narm_length: %.17g\nangle: %.17g\n"
         "position_endstop: %.17g\n",
-        kTowers[i], delta.step[i], p[delta.rod() + i], p[delta.angle() + i],
-        p[delta.endstop() + i]);
+        kTowers[i], later.step[i], now[later.rod() + i], now[later.angle() + i],
+        now[later.endstop() + i]);
   Config config = parse_config(lines);
   config.kind = marlin ? "marlin" : "rrf";
+  const std::vector<double>& rods = of->words.at("M665 L");
+  config.own_rods = rods.size() == 3;
+  for (const char* word : {"M665 A", "M665 B", "M665 C"})
+    config.own_rods = config.own_rods || (marlin && of->words.contains(word) &&
+                                          std::fabs(value_of(of->words, word)) <= kTrim);
+  if (session.probings.size() > 1)
+    config.notes.push_back(
+        format("%d probings: number %d is used, %d heights, with the settings in force then%s%s",
+               int(session.probings.size()), number, int(bed.size()),
+               why.empty() ? "" : "; not the last: ", why.c_str()));
+  if (!known)
+    config.notes.push_back(
+        "the settings were changed after this probing and not printed: 'the file's parameters' "
+        "are those in force while it was taken");
+  else if ((now - p).cwiseAbs().maxCoeff() > 0)
+    config.notes.push_back(
+        "the settings were changed after this probing: 'the file's parameters' are the later ones");
+  if (value_of(at_end, "M851 Z") != value_of(of->words, "M851 Z"))
+    config.notes.push_back(
+        format("M851 Z was changed from %g to %g after this probing: its heights, and so the homed "
+               "height, are by the former",
+               value_of(of->words, "M851 Z"), value_of(at_end, "M851 Z")));
+  if (!of->g33.empty() && !of->options.contains('P'))
+    config.notes.push_back(
+        "G33's P is not in the text: from P4 on its heights are means of "
+        "several points; send G33 P3 V0");
   return config;
 }
 
-/// Parameters as lines to send to Marlin or RepRapFirmware.
-inline std::vector<std::string> lines_to_send(const Vector& p, bool marlin) {
+/// Parameters as lines to send to Marlin or RepRapFirmware; `own_rods`: a length for each tower.
+inline std::vector<std::string> lines_to_send(const Vector& p, bool marlin, bool own_rods = true) {
   const Delta delta;
   const Vector3 arms = p.segment<3>(delta.rod()) / kMm, ends = p.segment<3>(delta.endstop()) / kMm;
   const Vector3 trims = p.segment<3>(delta.angle()) / kDegree - Vector3(210, 330, 90);
@@ -216,11 +259,15 @@ inline std::vector<std::string> lines_to_send(const Vector& p, bool marlin) {
   const Vector3 own = marlin ? Vector3((height - ends.array()).matrix())
                              : Vector3((ends.array() - height).matrix());
   const Vector3 off = (arms.array() - mean).matrix();
-  const std::string rods = marlin ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
-                                  : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
+  const std::string rods = !own_rods ? format("L%.3f", mean)
+                           : marlin
+                               ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
+                               : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
   return {"M665 " + rods +
               format(" R%.3f H%.3f X%.3f Y%.3f Z%.3f", p[0] / kMm, height, trims[0], trims[1],
                      trims[2]),
-          format("M666 X%.3f Y%.3f Z%.3f", own[0] + 0.0, own[1] + 0.0, own[2] + 0.0), "M500"};
+          format("M666 X%.3f Y%.3f Z%.3f", own[0] + 0.0, own[1] + 0.0, own[2] + 0.0) +
+              (marlin ? "" : " A0 B0"),
+          "M500"};
 }
 }  // namespace truepose::printers

@@ -10,6 +10,7 @@
 namespace truepose::printers {
 constexpr char kTowers[] = "abc";
 constexpr double kApart = 5 * kMm;  ///< largest plausible difference between arms
+constexpr int kFewest = 3;          ///< heights that Klipper accepts
 constexpr int kMostReadings = 999;  ///< of each kind, in Klipper
 constexpr char kTakeOut[] = "take it out and number those behind it on";
 constexpr char kSection[] = "delta_calibrate";
@@ -213,7 +214,7 @@ inline Printer printer_of(Config& config) {
   else if (config.has("printer", "print_radius"))
     printer.radius = kMm * config.number("printer", "print_radius", 0);
 
-  std::vector<std::string>& notes = printer.notes;
+  std::vector<std::string>& notes = printer.notes = config.notes;
   if (!config.included.empty()) {
     std::string names;
     for (std::size_t k = 0; k < config.included.size() && k < 5; ++k)

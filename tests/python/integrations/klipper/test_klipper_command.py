@@ -3,10 +3,11 @@
 import itertools
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from printer_files import made_text, read
+from printer_files import made_printer, made_text, read, text_of
 
 import truepose as tp
 from truepose.commands import cli
@@ -368,6 +369,54 @@ def test_what_is_noticed_is_said(run, config):
         "stands in what SAVE_CONFIG wrote and is no part of it",
     ):
         assert said in err
+
+
+@pytest.mark.parametrize("factor", [0.25, 0.5, 0.8, 0.9, 1.5, 2, 4])
+@pytest.mark.parametrize("kinematics", ["delta", "rotary_delta"])
+def test_steps_of_all_motors_that_were_changed_since_are_named(kinematics, factor):
+    printer, truth = made_printer(kinematics)
+    text = re.sub(
+        r"rotation_distance: 40|107.000:16",
+        "rotation_distance: 40\ngear_ratio: 1:1" if kinematics == "delta" else "107.000:16",
+        text_of(fitted(printer, truth), truth.readings.heights_only()),
+    )
+    assert "heights_mm" in assess(text).answer["noise"]
+    changed = re.sub(
+        r"1:1|107.000:16",
+        lambda m: f"{float(m[0].split(':')[0]) / factor}:" + m[0].split(":")[1],
+        text,
+    )
+    with pytest.raises(tp.InputError, match=f"steps of all motors are {factor:g} times as long"):
+        assess(changed)
+
+
+def test_endstops_that_were_all_moved_are_no_steps():
+    printer, truth = made_printer()
+    moved = fitted(printer, truth)
+    ends = {name: moved.parameters[name] + 5e-3 for name in moved.parameters if "endstop" in name}
+    text = text_of(replace(moved, parameters=moved.parameters | ends), truth.readings)
+    assert "do not fit the file's readings" in assess(text).answer["words"][0]
+
+
+@pytest.mark.parametrize(("height", "said"), [(0.0, False), (0.05, False), (16.0, True)])
+def test_heights_by_hand_are_no_changed_z_offset(height, said):
+    """DELTA_CALIBRATE METHOD=manual saves heights of 0, whatever the probe's z_offset."""
+    text = re.sub(r"(height\d) = 16.0", rf"\1 = {height}", read("phnxdrgn536"))
+    for tower in "abc":  # the endstops by which these heights are those of the bed
+        text = re.sub(
+            rf"(stepper_{tower}\][^[]*position_endstop = )([\d.]+)",
+            lambda m: f"{m[1]}{float(m[2]) + height - 16:.6f}",
+            text,
+        )
+    notes = assess(text.replace("[stepper_b]", "[probe]\nz_offset: 18.5\n[stepper_b]", 1)).answer[
+        "notes"
+    ]
+    assert any("z_offset" in note for note in notes) == said
+
+
+def fitted(printer, truth):
+    """The printer whose file has its true parameters, as after a calibration."""
+    return replace(printer, parameters=dict(zip(printer.parameters, truth.p.tolist(), strict=True)))
 
 
 def test_a_value_that_is_missing_may_be_in_an_included_file(run, config):
