@@ -228,9 +228,9 @@ inline Config read(std::string_view text, double probe_radius) {
                                           std::fabs(value_of(of->words, word)) <= kTrim);
   if (session.probings.size() > 1)
     config.notes.push_back(
-        format("%d probings: number %d is used, %d heights, with the settings in force then%s%s",
-               int(session.probings.size()), number, int(bed.size()),
-               why.empty() ? "" : "; not the last: ", why.c_str()));
+        format("%d probings: number %d is used, %d heights, with M665 R%g H%g, in force then%s%s",
+               int(session.probings.size()), number, int(bed.size()), value_of(of->words, "M665 R"),
+               value_of(of->words, "M665 H"), why.empty() ? "" : "; not the last: ", why.c_str()));
   if (!known)
     config.notes.push_back(
         "the settings were changed after this probing and not printed: 'the file's parameters' "
