@@ -88,7 +88,7 @@ def test_a_payload_is_identified_and_fed_forward(mass: float, seed: int) -> None
         assert abs(run.disturbance_size[-1] - mass) < 0.1 * mass
         assert not run.failed and not run.payload_refused.any()
         sag.append(np.linalg.norm((run.x - healthy.x)[-1, :3]))
-    assert sag[1] < 0.2 * sag[0]
+    assert sag[1] < max(0.2 * sag[0], 1e-4)  # a count of a motor moves the platform by 0.1 mm
 
 
 @pytest.mark.parametrize("motor", ["q1", "q3"])
