@@ -77,7 +77,8 @@ def named(robot: Robot, log: Log) -> list[str] | None:
         return [of.text for of in tried] if len(tried) <= 3 else []
     if len(tried) > FITTED:
         seen = [expect(robot, of.log.readings) for of in tried]
-        far = [np.nanmean(np.log1p((of.residual / of.sigma) ** 2)) for of in seen]
+        each = (np.log1p((of.residual / of.sigma) ** 2) for of in seen)
+        far = [np.nanmean(by) if np.isfinite(by).any() else np.inf for by in each]
         tried = [tried[k] for k in np.argsort(far, kind="stable")]
     costs = [_cost(_fit(robot, of.log, of.log.readings)) for of in tried[:FITTED]]
     best = min(costs, default=math.inf)
