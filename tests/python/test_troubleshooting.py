@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import truepose as tp
 from truepose.commands.cli import app
+from truepose.robot import frames
 
 PAGE = Path(__file__).parents[2] / "docs" / "troubleshooting.md"
 QUOTED = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
@@ -42,6 +43,24 @@ def law_without_sensor(_):
     tp.steady_state(delta, delta, delta.home, "tej")
 
 
+def tracked(name: str, change) -> None:
+    """Calibrate by a tracker whose measurement is changed."""
+    robot = tp.load(name).with_sensors("roll", "pitch")
+    box, rng = robot.spec.workspace, np.random.default_rng(0)
+    x = rng.uniform(box.minimum, box.maximum, (40, robot.n))
+    measured = change(x + rng.normal(0, 2e-5, x.shape), rng)
+    log = dict(zip(robot.readings, robot.read(x, 0).T, strict=True))
+    names = (f"measured_{name}" for name, _ in robot.coordinates)
+    tp.calibrate(robot, log | dict(zip(names, measured.T, strict=True)))
+
+
+def as_euler_angles(x, _):
+    turns = frames.rotation(x[:, 3:])
+    pitch = -np.arcsin(turns[:, 2, 0])
+    roll, yaw = (np.arctan2(*of) for of in (turns[:, 2, [1, 2]].T, turns[:, [1, 0], 0].T))
+    return np.column_stack([x[:, :3], roll, pitch, yaw])
+
+
 CAUSES = {
     "unknown key": lambda folder: robot_file(folder, "arm = 0.26", "arn = 0.26"),
     "did you mean mm": lambda folder: robot_file(folder, "arm = 0.26", "arm = 260"),
@@ -51,6 +70,8 @@ CAUSES = {
     "sign": lambda _: log("q1", np.negative),
     "stuck": lambda _: log("theta", lambda column: np.full_like(column, 0.1)),
     "against no mistake": lambda _: log("q1", lambda column: column + 0.09),
+    "are Euler angles": lambda _: tracked("stewart", as_euler_angles),
+    "times their noise": lambda _: tracked("stewart", lambda x, rng: rng.permutation(x)),
     "motors determine only the pose": motors_alone,
     "would need": lambda _: tp.simulate(tp.load("h4"), duration=0.02),
     "cannot hold": lambda _: tp.Controller.for_robot(tp.load("h4"), period=0.02),

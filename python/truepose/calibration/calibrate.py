@@ -14,9 +14,18 @@ from truepose import logs
 from truepose.arguments import Level, require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
+from truepose.calibration.bound import accuracy
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, lost
-from truepose.calibration.causes.search import DECISIVE, Explained, search, suspicion, vague
+from truepose.calibration.causes.lasting import as_read
+from truepose.calibration.causes.search import (
+    DECISIVE,
+    Explained,
+    Search,
+    search,
+    suspicion,
+    vague,
+)
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
@@ -34,6 +43,10 @@ CauseChoice = Literal["refuse", "apply", "ignore"]
 NOTABLE = 1.2
 #: Share of outliers below which a robust fit asks for no cause.
 OUTLIERS = 0.1
+#: Disagreement of readings, in units of their noise, from which an unexplained fit is refused.
+APART = 10.0
+#: Note on a log that a robust loss cannot be fitted to and squares explain.
+NO_ROBUST = "the robust loss did not converge; squares explain all readings: calibrated with these"
 CHOICES: tuple[CauseChoice, ...] = ("refuse", "apply", "ignore")
 
 
@@ -56,6 +69,7 @@ def calibrate(
     homing: tuple[ArrayLike, ArrayLike] | None = None,
     loads: Payloads | None = None,
     cause: CauseChoice = "refuse",
+    euler: str | None = None,
 ) -> Calibration:
     """Identify a robot's geometry from its own readings: maximum a posteriori, poses unknown.
 
@@ -69,9 +83,10 @@ def calibrate(
     readings : array_like, shape (N, n + r), or a table, optional
         Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
         arrays, a list of dicts, or a pandas, polars or pyarrow table with columns q1 … qn, every
-        sensor's name, measured_x, … for externally measured coordinates, plane and point for the
-        names of touched features. A table is checked first; ``notes`` has the findings.
-        Optional where `known_pose` is given.
+        sensor's name, measured_x, … for externally measured coordinates (of a spatial platform's
+        orientation measured_rx, ry, rz, or measured_roll, pitch, yaw, or measured_qx, qy, qz, qw),
+        plane and point for the names of touched features. A table is checked first; ``notes`` has
+        the findings. Optional where `known_pose` is given.
     known_pose : tuple of array_like, or a table, optional
         Readings (n + r,) and the pose (n,) in the base frame at which they were taken (a dowel, a
         stop, a probe), NaN for unknown coordinates. A third entry is σ of the pose, m and rad;
@@ -123,6 +138,10 @@ def calibrate(
         What to do with a log that a mistake explains decisively: a motor homed off, a wrong rod,
         exchanged columns, a slipped encoder. Refuse it, calibrate with the mistake undone, or do
         not search. ``causes`` has what was found.
+    euler : str, optional
+        Convention of measured_roll, measured_pitch, measured_yaw: by default "ZYX",
+        R = R_z(yaw) R_y(pitch) R_x(roll); every order of the three axes, about the turned axes
+        (upper case) or fixed ones (lower case, the first turn first: "xyz" is "ZYX").
 
     Raises
     ------
@@ -150,7 +169,11 @@ def calibrate(
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     table, notes, refused = logs.is_table(readings), list[str](), list[str]()
-    log = log_checks.log_of(robot, readings, known_pose is not None)
+    log = log_checks.log_of(robot, readings, known_pose is not None, euler)
+    if logs.is_table(known_pose):
+        known_pose = logs.of(robot, known_pose, "known_pose", euler)
+    forms = [each.form for each in (log, known_pose) if isinstance(each, logs.Log)]
+    logs.orientation.require_used(euler, *forms)
     if table:
         if not differences:
             Between().check(robot, log)
@@ -163,7 +186,7 @@ def calibrate(
     given: dict[str, Any] = {"measured": measured, "measured_sigma": measured_sigma, "loads": loads}
     log = replace(log, **{name: value for name, value in given.items() if value is not None})
     if measured is not None:
-        log = replace(log, implied=None)
+        log = replace(log, implied=None, euler=None, form="")
     settings: dict[str, Any] = {
         "known_pose": known_pose,
         "measured_angle_sigma": measured_angle_sigma,
@@ -177,7 +200,8 @@ def calibrate(
         "lean": lean,
     }
     fit, of = explained(robot, log, settings, cause, refused)
-    notes += review(fit, of.log) if table else left_out(fit, of.log)
+    fit, log = as_read(fit, of)
+    notes += review(fit, log) if table else left_out(fit, log)
     return replace(fit, notes=(*notes, *fit.notes))
 
 
@@ -192,7 +216,8 @@ def explained(
     """Calibrate by a checked log, after a search for what is wrong with it.
 
     `settings` are those of :func:`fitting.fit_to`; `refused` are a check's reasons against a fit.
-    The hypothesis is that under which the robot is calibrated. Raises InputError for a decisive
+    The hypothesis is that under which the robot is calibrated; :func:`as_read` returns the machine
+    as it reads. Raises InputError for a decisive
     cause that is not applied, for undecided ones, and for `refused` without a cause.
     """
     if cause not in CHOICES:
@@ -205,34 +230,83 @@ def explained(
             raise InputError(f"readings: {'; '.join(refused)}")
         return case.fitted(none), none
     squares = settings.get("loss", "squares") == "squares"
-    if not (squares or refused) and (robust := case.fit(none)) is not None and agrees(robust):
+    robust = None if squares or refused else case.fit(none)
+    if robust is not None and agrees(robust):
         return robust, none
     causes, found, base = search(robot, log, settings, always=bool(refused), progress=progress)
-    if not squares and any(of.kind == "gross errors" for of in causes.found[: causes.near]):
+    gross = any(of.kind == "gross errors" for of in causes.found[: causes.near])
+    if gross and not squares:
         causes = replace(causes, verdict="none")  # the loss is for these
     if causes.verdict == "decisive" and cause == "apply":
         of, fit = found[0].of, found[0].fit
-        fit = fit if squares else case.fitted(of)
-        return replace(fit, causes=causes, notes=(f"undone: {causes.text}", *fit.notes)), of
-    if causes.verdict == "decisive":
-        raise InputError(f"readings: {causes.text}; cause='apply' undoes it")
-    if causes.verdict == "undecided":
-        raise InputError(f"readings: {causes.text}")
+        undone = f"undone: {causes.text}: {state(of, log)}"
+        fit = fit if squares else case.fit(of) or fit
+        return replace(fit, causes=causes, notes=(undone, *fit.notes)), of
+    if causes.verdict in ("decisive", "undecided"):
+        undo = "; cause='apply' undoes it" * (causes.verdict == "decisive")
+        raise InputError(f"readings: {causes.text}{undo}")
     if refused:
         raise InputError(f"readings: {'; '.join(refused)}")
+    direct = squares or (robust is None and causes.verdict == "none" and not gross)
+    fit, of = unexplained(case, Search(causes, found, base), direct)
+    if direct and not squares:
+        fit = replace(fit, notes=(*fit.notes, NO_ROBUST))
+    if why := unsound(fit, of.kind == "tolerances"):
+        said = causes.text or "the readings do not fit the robot"
+        raise InputError(
+            f"readings: {said}: {why}: check units, measured_sigma, level, tolerances and noise of "
+            "the robot file; cause='ignore' calibrates nevertheless"
+        )
+    return replace(fit, causes=causes), of
+
+
+def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration, Hypothesis]:
+    """Calibrate where no mistake is undone, σ as large as the misfit; `direct`: by squares."""
+    causes, found, base = searched
+    wide = tolerant(causes, found)
+    of, near = (case.nothing(), base) if wide is None else (wide.of, wide.fit)
     try:
-        wide = tolerant(causes, found)
-        of, near = (none, base) if wide is None else (wide.of, wide.fit)
-        fit = near if squares and near is not None else case.fitted(of)
+        fit = near if direct and near is not None else case.fitted(of)
     except PoseError as error:
-        raise PoseError(f"{error}; {contradicting(robot, log)}") from None
+        raise PoseError(f"{error}; {contradicting(case.robot, case.log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
-        fit = inflated(fit, causes.text)
-    elif wide is not None:
+        return inflated(fit, causes.text), of
+    if wide is not None:
         before = () if base is None else base.notes  # as of a contradicting known pose
         said = f"{causes.text}: calibrated with these"
         fit = replace(fit, notes=tuple(dict.fromkeys([*before, *fit.notes, said])))
-    return replace(fit, causes=causes), of
+    return fit, of
+
+
+def unsound(fit: Calibration, wider: bool) -> str:
+    """Return why a fit is worse than none, else ""; `wider`: its tolerances are not the file's."""
+    rows = (fit.status == "ok") & (fit.redundancy > 0)
+    if rows.any() and (apart := fit.disagreement(rows)) > APART:
+        return f"the readings disagree by {apart:.0f} times their noise, at most {APART:g}"
+    x = fit.x[np.isfinite(fit.x).all(axis=1)]
+    if wider or not len(x):
+        return ""
+    worse = []
+    for pose in (None, fit.robot.home):
+        before, after = (
+            accuracy(robot, x, reference_pose=pose, level=fit.level, errors="nan").rms
+            for robot in (fit.prior.expected(), fit.robot)
+        )
+        worse.append(after > before)
+    return "the robot would be known less well than before" if all(worse) else ""
+
+
+def state(of: Hypothesis, log: Log) -> str:
+    """Say which machine a calibrated robot is once the mistakes of a log are undone."""
+    before = [log, *(each.log for each in of.each)]
+    alone = [
+        each.log is not other and each.reads is None
+        for each, other in zip(of.each, before, strict=False)
+    ]
+    said = [] if all(alone) else ["the robot is the machine as it reads in the log's last row"]
+    if any(alone):
+        said.append("a mistake of the log alone: the robot takes readings as its file says")
+    return "; ".join(said)
 
 
 def tolerant(causes: Causes, found: Sequence[Explained]) -> Explained | None:

@@ -36,10 +36,15 @@ class Finding(NamedTuple):
     refused: bool = False  #: any fit to this log would be wrong
 
 
-def log_of(robot: Robot, readings: ArrayLike | Any | None, known: bool = False) -> Log:
+def log_of(
+    robot: Robot,
+    readings: ArrayLike | Any | None,
+    known: bool = False,
+    euler: str | None = None,
+) -> Log:
     """Return the log of a table or an array, (N, n + r); N may be 0 with known poses."""
     if logs.is_table(readings):
-        return logs.of(robot, readings)
+        return logs.of(robot, readings, euler=euler)
     width = robot.n + robot.r
     if readings is None:
         readings, known = np.zeros((0, width)), True
@@ -194,7 +199,9 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
     if log.measured is None:
         return
     few = column_check.few(robot, log)
-    outside = np.asarray(few.measured)
+    outside = np.array(few.measured)
+    if few.euler is not None:  # as they were before their rotation vector, within a turn
+        outside[:, 3:] = few.euler
     x = poses_of(robot, few.readings[:, : robot.n])
     angle = angles(robot)
     for which, factor in ((~angle, MILLIMETRES), (angle, DEGREES)):
@@ -206,8 +213,7 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
             for v in (outside[good][:, which], x[good][:, which])
         )
         if expected > 0 and factor / 3 < measured / expected < factor * 3:
-            columns = zip(robot.coordinates, which, strict=True)
-            names = ", ".join(f"measured_{name}" for (name, _), own in columns if own)
+            names = ", ".join(np.array(few.outside_names(robot))[which])
             yield Finding(f"{names}: {UNITS[factor == DEGREES][factor]}", refused=True)
 
 

@@ -14,6 +14,7 @@ from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import CauseChoice, explained, review
 from truepose.calibration.causes.hypothesis import Case
+from truepose.calibration.causes.lasting import as_read
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.registration import Registered, sigmas
@@ -81,7 +82,8 @@ def assess(
 
     settings |= {"differences": between.of(robot, log)}
     fit, of = explained(robot, log, settings, cause, refused, searched)
-    log = of.log
+    whole = log
+    fit, log = as_read(fit, of)
     progress("fit")
     model, seen = fit.prior.expected(), fit.registration
     before = expected(model, log, seen and seen.begun())
@@ -91,7 +93,9 @@ def assess(
     if out.any():
         try:
             rest = between.of(robot, log.only(~out))
-            part = Case(robot, log, settings).fitted(of, np.flatnonzero(~out), differences=rest)
+            case = Case(robot, whole, settings)
+            kept = np.flatnonzero(~out)
+            part, _ = as_read(case.fitted(of, kept, differences=rest, loss=fit.loss), of)
             held_out[out] = expected(part.robot, log.only(out), part.registration).residual
         except TrueposeError as error:
             notes = [*notes, f"held-out lines: {error}"]

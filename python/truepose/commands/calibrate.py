@@ -48,6 +48,7 @@ def command(
     plot: Path | None = options.plot_option("each parameter's change and σ"),
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
+    euler: options.Euler = None,
     level: options.ModelLevel = None,
     loss: Loss = Option("student", help="Loss function for gross errors."),
     tuning: float | None = Option(
@@ -144,7 +145,7 @@ def command(
             bar(advance=1, description=what)
 
         settings["searched"] = lambda share: bar(description=f"causes {share:.0%}")
-        where, result = _assess(made, log, known_pose, columns, asked, settings, done)
+        where, result = _assess(made, log, known_pose, columns, euler, asked, settings, done)
 
         def page() -> str:
             from truepose.commands import calibration_figures  # matplotlib takes its time
@@ -169,19 +170,21 @@ def _assess(
     log: Path | None,
     known_pose: Path | None,
     columns: str | None,
+    euler: str | None,
     asked: options.Asked,
     settings: dict[str, Any],
     done: Callable[[str], None],
 ) -> tuple[Path, Assessment]:
     """Read and check the log, calibrate and validate; return the log's path and the result."""
-    where, known = log or known_pose, _known(robot, known_pose)
+    where, known = log or known_pose, _known(robot, known_pose, euler)
     if where is None:
         raise InputError("LOG: none; give a log of readings, --known-pose, or both")
     if log is None and known is not None:
         table, known = known, None
         settings |= {"registration": "known", "loss": "squares"}
     else:
-        table = logs.read(robot, where, columns)
+        table = logs.read(robot, where, columns, euler)
+    logs.orientation.require_used(euler, *(each.form for each in (table, known) if each))
     done("log read")
     between = asked.between(robot, table, where)
     table, findings = log_checks.check(robot, table, measurements(between.of(robot, table)))
@@ -207,11 +210,11 @@ def furthest(table: Table) -> Table:
     return Table(table.name, title, table.header, rows[:SHOWN])
 
 
-def _known(robot: Robot, path: Path | None) -> Log | None:
+def _known(robot: Robot, path: Path | None, euler: str | None) -> Log | None:
     """Read known poses; they are exact where the file has no σ."""
     if path is None:
         return None
-    log = logs.read(robot, path)
+    log = logs.read(robot, path, euler=euler)
     try:
         poses = known_poses(robot, log)
     except InputError as error:

@@ -60,6 +60,15 @@ Columns = Annotated[
         show_default="q1 … qn and each sensor's name; SI",
     ),
 ]
+Euler = Annotated[
+    str | None,
+    Option(
+        metavar="ORDER",
+        help="Order of the columns measured_roll, measured_pitch, measured_yaw (rad): ZYX is "
+        "R_z(yaw) R_y(pitch) R_x(roll), as is xyz (about fixed axes).",
+        show_default="ZYX",
+    ),
+]
 ModelLevel = Annotated[
     Level | None,
     Option(
@@ -455,4 +464,5 @@ def _size(text: str | None, option: str, otherwise: float = 0.0, unit: str = "m"
 
 def of_log(error: InputError) -> str:
     """Return an error about readings as the command line says it after the log's name."""
-    return str(error).removeprefix("readings: ").replace("cause='apply'", "--cause apply")
+    said = str(error).removeprefix("readings: ").replace("measured_sigma,", "--measured-sigma,")
+    return re.sub(r"cause='(\w+)'", r"--cause \1", said)

@@ -39,6 +39,7 @@ def command(
     lean: options.Lean = None,
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
+    euler: options.Euler = None,
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -58,7 +59,9 @@ def command(
     whose = f"{loaded.name}'s coordinates are in"
     sizes = options.parse_each(sigma, "--sigma", units, whose)
     leans = options.parse_lean(lean)
-    found = zero(loaded, logs.read(loaded, log, columns), at=pose, sigma=sizes, lean=leans)
+    table = logs.read(loaded, log, columns, euler)
+    logs.orientation.require_used(euler, table.form)
+    found = zero(loaded, table, at=pose, sigma=sizes, lean=leans)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
     write(robot=lambda: options.file_text(found.robot))

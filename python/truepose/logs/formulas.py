@@ -10,13 +10,13 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose, one_line
-from truepose.logs import base_lean
+from truepose.logs import base_lean, orientation
 from truepose.plugins import package
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 
 #: Units that a formula may be in, by the SI unit of its column; for messages.
-_EXAMPLES = {"m": "mm, m or inch", "rad": "deg, rad or turn", "N": "N or kN"}
+_EXAMPLES = {"m": "mm, m or inch", "rad": "deg, rad or turn", "N": "N or kN", "": "no unit"}
 #: Commas between formulas, not within parentheses.
 _BETWEEN = re.compile(r",(?![^()]*\))")
 
@@ -34,6 +34,7 @@ def computed(
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
     for name, unit in robot.coordinates:
         units[f"measured_{name}"] = units[f"measured_{name}_sigma"] = unit
+    units |= orientation.units(robot)
     for axis in "xyz":
         units |= {f"load_{axis}": "N", f"{base_lean.PREFIX}{axis}": "rad"}
     made: dict[str, Array] = {}
@@ -77,9 +78,9 @@ def _value(
     """Return a formula's value in the unit; InputError, beginning with `said`."""
     try:
         value = registry.Quantity(registry.parse_expression(plain, **values))
-        if value.units == registry.dimensionless:
+        if unit and value.units == registry.dimensionless:
             raise InputError(f"{said}: has no unit; multiply it by one: {_EXAMPLES[unit]}")
-        return np.asarray(value.to(unit).magnitude, dtype=float)
+        return np.asarray(value.to(unit or "dimensionless").magnitude, dtype=float)
     except pint.UndefinedUnitError as error:
         raise InputError(f"{said}: {one_line(error, 100)}, and is no column of the log") from None
     except pint.DimensionalityError as error:

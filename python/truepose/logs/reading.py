@@ -15,7 +15,7 @@ import numpy as np
 
 from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, PoseError, choose, controls, one_line
-from truepose.logs import base_lean, formulas, limits, raw
+from truepose.logs import base_lean, formulas, limits, orientation, raw
 from truepose.plugins import plugins
 from truepose.robot import lean
 from truepose.robot.compliance import Payloads
@@ -32,7 +32,7 @@ POINT = "point"
 
 
 #: Arrays of a log with an entry for each row.
-_BY_ROW = ("readings", "measured", "measured_sigma", "lines", "implied", "base_lean")
+_BY_ROW = ("readings", "measured", "measured_sigma", "lines", "implied", "base_lean", "euler")
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,10 @@ class Log:
     loads: Payloads | None = None  #: during the readings, where given
     implied: Array | None = None  #: (N, n) bool: `measured` is that of a level platform; or None
     base_lean: Array | None = None  #: (N, 2) of the base by its IMU, rad; readings are corrected
+    euler: Array | None = None  #: (N, 3) roll, pitch, yaw, rad, where `measured` is of these
+    form: str = (
+        ""  #: of the measured orientations: Euler angles' convention, quaternion; "": vector
+    )
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Format row numbers: "lines 7, 9, 12"."""
@@ -58,6 +62,11 @@ class Log:
         shown = ", ".join(map(str, numbers[:most]))
         more = f", … {len(numbers) - most} more" if len(numbers) > most else ""
         return f"{self.word}{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+    def outside_names(self, robot: Robot) -> list[str]:
+        """Return the log's names of the columns of `measured`."""
+        names = [f"measured_{name}" for name, _ in robot.coordinates]
+        return [*names[:3], *orientation.EULER] if self.euler is not None else names
 
     def only(self, keep: Array) -> Log:
         """Return the log of some rows; `keep` as numpy indexes."""
@@ -86,16 +95,20 @@ def is_table(value: object) -> bool:
     return isinstance(value, Log) or columns_of(value) is not None
 
 
-def of(robot: Robot, table: Any, where: str = "readings") -> Log:
+def of(robot: Robot, table: Any, where: str = "readings", euler: str | None = None) -> Log:
     """Extract a robot's readings from a table as of :func:`truepose.calibrate`, in SI units."""
     if isinstance(table, Log):
         return table
     names = columns_of(table) or []
     _no_twins(where, [str(name) for name in names])
-    return _numbered({str(name): column_of(table, name) for name in names}, where).log(robot)
+    return _numbered({str(name): column_of(table, name) for name in names}, where).log(
+        robot, euler=euler
+    )
 
 
-def read(robot: Robot, path: str | Path, columns: str | None = None) -> Log:
+def read(
+    robot: Robot, path: str | Path, columns: str | None = None, euler: str | None = None
+) -> Log:
     """Read a log file: Parquet or MCAP by its first bytes, else CSV.
 
     MCAP: all channels of JSON and ROS 2 messages, with columns by keys, a JointState's joints, and
@@ -105,7 +118,9 @@ def read(robot: Robot, path: str | Path, columns: str | None = None) -> Log:
     that begin with # are comments. An InputError names the file, the line, the column and the cell.
 
     `columns` are formulas with units for columns of another name or unit, with commas between:
-    ``"q1 = A_steps * 0.005 mm, theta = (imu - 3) * deg"``.
+    ``"q1 = A_steps * 0.005 mm, theta = (imu - 3) * deg"``. `euler` is the convention of columns
+    measured_roll, measured_pitch, measured_yaw: "ZYX" (the default), R = R_z R_y R_x, or another
+    order; lower case, "xyz", about fixed axes, the first turn first.
     """
     path = Path(path)
     data = limits.read(path)
@@ -121,7 +136,7 @@ def read(robot: Robot, path: str | Path, columns: str | None = None) -> Log:
     if columns is not None:
         made = formulas.computed(robot, cells.columns, cells.numbers, columns)
         cells = cells._replace(columns=made)
-    return cells.log(robot, header)
+    return cells.log(robot, header, euler)
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
@@ -288,7 +303,21 @@ class Cells(NamedTuple):
         found = [self.numbers(name) if name in self.columns else nothing for name in names]
         return np.column_stack(found) if np.isfinite(found).any() else None
 
-    def log(self, robot: Robot, worth: Mapping[str, str] | None = None) -> Log:
+    def _turned(
+        self, names: tuple[str, ...], measured: Array | None, n: int, euler: str | None
+    ) -> tuple[Array, Array | None, str]:
+        """Return measurements, (N, n), with orientations of `names`, the angles, and their form."""
+        values = np.column_stack([self.numbers(name) for name in names])
+        angles = names == orientation.EULER
+        form = orientation.require(euler) if angles else "quaternion"
+        measured = np.full((len(values), n), np.nan) if measured is None else measured
+        at = f"{self.where}: {self.word}"
+        measured[:, 3:] = orientation.vectors(values, names, form, self.lines, at)
+        return measured, values if angles else None, form
+
+    def log(
+        self, robot: Robot, worth: Mapping[str, str] | None = None, euler: str | None = None
+    ) -> Log:
         """Pick a robot's readings; `worth` has the values of raw units."""
         columns, where = self.columns, self.where
         if wrong := next((name for name in columns if controls(name)), None):
@@ -298,9 +327,12 @@ class Cells(NamedTuple):
         own = {n: n if n in columns else raw.column_of(n, columns) for n in robot.readings}
         if missing := [name for name, column in own.items() if column is None]:
             raise InputError(f"{where}: {_missing(robot, missing, list(columns))}")
+        turned = orientation.columns(robot, columns, where)
         for name in columns:
-            if name.startswith("measured_") and name.removesuffix("_sigma") not in outside:
-                raise InputError(f"{where}: {choose('column', name, outside)}")
+            if name in turned or not name.startswith("measured_"):
+                continue
+            if name.removesuffix("_sigma") not in outside:
+                raise InputError(f"{where}: {choose('column', name, [*outside, *turned])}")
         if len(self.lines) == 0:
             raise InputError(f"{where}: no line of readings")
         one = {
@@ -322,10 +354,13 @@ class Cells(NamedTuple):
             if name in PLANES and f"{name}_above" in free
         }
         leaning = base_lean.columns(robot, free, where)
-        used = {*outside, *sigmas, *forces, *tensions, *labels, *leaning}
+        used = {*outside, *sigmas, *forces, *tensions, *labels, *leaning, *turned}
         used |= {f"{name}_above" for name in above}
         unused = tuple(name for name in free if name not in used)
         measured, sigma = self.block(outside), self.block(sigmas)
+        angles, form = None, ""
+        if turned:
+            measured, angles, form = self._turned(turned, measured, robot.n, euler)
         implied = leans = None
         if leaning:
             leans = np.column_stack([self.numbers(name) for name in leaning])
@@ -336,7 +371,7 @@ class Cells(NamedTuple):
         pulls = {"force": self.block(forces), "tension": self.block(tensions)}
         loads = Payloads(**pulls) if any(v is not None for v in pulls.values()) else None
         about = robot.readings, readings, measured, self.lines, self.word
-        return Log(*about, unused, sigma, labels, above, loads, implied, leans)
+        return Log(*about, unused, sigma, labels, above, loads, implied, leans, angles, form)
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.causes import columns
+from truepose.calibration.bound import accuracy
+from truepose.calibration.causes import columns, outside
 from truepose.calibration.causes.hypothesis import Case, Hypothesis
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Calibration
@@ -23,6 +24,8 @@ APART = 5.0
 MISFIT = 20.0
 #: Most rows searched for mistakes; most mistakes with a fitted geometry.
 LINES, FITTED = 80, 12
+#: Distance from a workspace, in σ of the poses that motors give by the tolerances.
+NEAR = 3.0
 #: Costs count as equal within this amount plus this share of the smaller one.
 ALIKE, OF_COST = 20.0, 0.25
 
@@ -39,7 +42,9 @@ def plausible(robot: Robot, readings: Array) -> float:
     good = np.isfinite(x).all(axis=1)
     if (box := robot.spec.workspace) is not None:
         low, high = np.array(box.minimum), np.array(box.maximum)
-        margin = 0.5 * (high - low) + 1e-9
+        alone = robot.with_sensors("none")
+        sigma = np.sqrt(np.diag(accuracy(alone, robot.home, errors="nan")))  # by its tolerances
+        margin = 0.5 * (high - low) + NEAR * np.nan_to_num(sigma) + 1e-9
         good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
     return float(good.mean())
 
@@ -65,13 +70,17 @@ def named(robot: Robot, log: Log) -> list[str] | None:
             return None
         own = _cost(fit)
     tried = [of for of in mistakes(robot, log) if agree(robot, of.log.readings)]
+    if own < math.inf:  # motors and sensors agree: the outside measurement may be wrong
+        case = Case(robot, log)
+        tried = [*outside.axes(case), *outside.euler(case), *outside.shifted(case), *tried]
     if not redundant:  # no fit tells them apart
         return [of.text for of in tried] if len(tried) <= 3 else []
     if len(tried) > FITTED:
         seen = [expect(robot, of.log.readings) for of in tried]
-        far = [np.nanmean(np.log1p((of.residual / of.sigma) ** 2)) for of in seen]
+        each = (np.log1p((of.residual / of.sigma) ** 2) for of in seen)
+        far = [np.nanmean(by) if np.isfinite(by).any() else np.inf for by in each]
         tried = [tried[k] for k in np.argsort(far, kind="stable")]
-    costs = [_cost(_fit(robot, log, of.log.readings)) for of in tried[:FITTED]]
+    costs = [_cost(_fit(robot, of.log, of.log.readings)) for of in tried[:FITTED]]
     best = min(costs, default=math.inf)
     if best == math.inf or not best < 0.5 * own:
         return []

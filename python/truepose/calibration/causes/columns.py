@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
-from truepose.robot.units import angles, reading_units
+from truepose.robot.units import reading_units
 
 #: Factors of a column in another unit, and their messages, for a length (0) and an angle (1).
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
@@ -29,17 +28,25 @@ def _factors(case: Case) -> Array:
     return np.array([unit == "rad" for unit in reading_units(case.robot)])
 
 
-def _scaled(case: Case, which: Collection[int], factor: float, text: str, among: int) -> Hypothesis:
+def _scaled(
+    case: Case, which: Collection[int], factor: float, text: str, among: int, lasts: bool = True
+) -> Hypothesis:
     """Return the hypothesis of columns that read `factor` times too much, one `among` several.
 
-    The density of a reading is that of the scaled one over the factor.
+    `lasts`: the machine reads so, not the log alone. The density of a reading is that of the scaled
+    one over the factor.
     """
     factors = np.ones(len(case.log.names))
     factors[list(which)] = factor
     names = ", ".join(case.log.names[k] for k in which)
     read = np.isfinite(case.log.readings[:, list(which)]).sum()
     odds = LN_RATE - math.log(among) - float(read) * math.log(abs(factor))
-    return case.with_readings(case.log.readings / factors, text=f"{names}: {text}", log_odds=odds)
+    return case.with_readings(
+        case.log.readings / factors,
+        text=f"{names}: {text}",
+        log_odds=odds,
+        reads=(lambda _: (factors, 0 * factors)) if lasts else None,
+    )
 
 
 def unit(case: Case) -> Iterator[Hypothesis]:
@@ -51,10 +58,10 @@ def unit(case: Case) -> Iterator[Hypothesis]:
     groups = [of for of in dict.fromkeys(groups) if of and len(set(angle[list(of)])) == 1]
     for which in groups:
         for factor, text in UNITS[int(angle[which[0]])].items():
-            yield _scaled(case, which, factor, text, len(groups))
+            yield _scaled(case, which, factor, text, len(groups), False)
             if len(which) == 1:
                 flipped = f"{text}, and its sign is flipped"
-                yield _scaled(case, which, -factor, flipped, 100 * len(groups))
+                yield _scaled(case, which, -factor, flipped, 100 * len(groups), False)
 
 
 def sign(case: Case) -> Iterator[Hypothesis]:
@@ -71,7 +78,14 @@ def gain(case: Case) -> Iterator[Hypothesis]:
         pattern = np.outer(read, np.eye(len(case.log.names))[k])
         text = f"{name}: its reading over the true value is"
         count = int(np.isfinite(case.log.readings[:, k]).sum())
-        yield case.with_pattern(pattern, GAIN, text=text, size=Size("", gain=count))
+        one = np.eye(len(case.log.names))[k]
+        yield case.with_pattern(
+            pattern,
+            GAIN,
+            text=text,
+            size=Size("", gain=count),
+            reads=lambda by, one=one: (1 + one * by / (1 - by), 0 * one),
+        )
         for ratio in RATIOS:
             text = f"{ratio:g} times the true value: its gear or gain"
             yield _scaled(case, (k,), ratio, text, len(RATIOS))
@@ -120,17 +134,6 @@ def _reordered(names: list[str], order: tuple[int, ...]) -> str:
     return f"{said}: in another order, they hold {held}"
 
 
-def outside(case: Case) -> Iterator[Hypothesis]:
-    """Externally measured coordinates of one unit, exchanged."""
-    if case.log.measured is None:
-        return
-    names, angle = [f"measured_{name}" for name, _ in case.robot.coordinates], angles(case.robot)
-    for kind in (True, False):
-        for whole, text, odds in _exchanged(np.flatnonzero(angle == kind), names):
-            log = replace(case.log, measured=case.log.measured[:, whole])
-            yield Hypothesis(text=text, log=log, robot=case.robot, log_odds=odds)
-
-
 def body(case: Case) -> Iterator[Hypothesis]:
     """An encoder of θ that is read against another body: the base, or another bar."""
     spec = case.robot.spec
@@ -162,4 +165,10 @@ def common(case: Case) -> Iterator[Hypothesis]:
         names = ", ".join(np.array(case.log.names)[which])
         pattern = np.tile(which.astype(float), (len(case.log.readings), 1))
         text = f"{names}: a common constant of"
-        yield case.with_pattern(pattern, COMMON[at], text=text, size=Size(at))
+        yield case.with_pattern(
+            pattern,
+            COMMON[at],
+            text=text,
+            size=Size(at),
+            reads=lambda by, which=which: (np.ones(len(which)), by * which),
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -46,6 +46,10 @@ class Hypothesis:
     log_odds: float = LN_RATE  #: of it before any reading, against no mistake
     first: Hypothesis | None = None  #: another mistake, undone before
     kind: str = ""  #: of the table of causes
+    #: factor and shift of the undone readings, (n + r,), that the machine keeps, by the amount
+    reads: Callable[[float], tuple[Array, Array]] | None = None
+    leans: Callable[[Robot, float], Robot] | None = None  #: the robot leaning by the amount
+    settings: Mapping[str, Any] = field(default_factory=dict)  #: in place of the case's
 
     @property
     def each(self) -> tuple[Hypothesis, ...]:
@@ -76,7 +80,7 @@ class Case:
     def after(self, first: Hypothesis) -> Case:
         """Return the case that is left when a mistake is undone."""
         influences = [*self.settings.get("influences", ()), *first.influences]
-        settings = {**self.settings, "influences": influences}
+        settings = {**self.settings, **first.settings, "influences": influences}
         return Case(first.robot, first.log, settings, first)
 
     def beside(self, of: Hypothesis) -> Hypothesis:
@@ -86,13 +90,14 @@ class Case:
         return replace(
             of,
             influences=(*self.first.influences, *of.influences),
+            settings={**self.first.settings, **of.settings},
             log_odds=self.first.log_odds + of.log_odds,
             first=self.first,
         )
 
     def fitted(self, of: Hypothesis, rows: Array | None = None, **more: Any) -> Calibration:
         """Return the calibration under a hypothesis, to some rows; raise as `fit_to`."""
-        settings = {**self.settings, **more}
+        settings = {**self.settings, **of.settings, **more}
         influences = [*settings.get("influences", ()), *of.influences]
         log = of.log
         if rows is not None:
@@ -153,4 +158,8 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     for mistake in of.each:
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
             density -= mistake.size.gain * math.log(abs(found[0]))
+    if of.settings and (by := fit.registration) is not None:  # which no other hypothesis has
+        own = by.covariance - by.cross.T @ np.linalg.solve(fit.covariance, by.cross)
+        free = by.sigma > 0
+        density += np.linalg.slogdet(own[np.ix_(free, free)])[1] / 2 - np.log(by.sigma[free]).sum()
     return float(-cost / 2 + (after - prior) / 2 + density + of.log_odds)

@@ -98,6 +98,7 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
             text=f"{case.log.names[k]}: slipped before {case.log.at([row])}, by",
             size=Size(reading_units(case.robot)[k]),
             log_odds=LN_RATE - math.log(count),
+            reads=lambda by, k=k: (np.ones(width), by * np.eye(width)[k]),
         )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.cause import Cause, Causes
-from truepose.calibration.causes import columns, hypothesis, parts, rows, surroundings
+from truepose.calibration.causes import columns, hypothesis, outside, parts, rows, surroundings
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, evidence, lost
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
@@ -36,7 +36,10 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "sign": columns.sign,
     "unit": columns.unit,
     "order": columns.order,
-    "outside coordinates": columns.outside,
+    "outside axes": outside.axes,
+    "outside angles": outside.euler,
+    "outside unit": outside.unit,
+    "outside rows": outside.shifted,
     "sensor body": columns.body,
     "common constant": columns.common,
     "shifted rows": rows.shifted,
@@ -62,7 +65,10 @@ SECOND = 2
 #: Causes that are kept.
 SHOWN = 12
 #: Mistakes without a size that are always fitted.
-ALWAYS = ("stuck", "gross errors", "sensor body", "tolerances", "noise")
+ALWAYS = (
+    *("stuck", "gross errors", "sensor body", "tolerances", "noise"),
+    *("outside axes", "outside angles", "outside unit", "outside rows"),
+)
 #: Explanations that name no mistake.
 VAGUE = ("tolerances", "noise")
 

@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, Size
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.influences import stretch, tension
 from truepose.robot import lean
+from truepose.robot.robot import Robot
 
 #: σ of a lean, rad; of load times compliance, 1 (assumed).
 LEAN, LOAD = 0.05, 1e-3
@@ -27,7 +29,19 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
         if np.abs(by[:, :, k]).max(initial=0) < 1e-3:
             continue
         text = f"base or shank leans about {'xyz'[axis]} by"
-        yield case.with_pattern(by[:, :, k], LEAN, text=text, size=Size("rad"))
+        yield case.with_pattern(
+            by[:, :, k],
+            LEAN,
+            text=text,
+            size=Size("rad"),
+            leans=lambda robot, amount, k=k: _leant(robot, amount * np.eye(2)[k]),
+        )
+
+
+def _leant(robot: Robot, by: Array) -> Robot:
+    """Return the robot whose base leans, (2,): under the gravity that its inclinometers see."""
+    size = float(np.linalg.norm(robot.spec.gravity))
+    return robot.with_gravity(tuple((-size * lean.vertical(robot, by)).tolist()))
 
 
 def load(case: Case) -> Iterator[Hypothesis]:

@@ -1,0 +1,290 @@
+"""Mistakes in an outside measurement: its axes, its frame, its angles, its units, its rows."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.causes.columns import DEGREES, UNITS
+from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
+from truepose.calibration.expectation import poses_of
+from truepose.calibration.registration import Registration, registration_of
+from truepose.logs import orientation
+from truepose.logs.orientation import ORDERS, of_euler
+from truepose.robot import frames
+from truepose.robot.units import angles
+
+#: Most rows by which a measurement is late or early.
+LATE = 10
+#: Candidates of a kind that are fitted, those nearest to the motors' prediction.
+NEAREST = 3
+#: Distance from the motors' prediction, over that of the measurement as it is, worth a fit.
+NEARER = 0.5
+#: Distances that count as equal, relative: those of mirror images in an unknown frame.
+EQUAL = 1e-6
+
+
+class Candidate(NamedTuple):
+    """An outside measurement with a mistake undone."""
+
+    text: str
+    measured: Array  #: (N, n)
+    log_odds: float = 0.0  #: beside those of one mistake of this kind
+
+
+class View:
+    """Motors' poses of a log, and the distance of outside measurements from them."""
+
+    def __init__(self, case: Case):
+        robot = case.robot.expected()
+        self.robot, self.names = robot, case.log.outside_names(robot)
+        self.angle = angles(robot)
+        self.by: Registration = registration_of(case.settings.get("registration", "unknown"))
+        self.x = poses_of(robot, case.log.readings[:, : robot.n])
+        self.spatial = robot.spec.mobility == "spatial"
+        self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
+        self.unknown = self.moving and any(self.by.base_sigma)
+        #: whether measured angles tell one exchange of axes from another in an unknown frame
+        self.told = self.spatial and bool(np.isfinite(case.log.measured[:, self.angle]).any())
+
+    def distance(self, measured: Array) -> float:
+        """Return the median distance of positions plus that of angles, over their spreads."""
+        total = 0.0
+        good = np.isfinite(self.x).all(axis=1)
+        place = np.flatnonzero(~self.angle)
+        R = np.eye(3) if self.by.base is None else np.asarray(self.by.base)[:3, :3]
+        some = good & np.isfinite(measured[:, place]).all(axis=1)
+        if len(place) and some.sum() >= 4:
+            p, D = (
+                np.pad(v[some][:, place], ((0, 0), (0, 3 - len(place)))) for v in (measured, self.x)
+            )
+            if self.unknown:
+                p, D = p - np.median(p, axis=0), D - np.median(D, axis=0)
+                R = nearest(p.T @ D)
+            elif self.by.base is not None:
+                p = p - np.asarray(self.by.base)[:3, 3]
+            total += _share(np.linalg.norm(p - D @ R.T, axis=1), D)
+        some = good & np.isfinite(measured[:, self.angle]).all(axis=1)
+        if not self.angle.any() or some.sum() < 4:
+            return total
+        a, x = measured[some][:, self.angle], self.x[some][:, self.angle]
+        if not self.spatial:
+            seen = x
+            if self.moving:  # θ: of the platform's x axis about the measurement's z
+                axis = R @ frames.rotation(x * [0.0, 0.0, 1.0])[:, :, :1]
+                seen = np.arctan2(axis[:, 1], axis[:, 0])
+            turn = np.remainder(a - seen + np.pi, 2 * np.pi) - np.pi
+            turn -= np.median(turn, axis=0) if self.unknown else 0.0
+            return total + _share(np.linalg.norm(turn, axis=1), x)
+        Q, turns, M = frames.rotation(a), frames.rotation(x), np.eye(3)
+        for _ in range(3 if any(self.by.marker_sigma) else 0):
+            M = nearest((np.swapaxes(R @ turns, 1, 2) @ Q).sum(axis=0))
+            if self.unknown:
+                R = nearest((Q @ np.swapaxes(turns @ M, 1, 2)).sum(axis=0))
+        apart = frames.rotation_vector(np.swapaxes(R @ turns @ M, 1, 2) @ Q)
+        return total + _share(np.linalg.norm(apart, axis=1), x)
+
+
+def nearest(A: Array) -> Array:
+    """Return the rotation nearest to a matrix."""
+    U, _, V = np.linalg.svd(A)
+    return np.asarray(U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V)
+
+
+def _share(distance: Array, values: Array) -> float:
+    spread = np.median(np.linalg.norm(values - np.median(values, axis=0), axis=1))
+    return float(np.median(distance) / max(spread, 1e-9))
+
+
+def nearer(
+    case: Case, made: Callable[[View, Array], Iterator[Candidate]], share: float = NEARER
+) -> Iterator[Hypothesis]:
+    """Yield the candidates nearest to the motors' poses, if nearer than the log as it is."""
+    if case.log.measured is None:
+        return
+    view, given = View(case), np.asarray(case.log.measured)
+    every = list(made(view, given))
+    far = np.array([view.distance(of.measured) for of in every])
+    limit = share * view.distance(given)
+    before: list[float] = []
+    for k in np.argsort(far, kind="stable"):
+        if far[k] >= limit or len(before) == NEAREST:
+            return
+        if any(abs(far[k] - other) <= EQUAL * other for other in before):
+            continue  # the same in an unknown frame
+        before.append(float(far[k]))
+        of = every[k]
+        log = replace(case.log, measured=of.measured, euler=None, form="")
+        odds = LN_RATE - math.log(len(every)) + of.log_odds
+        yield Hypothesis(text=of.text, log=log, robot=case.robot, log_odds=odds)
+
+
+def axes(case: Case) -> Iterator[Hypothesis]:
+    """Axes of the measurement exchanged or reversed: of a turned or a mirrored frame."""
+    yield from nearer(case, _axes)
+    if case.log.measured is None or (view := View(case)).unknown or not view.moving:
+        return
+    known, view.by, view.unknown = view.distance(case.log.measured), Registration(), True
+    if view.distance(case.log.measured) < NEARER * known:
+        yield Hypothesis(
+            text=f"{', '.join(view.names)}: in a frame of their own, not the base's: "
+            "registration unknown",
+            log=case.log,
+            robot=case.robot,
+            settings={"registration": view.by},
+        )
+
+
+def _axes(view: View, given: Array) -> Iterator[Candidate]:
+    place, turns = np.flatnonzero(~view.angle), np.flatnonzero(view.angle)
+    for P in _signed(len(place)) if view.moving and len(place) else ():
+        moved = given.copy()
+        moved[:, place] = given[:, place] @ P.T
+        mirrored = np.linalg.det(P) < 0
+        if len(turns) or mirrored or not view.unknown:
+            yield Candidate(_held(view, P, place, mirrored), moved)
+        for turned in _turned(view, P, given[:, turns], mirrored) if len(turns) else ():
+            both = moved.copy()
+            both[:, turns] = turned
+            yield Candidate(_held(view, P, np.r_[place, turns], mirrored), both)
+    for P in _signed(len(turns)) if len(turns) else ():
+        moved = given.copy()
+        moved[:, turns] = given[:, turns] @ P.T
+        yield Candidate(_held(view, P, turns, False), moved)
+
+
+def _turned(view: View, P: Array, given: Array, mirrored: bool) -> Iterator[Array]:
+    """Yield angles, (N, k), as they would be in a frame that `P` exchanges or reverses."""
+    if not view.spatial:
+        yaw = math.atan2(P[1, 0], P[0, 0])
+        yield yaw + float(np.linalg.det(P[:2, :2])) * given
+        return
+    yield given @ P.T
+    if mirrored:  # a rotation vector keeps its sense there
+        yield -given @ P.T
+    elif not view.unknown:
+        result, read = given.copy(), np.isfinite(given).all(axis=1)
+        result[read] = frames.rotation_vector(P @ frames.rotation(given[read]))
+        yield result
+
+
+def _signed(size: int) -> list[Array]:
+    """Return every signed permutation matrix but the identity, the simplest first."""
+    own = np.eye(size)
+    made = [
+        np.array(signs)[:, None] * own[list(order)]
+        for order in itertools.permutations(range(size))
+        for signs in itertools.product((1.0, -1.0), repeat=size)
+    ]
+    made.sort(key=lambda P: float((own != P).any(axis=1).sum() + 0.1 * (P < 0).sum()))
+    return made[1:]
+
+
+def _held(view: View, P: Array, columns: Array, mirrored: bool) -> str:
+    """Say what the columns hold where `P` times them is right."""
+    names = [view.names[k] for k in columns]
+    size = len(P)
+    if mirrored and view.unknown and not (view.told and len(columns) == size):
+        return f"{', '.join(names)}: mirrored: two axes exchanged, or one with its sign flipped"
+    moved = np.flatnonzero((np.eye(size) != P).any(axis=0))
+    signs, source = P.T[moved].sum(axis=1), np.abs(P.T[moved]).argmax(axis=1)
+    if (source == moved).all():
+        shown = ", ".join(names[k] for k in moved)
+        said = f"{shown}: {'its sign is' if len(moved) == 1 else 'their signs are'} flipped"
+    elif len(moved) == 2 and (signs > 0).all():
+        said = f"{names[moved[0]]} and {names[moved[1]]}: swapped"
+    else:
+        held = (("-" if s < 0 else "") + names[k] for k, s in zip(source, signs, strict=True))
+        shown = ", ".join(names[k] for k in moved)
+        said = f"{shown}: in another order, they hold {', '.join(held)}"
+    said += f", and so {', '.join(names[size:])}" * (len(names) > size)
+    if mirrored or size < 2 or view.angle[columns[0]]:
+        return said
+    whole = np.eye(3)
+    whole[:size, :size] = P
+    turn = np.degrees(frames.rotation_vector(whole))
+    by, along = float(np.linalg.norm(turn)), int(np.abs(turn).argmax())
+    about = f" about {'xyz'[along]}" * bool(abs(turn[along]) > 0.99 * by)
+    return f"{said} (a frame turned by {by:.0f}°{about})"
+
+
+def euler(case: Case) -> Iterator[Hypothesis]:
+    """Euler angles in place of a rotation vector, or of another convention."""
+    if case.robot.spec.mobility == "spatial":
+        yield from nearer(case, lambda view, given: _euler(case, given), 1.0)
+
+
+def _euler(case: Case, given: Array) -> Iterator[Candidate]:
+    raw, form = case.log.euler, case.log.form
+    if form == "quaternion":
+        return
+    raw = given[:, 3:] if raw is None else raw
+    read = np.isfinite(raw).all(axis=1)
+    size = np.abs(raw[read]).max(initial=0.0)
+    usual = orientation.require(form or None)
+    usual = usual if usual.isupper() else usual[::-1].upper()
+    for order in ORDERS:
+        if form and order == usual:
+            continue
+        for back in (False, True)[: 1 if form else 2]:
+            if form:
+                text = f"measured_roll, pitch, yaw: turns in the order {order}, not {form}: "
+                text += f"euler {order}"
+            else:
+                which = "yaw, pitch, roll" if back else "roll, pitch, yaw"
+                text = f"measured_rx, ry, rz are Euler angles ({which}), {order}"
+            for factor in (1.0, DEGREES)[: 2 if size > 0.5 else 1]:
+                moved = given.copy()
+                angle = raw[read] / factor
+                moved[read, 3:] = of_euler(angle[:, ::-1] if back else angle, order)
+                degrees = "; in degrees" * (factor != 1)
+                odds = -3.0 * float(read.sum()) * math.log(factor)
+                yield Candidate(text + degrees, moved, odds)
+
+
+def unit(case: Case) -> Iterator[Hypothesis]:
+    """Measured lengths or angles in another unit."""
+    yield from nearer(case, lambda view, given: _unit(case, view, given))
+
+
+def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
+    for angle in (False, True):
+        which = view.angle == angle
+        raw = given[:, which]
+        if not which.any() or not np.isfinite(raw).any():
+            continue
+        names = ", ".join(np.array(view.names)[which])
+        for factor, text in UNITS[angle].items():
+            moved = given.copy()
+            if angle and case.log.euler is not None:
+                read = np.isfinite(case.log.euler).all(axis=1)
+                moved[read, 3:] = of_euler(case.log.euler[read] / factor, case.log.form)
+            else:
+                moved[:, which] = raw / factor
+            odds = -float(np.isfinite(raw).sum()) * math.log(factor)
+            yield Candidate(f"{names}: {text}", moved, odds)
+
+
+def shifted(case: Case) -> Iterator[Hypothesis]:
+    """The rows of the whole measurement shifted against the motors' and sensors'."""
+    yield from nearer(case, _shifted)
+
+
+def _shifted(view: View, given: Array) -> Iterator[Candidate]:
+    some = np.isfinite(given).any(axis=0)
+    names = ", ".join(np.array(view.names)[some])
+    for size in range(1, min(LATE, len(given) // 4) + 1):
+        for by in (size, -size):
+            moved = np.full_like(given, np.nan)
+            if by > 0:
+                moved[:-by] = given[by:]
+            else:
+                moved[-by:] = given[:by]
+            text = f"{names}: their rows are {size} too {'late' if by > 0 else 'early'}"
+            yield Candidate(text, moved)
