@@ -10,6 +10,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
+from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 
 #: Factors of a column in another unit, and their messages, for a length (0) and an angle (1).
@@ -49,6 +50,16 @@ def _scaled(
     )
 
 
+def alone_and_alike(robot: Robot) -> list[tuple[int, ...]]:
+    """Return every column by itself, the motors, the sensors of a kind, and all of one unit."""
+    kinds = ["motor"] * robot.n + [sensor.kind for sensor in robot.spec.used]
+    units = reading_units(robot)
+    groups = [tuple(k for k, of in enumerate(kinds) if of == kind) for kind in kinds]
+    groups += [tuple(range(len(kinds)))] if len(set(units)) == 1 else []
+    groups = [of for of in groups if len({units[k] for k in of}) == 1]
+    return list(dict.fromkeys([*((k,) for k in range(len(kinds))), *groups]))
+
+
 def unit(case: Case) -> Iterator[Hypothesis]:
     """A column, or several, in another unit."""
     n, angle = case.robot.n, _factors(case)
@@ -72,23 +83,21 @@ def sign(case: Case) -> Iterator[Hypothesis]:
 
 
 def gain(case: Case) -> Iterator[Hypothesis]:
-    """A motor or sensor with another gain or gear: true = (1 - a) read."""
-    for k, name in enumerate(case.log.names):
-        read = np.nan_to_num(case.log.readings[:, k])
-        pattern = np.outer(read, np.eye(len(case.log.names))[k])
-        text = f"{name}: its reading over the true value is"
-        count = int(np.isfinite(case.log.readings[:, k]).sum())
-        one = np.eye(len(case.log.names))[k]
+    """A motor or sensor, or all of a kind, with another gain or gear: true = (1 - a) read."""
+    for which in alone_and_alike(case.robot):
+        of = np.isin(np.arange(len(case.log.names)), which).astype(float)
+        names = ", ".join(case.log.names[k] for k in which)
+        its = "its" if len(which) == 1 else "their"
         yield case.with_pattern(
-            pattern,
+            np.nan_to_num(case.log.readings) * of,
             GAIN,
-            text=text,
-            size=Size("", gain=count),
-            reads=lambda by, one=one: (1 + one * by / (1 - by), 0 * one),
+            text=f"{names}: {its} reading over the true value is",
+            size=Size("", gain=int(np.isfinite(case.log.readings[:, of > 0]).sum())),
+            reads=lambda by, of=of: (1 + of * by / (1 - by), 0 * of),
         )
         for ratio in RATIOS:
-            text = f"{ratio:g} times the true value: its gear or gain"
-            yield _scaled(case, (k,), ratio, text, len(RATIOS))
+            text = f"{ratio:g} times the true value: {its} gear or gain"
+            yield _scaled(case, which, ratio, text, len(RATIOS))
 
 
 def order(case: Case) -> Iterator[Hypothesis]:

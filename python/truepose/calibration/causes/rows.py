@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
 from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
@@ -28,17 +29,20 @@ HALVES, TRIMS = 3, 10
 
 
 def shifted(case: Case) -> Iterator[Hypothesis]:
-    """The rows of one column shifted against the others."""
-    for k, name in enumerate(case.log.names):
+    """The rows of one column, or of all sensors, shifted against the others."""
+    width, n = len(case.log.names), case.robot.n
+    for which in dict.fromkeys([*((k,) for k in range(width)), tuple(range(n, width))]):
+        k, name = list(which), ", ".join(case.log.names[k] for k in which)
+        its = "its" if len(which) == 1 else "their"
         for by in (*range(-SHIFTS, 0), *range(1, SHIFTS + 1)):
             if abs(by) >= len(case.log.readings):
                 continue
             readings = case.log.readings.copy()
-            readings[:, k] = np.roll(readings[:, k], -by)
+            readings[:, k] = np.roll(readings[:, k], -by, axis=0)
             readings[-by:, k] = readings[-by:, k] if by < 0 else np.nan
             if by < 0:
                 readings[:-by, k] = np.nan
-            text = f"{name}: its rows are {abs(by)} too {'late' if by > 0 else 'early'}"
+            text = f"{name}: {its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
             yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
 
 
@@ -67,39 +71,49 @@ def stuck(case: Case) -> Iterator[Hypothesis]:
 
 
 def slipped(case: Case) -> Iterator[Hypothesis]:
-    """A motor or sensor that slipped at a row; of each column the row that explains most.
+    """A motor or sensor that slipped at a row, or all of a kind alike; of each the likeliest row."""
+    count = len(case.log.readings)
+    after = np.arange(count) >= np.arange(1, count)[:, None]
+    for which, row, step in steps(case, after):
+        columns = np.asarray(step.influences[-1].pattern)[-1]
+        yield replace(
+            step,
+            text=f"{which}: slipped before {case.log.at([row + 1])}, by",
+            log_odds=LN_RATE - math.log(count),
+            reads=lambda by, columns=columns: (np.ones(len(columns)), by * columns),
+        )
 
-    The rows are compared to first order about the robot's expected geometry: with a step d of the
+
+def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
+    """Yield columns, the number of the mask whose step in these explains most, and the step.
+
+    `masks`, (S, N), are the rows with the step. Columns are each alone, and those of a kind alike.
+    Steps are compared to first order about the robot's expected geometry: with a step d of the
     readings a row's equations are y = F u + A d + e, u and e of unit covariance. Influences on the
     readings are among the unknowns u.
     """
-    count, width = case.log.readings.shape
+    count = len(case.log.readings)
     acting = case.settings.get("influences", ())
     by, amounts = patterns(case.robot, acting, count), np.array([of.amount for of in acting])
     usual, sigma = amounts.reshape(-1, 2).T
     y, F, A, rows = parity(case.robot.expected(), case.log.readings - by @ usual)
-    if count < 4 or len(rows) == 0:
+    if count < 4 or len(rows) == 0 or len(masks) == 0 or case.robot.r == 0:
         return
     F = np.concatenate([F, A @ (by[rows] * sigma)], axis=2)
     stacked = F.reshape(-1, F.shape[-1])
     half = np.linalg.cholesky(stacked.T @ stacked + np.eye(F.shape[-1]))
     spans = np.ma.ptp(np.ma.masked_invalid(case.log.readings), axis=0).filled(0.0)
-    for k in range(width):
-        d = A[None, :, :, k] * (rows >= np.arange(1, count)[:, None])[..., None]
-        d = d.reshape(count - 1, -1)
+    for which in alone_and_alike(case.robot):
+        d = (A[..., list(which)].sum(axis=-1) * masks[:, rows, None]).reshape(len(masks), -1)
         along = np.linalg.solve(half, (d @ stacked).T)
         side = d @ y.ravel() - along.T @ np.linalg.solve(half, stacked.T @ y.ravel())
         size = (d**2).sum(axis=1) - (along**2).sum(axis=0)
-        row = 1 + int(np.argmax(side**2 / np.maximum(size, 1e-9)))
-        pattern = np.outer(np.arange(count) >= row, np.eye(width)[k])
-        yield case.with_pattern(
-            pattern,
-            max(float(spans[k]) / 5, 1e-6),
-            text=f"{case.log.names[k]}: slipped before {case.log.at([row])}, by",
-            size=Size(reading_units(case.robot)[k]),
-            log_odds=LN_RATE - math.log(count),
-            reads=lambda by, k=k: (np.ones(width), by * np.eye(width)[k]),
-        )
+        best = int(np.argmax(side**2 / np.maximum(size, 1e-9)))
+        columns = np.isin(np.arange(len(case.log.names)), which)
+        pattern = np.outer(masks[best], columns).astype(float)
+        span, unit = float(spans[columns].max()), Size(reading_units(case.robot)[which[0]])
+        step = case.with_pattern(pattern, max(span / 5, 1e-6), text="", size=unit)
+        yield ", ".join(case.log.names[k] for k in which), best, step
 
 
 def parity(model: Robot, readings: Array) -> tuple[Array, Array, Array, Array]:

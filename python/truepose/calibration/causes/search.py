@@ -13,7 +13,15 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.cause import Cause, Causes
-from truepose.calibration.causes import columns, hypothesis, outside, parts, rows, surroundings
+from truepose.calibration.causes import (
+    columns,
+    hypothesis,
+    outside,
+    parts,
+    rivals,
+    rows,
+    surroundings,
+)
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, evidence, lost
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
@@ -45,6 +53,7 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "shifted rows": rows.shifted,
     "stuck": rows.stuck,
     "slip": rows.slipped,
+    "side": rivals.sided,
     "gross errors": rows.gross,
     "lean": surroundings.leaning,
     "load": surroundings.load,
@@ -70,7 +79,7 @@ ALWAYS = (
     *("outside axes", "outside angles", "outside unit", "outside rows"),
 )
 #: Explanations that name no mistake.
-VAGUE = ("tolerances", "noise")
+VAGUE = ("tolerances", "noise", "correlated rows")
 
 
 class Search(NamedTuple):
@@ -132,7 +141,7 @@ def search(
             for each in found[:AGAIN]
             if (fit := case.fit(each.of)) is not None
         ]
-    return _judged(base, found)
+    return _judged(base, _once([*found, *_persisting(case, base, found, some)]))
 
 
 class Explained(NamedTuple):
@@ -167,6 +176,24 @@ class Explained(NamedTuple):
 def vague(found: Explained) -> bool:
     """Return whether an explanation names no mistake."""
     return found.of.kind in VAGUE
+
+
+def _persisting(
+    case: Case, base: Calibration | None, found: list[Explained], rows: Array | None
+) -> list[Explained]:
+    """Return errors that persist over rows as an explanation, where slips are the likeliest."""
+    near = [each for each in found if each.log_odds > found[0].log_odds - DECISIVE]
+    over = [
+        rivals.over_persisting(case, each.of, each.fit, slip, rows)
+        for each in near
+        for slip in each.of.each
+        if slip.kind == "slip"
+    ]
+    if base is None or not over:
+        return []
+    text = "errors that persist from row to row, without a slip"
+    of = replace(case.nothing(), text=text, kind="correlated rows")
+    return [Explained(of, base, found[0].log_odds - max(over))]
 
 
 def _puzzling(found: list[Explained]) -> bool:

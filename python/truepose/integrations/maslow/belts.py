@@ -289,14 +289,20 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
         corners, extension = frame.start(lengths)
         nominal = robot_of(corners, sigma, sled.model, extension)
         causes, found, _ = search(nominal, case.log, {"influences": acting})
-        near = [each.of.each for each in found[: causes.near]]
-        if causes.verdict not in ("decisive", "undecided") or not all(map(_slips, near)):
+        near = [(each, _slips(each.of.each)) for each in found[: causes.near]]
+        large = [
+            min(abs(each.fit.influences[of.influences[-1].name].value) for of in slips) >= LEAST
+            for each, slips in near
+            if slips
+        ]
+        if not any(large[:1]):
             break
-        slips = _slips(near[0])
-        sizes = [abs(found[0].fit.influences[of.influences[-1].name].value) for of in slips]
-        if min(sizes) < LEAST:
+        if len(large) < len(near) or causes.verdict == "unexplained":
+            told = " or ".join(each.cause.text for each, _ in near[:4])
+            said.append(f"{told}: the readings do not tell which, so nothing is undone")
             break
-        others = {of.text.split(":")[0] for each in near[1:] for of in _slips(each)}
+        slips = near[0][1]
+        others = {of.text.split(":")[0] for _, mistakes in near[1:] for of in mistakes}
         told = f", or {' or '.join(sorted(others))} did instead" * bool(others)
         named = [
             replace(of.influences[-1], name=f"slip {k}")
