@@ -70,7 +70,7 @@ def test_the_first_line_is_kalmans(h4, table2):
 def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng):
     """Rods that grow by 1 mm in 625 lines, seen by θ and a telemeter."""
     robot = h4.with_sensors("theta", "z_telemeter")
-    start = robot.sample(5)
+    start = robot.sample(5).with_level("ideal")
     poses = table2[rng.permutation(len(table2))]
     growth = np.linspace(0, 1e-3, len(poses))
     names = [f"chain{i}.rod" for i in range(1, 5)]

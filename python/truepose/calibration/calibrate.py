@@ -29,7 +29,7 @@ from truepose.calibration.causes.search import (
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import Loss, ModelError, inflated, misfit
+from truepose.calibration.fitting import Loss, ModelError, inflated, misfit, tuned
 from truepose.calibration.influences import NuisanceParameter, homings
 from truepose.calibration.lean import of_log
 from truepose.calibration.registration import KnownPose, Registration
@@ -170,9 +170,10 @@ def calibrate(
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     table, notes, refused = logs.is_table(readings), list[str](), list[str]()
     log = log_checks.log_of(robot, readings, known_pose is not None, euler)
+    known: KnownPose | Log | None = known_pose
     if logs.is_table(known_pose):
-        known_pose = logs.of(robot, known_pose, "known_pose", euler)
-    forms = [each.form for each in (log, known_pose) if isinstance(each, logs.Log)]
+        known = logs.of(robot, known_pose, "known_pose", euler)
+    forms = [each.form for each in (log, known) if isinstance(each, Log)]
     logs.orientation.require_used(euler, *forms)
     if table:
         if not differences:
@@ -188,7 +189,7 @@ def calibrate(
     if measured is not None:
         log = replace(log, implied=None, euler=None, form="")
     settings: dict[str, Any] = {
-        "known_pose": known_pose,
+        "known_pose": known,
         "measured_angle_sigma": measured_angle_sigma,
         "registration": registration,
         "level": level,
@@ -222,7 +223,8 @@ def explained(
     """
     if cause not in CHOICES:
         raise InputError(choose("cause", cause, CHOICES))
-    of_log(robot, log, settings.get("lean"))  # a wrong lean is not searched for
+    of_log(robot, log, settings.get("lean"))  # a wrong lean or loss is not searched for
+    tuned(settings.get("loss", "squares"), settings.get("tuning"))
     case = Case(robot, log, settings)
     none = case.nothing()
     if cause == "ignore" or not len(log.readings):

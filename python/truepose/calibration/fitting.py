@@ -87,7 +87,7 @@ def _fit_upright(
 ) -> Calibration:
     """Identify a robot's geometry from a log of an upright base."""
     names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
-    tuning = _tuned(loss, tuning)
+    tuning = tuned(loss, tuning)
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
     lines = _lines(robot, log, known_pose, measured_angle_sigma)
@@ -252,7 +252,8 @@ def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
     ]
 
 
-def _tuned(loss: Loss, tuning: float | None) -> float:
+def tuned(loss: Loss, tuning: float | None) -> float:
+    """Return the tuning of a loss, by default its own; InputError for either that is unknown."""
     if loss not in TUNING:
         raise InputError(choose("loss", loss, TUNING))
     tuning = TUNING[loss] if tuning is None else tuning

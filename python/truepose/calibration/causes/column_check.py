@@ -78,7 +78,7 @@ def named(robot: Robot, log: Log) -> list[str] | None:
     if len(tried) > FITTED:
         seen = [expect(robot, of.log.readings) for of in tried]
         each = (np.log1p((of.residual / of.sigma) ** 2) for of in seen)
-        far = [np.nanmean(by) if np.isfinite(by).any() else np.inf for by in each]
+        far = [float(np.nanmean(by)) if np.isfinite(by).any() else np.inf for by in each]
         tried = [tried[k] for k in np.argsort(far, kind="stable")]
     costs = [_cost(_fit(robot, of.log, of.log.readings)) for of in tried[:FITTED]]
     best = min(costs, default=math.inf)

@@ -51,7 +51,9 @@ class View:
         self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
         self.unknown = self.moving and any(self.by.base_sigma)
         #: whether measured angles tell one exchange of axes from another in an unknown frame
-        self.told = self.spatial and bool(np.isfinite(case.log.measured[:, self.angle]).any())
+        self.told = self.spatial and bool(
+            np.isfinite(np.asarray(case.log.measured)[:, self.angle]).any()
+        )
 
     def distance(self, measured: Array) -> float:
         """Return the median distance of positions plus that of angles, over their spreads."""
