@@ -107,7 +107,7 @@ struct MonitoredCycle {
   /// Whether a reading jumps farther than noise that may be smoothed: off its track, and off the
   /// model's motion since it changed last, by which a held reading jumps.
   bool wild(int c) const {
-    if (late(c) || !followed(c) || !(off_track(c) > settings_.wild[c])) return false;
+    if (!(std::fabs(innovation_[c]) > settings_.wild[c]) || late(c) || !followed(c)) return false;
     const MonitoredReading& reading = monitor_.reading[c];
     const Real by = c < n ? desired_[c] - reading.model : reading.asked;
     const Real jump = std::fabs(within_turn(robot_, c, q_e_[c] - reading.raw - by));
