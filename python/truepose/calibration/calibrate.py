@@ -305,7 +305,12 @@ def state(of: Hypothesis, log: Log) -> str:
         each.log is not other and each.reads is None
         for each, other in zip(of.each, before, strict=False)
     ]
-    said = [] if all(alone) else ["the robot is the machine as it reads in the log's last row"]
+    passing = [bool(each.influences) and not (each.reads or each.leans) for each in of.each]
+    said = []
+    if not all(a or b for a, b in zip(alone, passing, strict=True)):
+        said.append("the robot is the machine as it reads in the log's last row")
+    if any(passing):
+        said.append("not part of the robot, which is the machine without it")
     if any(alone):
         said.append("a mistake of the log alone: the robot takes readings as its file says")
     return "; ".join(said)

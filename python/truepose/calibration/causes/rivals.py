@@ -57,7 +57,7 @@ def sided(case: Case) -> Iterator[Hypothesis]:
             text = f"where {name} is above about {factor * middle:.4g} {said}"
             near = value[np.abs(value - middle) <= band]
             for at in (middle - band, middle, *near.tolist()):
-                mask = value > at
+                mask = np.asarray(value > at)
                 if 1 < mask.sum() < len(mask) - 1:
                     found.setdefault(mask.tobytes(), (mask, text))
     masks = np.array([mask for mask, _ in found.values()])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -80,8 +81,13 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
             step,
             text=f"{which}: slipped before {case.log.at([row + 1])}, by",
             log_odds=LN_RATE - math.log(count),
-            reads=lambda by, columns=columns: (np.ones(len(columns)), by * columns),
+            reads=functools.partial(_moved, columns),
         )
+
+
+def _moved(columns: Array, by: float) -> tuple[Array, Array]:
+    """Return factor and shift of readings that moved by an amount."""
+    return np.ones(len(columns)), by * columns
 
 
 def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
