@@ -65,20 +65,18 @@ def main() -> None:
         belts.spread(drawn(np.random.default_rng((options.seed, k)), 11, 8)[0], belts.Model())
         for k in range(options.quarters)
     ]
-    for k, what in enumerate(("σ", "its share that scatters")):
-        column = [of[k] for of in scatter]
-        low, middle, high = np.quantile(column, [0.05, 0.5, 0.95])
-        print(f"quarters, over {what}: {middle:.2f} ({low:.2f} to {high:.2f}, 5 to 95 %)")
+    low, middle, high = np.quantile(scatter, [0.05, 0.5, 0.95])
+    print(f"quarters, over σ's share: {middle:.2f} ({low:.2f} to {high:.2f}, 5 to 95 %)")
     found, false = 0, 0
     for k in range(options.slips):
         rng = np.random.default_rng((options.seed, 1, k))
         read, _ = drawn(rng)
-        false += bool(belts.without_slips(belts.calibrate(read), np.arange(len(read)))[1])
+        false += bool(belts.without_slips(belts.calibrate(read), np.arange(len(read)))[0].slips)
         belt, row = rng.integers(4), rng.integers(3, len(read) - 2)
         read[row:, belt] += rng.choice([-1, 1]) * rng.uniform(0.005, 0.01)
-        said = belts.without_slips(belts.calibrate(read), np.arange(len(read)))[1]
+        sled, said = belts.without_slips(belts.calibrate(read), np.arange(len(read)))
         told = f"{belts.BELTS[belt]}: slipped before row {row}, by"
-        found += len(said) == 1 and said[0].startswith(told)
+        found += len(sled.slips) == 1 and said[0].startswith(told)
     if options.slips:
         print(f"slips: {found} of {options.slips} found; {false} in as many sleds without")
 

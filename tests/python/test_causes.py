@@ -79,6 +79,14 @@ def scaled(column, factor):
     return change
 
 
+def all_scaled(rows):
+    rows[:, :4] *= 1.02
+
+
+def sensors_late(rows):
+    rows[1:, 4:] = rows[:-1, 4:]
+
+
 def exchanged(rows):
     rows[:, [0, 2]] = rows[:, [2, 0]]
 
@@ -93,6 +101,8 @@ MADE = [
     (scaled(1, -1.0), "q2: its sign is flipped"),
     (scaled(5, 1000.0), "z_telemeter: in mm, must be m"),
     (exchanged, "q1 and q3: swapped"),
+    (all_scaled, "q1, q2, q3, q4: their reading over the true value is 1.02"),
+    (sensors_late, "theta, z_telemeter: their rows are 1 too late"),
 ]
 
 
@@ -103,6 +113,18 @@ def test_a_mistake_in_columns_or_rows_is_found(h4_z, make, said):
     found = search(h4_z, rows).causes
     assert found.verdict == "decisive", found.text
     assert said in found.text
+
+
+def test_a_step_at_the_middle_is_a_slip_or_of_the_machine(h4_z):
+    """Poses in the order of x: the same rows are after a slip and right of the middle."""
+    x, rows, _ = read(h4_z)
+    order = np.argsort(x[:, 0])
+    rows = rows[order]
+    rows[x[order, 0] > 0, 4] += 0.02
+    found = search(h4_z, rows).causes
+    assert found.verdict == "undecided" and found.separating is None
+    assert "theta: reads otherwise where x is above about 0 mm" in found.text
+    assert "theta: slipped before row" in found.text
 
 
 def test_gross_errors_of_a_tracker_are_found_by_row(h4_z):

@@ -18,8 +18,8 @@ from truepose.robot import knowledge
 from truepose.robot.units import reading_units
 from truepose.show.units import PRINT
 
-#: Share of a quantity's range about its middle within which a machine may switch sides.
-BAND = 0.04
+#: Thresholds between two sides, from the middle, over a quantity's range.
+BANDS = 0.04 * np.linspace(-1, 1, 5)
 #: Persisting errors: correlations of consecutive rows; variances over that of independent errors;
 #: σ of these over the stated one.
 CORRELATIONS = (0.5, 0.8, 0.95, 0.995)
@@ -50,13 +50,13 @@ def sided(case: Case) -> Iterator[Hypothesis]:
         if units[j] == units[k]
     ]
     found: dict[bytes, tuple[Array, str]] = {}
-    for name, unit, value, middles in quantities:
-        band = BAND * float(np.ma.ptp(np.ma.masked_invalid(value)) or 0.0)
+    for k, (name, unit, value, middles) in enumerate(quantities):
+        span = float(np.ma.ptp(np.ma.masked_invalid(value)) or 0.0)
         for middle in middles:
             factor, said = PRINT[unit]
             text = f"where {name} is above about {factor * middle:.4g} {said}"
-            near = value[np.abs(value - middle) <= band]
-            for at in (middle - band, middle, *near.tolist()):
+            near = value[np.abs(value - middle) < span * BANDS[-1]] if k < robot.n else []
+            for at in (*(middle + span * BANDS), *near):
                 mask = np.asarray(value > at)
                 if 1 < mask.sum() < len(mask) - 1:
                     found.setdefault(mask.tobytes(), (mask, text))
@@ -72,14 +72,14 @@ def over_persisting(
 ) -> float:
     """Return the log odds of a slip, against none, if errors may persist from row to row.
 
-    `fit` is that under `of`, one of whose mistakes is `slip`; of a long log some `rows` count. Every
-    column's error, or that of all, has a white part and one of correlation ρ^|i - j| between rows
-    i and j. The marginal likelihood, to first order about the fit, is the largest over both parts.
+    `fit` is that under `of`, one of whose mistakes is `slip`; of a long log some `rows` count.
+    Errors have a white part and, in one column or all, one of correlation ρ^|i - j| between rows i
+    and j. The marginal likelihood, to first order about the fit, is the largest over both parts.
     """
     robot, n = fit.robot, fit.robot.n
     names = knowledge.uncertain(fit.prior)
     rows = np.arange(len(fit.x)) if rows is None else rows
-    good = np.isfinite(fit.x).all(axis=1) & np.isfinite(fit.residuals).all(axis=1)
+    good = np.isfinite(np.hstack([fit.x, fit.residuals])).all(axis=1)
     rows = rows[good[rows]]
     if robot.r == 0 or len(rows) < 4:
         return math.inf

@@ -23,6 +23,8 @@ from truepose.robot.units import reading_units
 
 #: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
 SHIFTS, STUCK = 3, 5
+#: Log of how much less likely columns slip by one amount than one alone (assumed).
+ALIKE = math.log(10.0)
 #: Largest share of rows with gross errors; probability that noise makes one.
 MOST, FALSE = 0.45, 1e-4
 #: Fits of the search for gross errors: to half of the rows; at most.
@@ -72,7 +74,7 @@ def stuck(case: Case) -> Iterator[Hypothesis]:
 
 
 def slipped(case: Case) -> Iterator[Hypothesis]:
-    """A motor or sensor that slipped at a row, or all of a kind alike; of each the likeliest row."""
+    """A motor or sensor, or all of a kind, that slipped at a row; of each the likeliest row."""
     count = len(case.log.readings)
     after = np.arange(count) >= np.arange(1, count)[:, None]
     for which, row, step in steps(case, after):
@@ -80,7 +82,7 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
         yield replace(
             step,
             text=f"{which}: slipped before {case.log.at([row + 1])}, by",
-            log_odds=LN_RATE - math.log(count),
+            log_odds=LN_RATE - math.log(count) - ALIKE * ("," in which),
             reads=functools.partial(_moved, columns),
         )
 

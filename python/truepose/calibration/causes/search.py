@@ -287,7 +287,7 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
         return Search(Causes("none" if agrees else "unexplained", causes), found, base)
     best = found[0]
     near = [each for each in found if each.log_odds > best.log_odds - DECISIVE]
-    same = [each for each in near if each is best or _alike(best.fit, each.fit)]
+    same = [each for each in near if each is best or _exchangeable(best, each)]
     other = [each for each in near if all(each is not of for of in same)]
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
@@ -296,8 +296,18 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
         return Search(Causes("unexplained", causes, alike, number), found, base)
     if not other:
         return Search(Causes("decisive", causes, alike, number), found, base)
-    where = separating(best.fit, other[0].fit)
+    first, second = best.fit, other[0].fit
+    where = None if _alike(first, second) else separating(first, second)
     return Search(Causes("undecided", causes, alike, number, where), found, base)
+
+
+def _exchangeable(first: Explained, second: Explained) -> bool:
+    """Return whether two explanations are one to their user: by the same poses, later ones too.
+
+    A step where the platform crosses the middle comes back there, a slip does not.
+    """
+    sided = ["side" in {of.kind for of in each.of.each} for each in (first, second)]
+    return sided[0] == sided[1] and _alike(first.fit, second.fit)
 
 
 def _alike(first: Calibration, second: Calibration) -> bool:

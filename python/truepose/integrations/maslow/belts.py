@@ -7,6 +7,8 @@ sled's plane, as the firmware logs them.
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -16,13 +18,13 @@ import numpy as np
 from truepose import robotfile
 from truepose.arguments import Array
 from truepose.calibration.causes import rows
-from truepose.calibration.causes.hypothesis import Case, Hypothesis
+from truepose.calibration.causes.hypothesis import Case, Hypothesis, evidence
 from truepose.calibration.causes.search import search
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.calibration.learnt import Learnt, calibrated
-from truepose.exceptions import PoseError
+from truepose.exceptions import PoseError, TrueposeError
 from truepose.integrations.maslow import frame
 from truepose.logs import Log
 from truepose.robot import knowledge
@@ -49,6 +51,8 @@ MIDDLE = 0.02
 #: Most slips that are searched one after the other; smallest one, m: model errors make smaller
 #: ones, as where a pose is repeated.
 SLIPS, LEAST = 3, 0.0035
+#: Belts across the frame, exchanged: the order of their columns.
+ACROSS = {"bl and tr": [0, 2, 1, 3], "br and tl": [3, 1, 2, 0]}
 #: Tightening of the lower belts for a reading: the belt of the sled's side first and the other
 #: against it (Maslow's firmware, frame upright); both alike; or no stretch.
 Tightened = Literal["sides", "alike", "off"]
@@ -274,7 +278,7 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
 
     The search (:func:`causes.search.search`) needs σ of a reading as it is without the slip: the
     least σ that a slip of one belt leaves. Rows that are wrong by themselves are left to the robust
-    loss. What is not decisive, but for the belt, changes nothing.
+    loss. What is not decisive, but for the belt, changes nothing; a line names slip and rival.
     """
     said = list[str]()
     for _ in range(SLIPS):
@@ -297,9 +301,12 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
         ]
         if not any(large[:1]):
             break
-        if len(large) < len(near) or causes.verdict == "unexplained":
-            told = " or ".join(each.cause.text for each, _ in near[:4])
-            said.append(f"{told}: the readings do not tell which, so nothing is undone")
+        if len(large) < len(near):
+            first = [next(each for each, of in near if bool(of) is slip) for slip in (True, False)]
+            told = ", or ".join(each.cause.text for each in first)
+            said.append(f"{told}: the log fits both alike, so nothing is undone")
+            break
+        if causes.verdict == "unexplained":
             break
         slips = near[0][1]
         others = {of.text.split(":")[0] for _, mistakes in near[1:] for of in mistakes}
@@ -313,6 +320,30 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
             by = sled.fit.influences[of.name]
             said.append(f"{slip.text} {1e3 * by.value:.1f} ± {1e3 * by.sigma:.1f} mm: undone{told}")
     return sled, said
+
+
+def exchanged(sled: Sled) -> dict[str, float]:
+    """Return log marginal likelihoods with belts across the frame exchanged, less that as read.
+
+    The anchors fit either way: exchanged, the frame is on its side. Gravity and the order of
+    tightening, which stretch the belts, tell the two apart.
+    """
+    known = dict[str, float]()
+    for names, order in {"": [0, 1, 2, 3], **ACROSS}.items():
+        with contextlib.suppress(TrueposeError):
+            other = calibrate(sled.lengths[:, order], sled.model) if names else sled
+            known[names] = _evidence(other, sled.sigma)
+    own = known.pop("", math.inf)
+    return {names: of - own for names, of in known.items()}
+
+
+def _evidence(sled: Sled, sigma: float) -> float:
+    """Return the log of a sled's marginal likelihood for this σ of a reading."""
+    corners, extension = frame.start(sled.lengths)
+    acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
+    settings = {"loss": "student", "influences": acting}
+    case = Case(robot_of(corners, sigma, sled.model, extension), log_of(sled.lengths), settings)
+    return evidence(case.fitted(none := case.nothing()), none, 2 * len(sled.lengths))
 
 
 def _slips(mistakes: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -9,6 +9,8 @@ import numpy as np
 import typer
 
 from truepose import files, robotfile
+from truepose.calibration.causes.hypothesis import LN_RATE
+from truepose.calibration.causes.search import DECISIVE
 from truepose.commands.options import Force, How, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
@@ -87,7 +89,8 @@ def command(
         sled = belts.calibrate(read.lengths, Model(True, tightened))
     except TrueposeError as error:
         raise InputError(f"{read.source}: {error}") from None
-    sled, slipped = belts.without_slips(sled, read.lines, read.word)
+    sideways = on_its_side(sled)
+    sled, slipped = (sled, []) if sideways else belts.without_slips(sled, read.lines, read.word)
     missing = 0.0
     if abs(sled.extension[0] - read.extension) < LACKS:
         missing = read.extension
@@ -95,12 +98,7 @@ def command(
             f"the lengths lack the extension of {1e3 * missing:.1f} mm that the firmware adds"
         )
     answer += [*slipped, *suspects(sled, read), *lost]
-    width, height = (1e3 * side for side in sled.size)
-    if height > width:  # as with two opposite columns exchanged
-        answer.append(
-            f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: belts "
-            "bl and tr exchanged, or br and tl?"
-        )
+    answer += sideways
     answer += honesty(sled)
     notes = [
         f"{len(read.lengths)} poses; unknown: {sled.model}",
@@ -116,6 +114,27 @@ def command(
     contents = [file_text(sled.fit.robot)] * bool(out) + [text] * bool(lines)
     files.write(dict(zip(outputs, contents, strict=True)), log, force)
     wrote(how, out, lines)
+
+
+def on_its_side(sled: Sled) -> list[str]:
+    """Return a warning of belts exchanged across the frame, or a note on an upright frame."""
+    gain = belts.exchanged(sled)
+    best = max(gain.values(), default=-np.inf)
+    width, height = (1e3 * side for side in sled.size)
+    if (odds := best + LN_RATE) > DECISIVE:
+        which = " exchanged, or ".join(of for of in gain if gain[of] > best - DECISIVE)
+        return [
+            f"warning: belts {which} exchanged (odds 10^{odds / np.log(10):.0f}): only then the "
+            "belts stretch as by gravity and tightening; the frame found is on its side, "
+            f"{width:.0f} mm wide and {height:.0f} mm high: check the columns"
+        ]
+    if height > width and best > -DECISIVE:
+        return [
+            f"the frame found is upright, {width:.0f} mm wide and {height:.0f} mm high; if yours is"
+            f" wider than high, belts {', or '.join(gain)}, are exchanged: the log, whose belts "
+            "hardly stretch, fits both"
+        ]
+    return []
 
 
 def with_poses(read: Readings) -> tuple[Readings, list[str]]:
