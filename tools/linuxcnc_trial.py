@@ -49,7 +49,12 @@ def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
     return {
         "joints": 4,
         "true": True,
-        "pins": {"truepose_tej.law": LAWS_OF[law], "truepose_plant.counts": int(counts)},
+        "pins": {
+            "truepose_tej.law": LAWS_OF[law],
+            "truepose_tej.start-level": 1,  # before the index is passed
+            "truepose_plant.counts": int(counts),
+        },
+        "start_test": True,
         "index": [g0(x) for x in turned],
         "poses": [g0(x) for x in poses],
         "events": [],

@@ -68,6 +68,19 @@ class Machine:
             self.become(linuxcnc.STATE_ESTOP_RESET)
         self.become(linuxcnc.STATE_ON)
 
+    def start_test(self):
+        """Run the start-up test with the machine off, and switch it on."""
+        self.command.state(linuxcnc.STATE_OFF)
+        self.wait(lambda: self.state.task_state != linuxcnc.STATE_ON, "the machine stays on")
+        setp("truepose_tej.start-test", 1)
+        self.wait(lambda: value("truepose_tej.start-state") in (7, 8), "the start-up test")
+        setp("truepose_tej.start-test", 0)
+        if not value("truepose_tej.start-reached"):
+            raise RuntimeError(f"start-up test: finding {value('truepose_tej.start-finding')}")
+        self.become(linuxcnc.STATE_ON)
+        self.command.mode(linuxcnc.MODE_MDI)
+        self.command.wait_complete()
+
     def home(self):
         """Home all joints at their positions."""
         self.command.mode(linuxcnc.MODE_MANUAL)
@@ -213,6 +226,8 @@ def run(job, machine):
     for pin, wanted in job["pins"].items():
         setp(pin, wanted)
     machine.start()
+    if job.get("start_test"):
+        machine.start_test()
     for line in job["index"]:
         machine.go(line)
     began = time.monotonic()

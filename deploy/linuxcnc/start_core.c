@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+enum { kCap = 30 }; /* maximum steps of the forward model, from home */
+
 /** Limits of level 2: the robot's own, at a natural frequency that only sets limits not used here.
  * Level 1 has no torques, hence needs none. */
 static truepose_outcome limits_for(const truepose_corrector* tej, const truepose_model* robot,
@@ -32,6 +34,19 @@ static truepose_outcome begin(truepose_starter* starter, const truepose_starter_
   return truepose_start_test_init(&starter->test, sizeof starter->test, robot, &settings, &limits);
 }
 
+/** Zeros of the sensors that have none yet, so that they read what the motors determine. */
+static void assume_zeros(truepose_starter* starter, const truepose_corrector* tej, uint32_t known,
+                         const truepose_real* q_e) {
+  truepose_real x[6], expected[TRUEPOSE_READINGS];
+  memset(starter->zero, 0, sizeof starter->zero);
+  memcpy(x, tej->table.robot.home, sizeof x);
+  if (truepose_fkm(&tej->pupil.drawn, q_e, kCap, x).outcome.status > TRUEPOSE_OK ||
+      truepose_readings(&tej->pupil.drawn, x, expected).status > TRUEPOSE_OK)
+    return;
+  for (int k = 0; k < tej->sensors; ++k)
+    if (!(known >> k & 1U)) starter->zero[k] = q_e[tej->motors + k] - expected[tej->motors + k];
+}
+
 int truepose_starter_cycle(truepose_starter* starter, const truepose_starter_input* input,
                            truepose_corrector* tej, const truepose_corrector_input* in) {
   truepose_start_report* const report = &starter->report;
@@ -56,7 +71,9 @@ int truepose_starter_cycle(truepose_starter* starter, const truepose_starter_inp
   if (!starter->running) return 0;
   memcpy(q_e, in->q_e, sizeof q_e);
   for (int i = 0; i < tej->motors; ++i) q_e[i] -= tej->homed_by[i];
-  truepose_start_test_cycle(&tej->pupil.drawn, &starter->test, q_e, in->referenced,
+  if (begins) assume_zeros(starter, tej, input->known, q_e);
+  for (int k = 0; k < tej->sensors; ++k) q_e[tej->motors + k] -= starter->zero[k];
+  truepose_start_test_cycle(&tej->pupil.drawn, &starter->test, q_e, input->homed,
                             tej->table.monitored ? &tej->table.known : NULL, tej->work, report);
   starter->pulses = report->state > TRUEPOSE_START_EXPLAIN && starter->level >= 2;
   int loaded = 0;

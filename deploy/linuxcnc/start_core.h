@@ -1,7 +1,9 @@
 /* Start-up test of a machine that is off (docs/start-test.md). Independent of LinuxCNC.
  *
  * Level 1 compares the readings at rest: brakes closed, no torque, for any drive. Level 2 then
- * pulses each motor by a torque, for drives that take torques while the test runs. */
+ * pulses each motor by a torque, for drives that take torques while the test runs. A sensor that
+ * still has to pass its index takes part from where the motors see it: it must stand still and move
+ * consistently. The corrector tests its value once the index is passed. */
 #ifndef TRUEPOSE_LINUXCNC_START_CORE_H
 #define TRUEPOSE_LINUXCNC_START_CORE_H
 
@@ -13,11 +15,14 @@ typedef struct truepose_starter_input {
   truepose_real brake;  /**< s in which a brake closes, */
   truepose_real opens;  /**< and opens */
   truepose_real motion; /**< of the platform by two opposite pulses, m; at most twice that in all */
+  int32_t homed;        /**< every motor's zero is known */
+  uint32_t known; /**< sensors whose zero is known, as bits. Of others only motion is tested */
 } truepose_starter_input;
 
 typedef struct truepose_starter {
   truepose_start_test test;
-  int32_t asked, level; /**< last request; level of this test */
+  int32_t asked, level;                 /**< last request; level of this test */
+  truepose_real zero[TRUEPOSE_SENSORS]; /**< assumed where it is not known: by the motors */
   /* out */
   truepose_start_report report; /**< its torques are for the drives while `pulses` */
   int32_t running, pulses;      /**< 1: brakes are the report's; and so are torques */

@@ -98,9 +98,11 @@ static void monitored(truepose_corrector* tej, const truepose_corrector_input* i
     tej->monitoring = outcome.status <= TRUEPOSE_OK;
     tej->observing = 0;
   }
-  if (tej->monitoring)
+  if (tej->monitoring) {
+    truepose_fault_monitor_led(&tej->monitor, tej->led);
     outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->monitor, input->q_d, q_e,
                                           &tej->table.known, tej->work, believed, &tej->report);
+  }
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   tej->warm = truepose_fault_monitor_warm(&tej->monitor);
   observe(tej, input);
@@ -339,6 +341,7 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
   }
   for (int i = 0; i < tej->motors; ++i) {
     tej->error[i] = tej->e_q[i] + tej->correction[i];
+    if (input->enable) tej->led[i] += kLoop * tej->period * tej->error[i];
     seen[i] = q_e[i] - (input->enable ? asked[i] : tej->correction[i]);
   }
   truepose_fkm(&tej->commanded, seen, kCap, tej->pose);

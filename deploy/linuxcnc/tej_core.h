@@ -74,9 +74,10 @@ typedef struct truepose_corrector {
   truepose_real zero[6], homed_by[6]; /**< motor offsets, and corrections when homed */
   truepose_real held[6], at[6];       /**< of the last cycle with the drives on: correction, q */
   int32_t questioned;                 /**< 1: the consistency of the readings is to be tested */
-  truepose_real from[6];              /**< difference from the earlier correction, ramped out */
-  truepose_real since;                /**< s since the law changed, */
-  int32_t changed;                    /**< or its inputs, in this cycle */
+  truepose_real led[6];  /**< by which the drives' loops have led the motors off their commands */
+  truepose_real from[6]; /**< difference from the earlier correction, ramped out */
+  truepose_real since;   /**< s since the law changed, */
+  int32_t changed;       /**< or its inputs, in this cycle */
   /* out */
   truepose_real error[6]; /**< output for the drives to reduce: (q_d - q) + correction */
   truepose_real correction[6];

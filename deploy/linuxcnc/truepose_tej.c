@@ -56,15 +56,17 @@ static int32_t disturbed;    /* disturbance in the log */
 static int32_t unproven;     /* whether "has not passed" is in the log */
 static uint32_t told_failed; /* failed readings in the log */
 
-/** Reads the sensors. @return 1: the zero of each is known */
-static int32_t sensors(truepose_real* readings) {
-  int32_t all = 1;
+/** Reads the sensors. @return those whose zero is known, as bits */
+static uint32_t sensors(truepose_real* readings) {
+  uint32_t all = 0;
   for (int k = 0; k < tej.sensors; ++k) {
     int asks = *pins->index_enable[k];
+    /* A reading must not jump to its index during a start-up test. */
+    if (starter.running && !seen[k].known) seen[k].armed = asks = 0;
     const int known = *pins->absolute[k] || truepose_index_cycle(&seen[k], *pins->enable, &asks);
     *pins->index_enable[k] = asks;
     *pins->referenced[k] = known;
-    all = all && known;
+    all |= (uint32_t)known << k;
     const truepose_real from = *pins->absolute[k] ? 0 : *pins->index_angle[k];
     readings[k] = (*pins->position[k] + from) * scale[tej.motors + k];
   }
@@ -153,12 +155,14 @@ static void tell_start(const truepose_corrector_input* in, int ended) {
 }
 
 /** The start-up test's cycle. */
-static void start_cycle(const truepose_corrector_input* in) {
+static void start_cycle(const truepose_corrector_input* in, int32_t homed, uint32_t known) {
   const truepose_starter_input wanted = {.request = *pins->start_test,
                                          .level = *pins->start_level,
                                          .brake = *pins->brake_closes,
                                          .opens = *pins->brake_opens,
-                                         .motion = *pins->start_motion * truepose_unit(unit)};
+                                         .motion = *pins->start_motion * truepose_unit(unit),
+                                         .homed = homed,
+                                         .known = known};
   const int ended = truepose_starter_cycle(&starter, &wanted, &tej, in);
   for (int i = 0; i < tej.motors; ++i) {
     *pins->torque[i] = starter.pulses ? starter.report.torque[i] : 0;
@@ -179,6 +183,7 @@ static void start_cycle(const truepose_corrector_input* in) {
 static void cycle(void* unused, long period) {
   static truepose_corrector_input in;
   int32_t index_known, all_homed = 1;
+  uint32_t known;
   (void)unused;
   (void)period;
   in.enable = *pins->enable;
@@ -206,7 +211,8 @@ static void cycle(void* unused, long period) {
     in.error_limit[i] = *pins->safe_error[i] * scale[i];
     all_homed = all_homed && *pins->homed[i];
   }
-  index_known = sensors(in.q_e + tej.motors);
+  known = sensors(in.q_e + tej.motors);
+  index_known = known == (1U << tej.sensors) - 1;
   in.referenced = index_known && all_homed;
   truepose_corrector_cycle(&tej, &in);
   for (int i = 0; i < tej.motors; ++i) {
@@ -246,7 +252,7 @@ static void cycle(void* unused, long period) {
   *pins->disturbance_sigma = tej.disturbance.sigma;
   *pins->disturbance_chi2 = tej.disturbance.chi2;
   tell(&in, index_known);
-  start_cycle(&in);
+  start_cycle(&in, all_homed, known);
 }
 
 static int make_pins(void) {

@@ -646,6 +646,12 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_step(
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* monitor,
                                                                  int32_t reading);
 
+/** For drives that close their own loops, before each step: by how much they have led each motor
+ * off its setpoint, up to a constant; the sum of their commanded motion less the setpoint's. 0 at
+ * first. Without it a motor that a law turns back against its setpoint may seem stuck. */
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_led(
+    truepose_fault_monitor* monitor, const truepose_real led[TRUEPOSE_FREEDOMS]);
+
 /** 1: warm. Only the growth of base, arms and rods explains the readings, within the settings'. */
 TRUEPOSE_API int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor);
 

@@ -326,6 +326,16 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* moni
   return c::answer({});
 }
 
+truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
+                                            const truepose_real* led) {
+  c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
+  if (setup == nullptr) return c::answer(c::kUnfinished);
+  const auto values = c::values<Joint>(led);
+  if (!all_finite(values, kMaxMotors)) return c::answer({Status::not_finite, -1});
+  setup->state.monitor.led = values;
+  return c::answer({});
+}
+
 int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
   const c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
   return setup != nullptr && setup->state.monitor.warm_up.warm;

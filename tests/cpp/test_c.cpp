@@ -725,6 +725,11 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(truepose_fault_monitor_warm(&fault_state) == 0);
   c::FaultTolerantSetup::of(&fault_state)->state.monitor.warm_up.warm = true;
   CHECK(truepose_fault_monitor_warm(&fault_state) == 1);
+  truepose_real led[TRUEPOSE_FREEDOMS] = {0.1};
+  CHECK(truepose_fault_monitor_led(&fault_state, led).status == TRUEPOSE_OK);
+  led[5] = NAN;
+  CHECK(truepose_fault_monitor_led(&fault_state, led).status == TRUEPOSE_NOT_FINITE);
+  CHECK(c::FaultTolerantSetup::of(&fault_state)->state.monitor.led[0] == 0.1);
   std::memset(&fault_state, 0, sizeof fault_state);
   CHECK(truepose_fault_monitor_acknowledge(&fault_state, 0).status == TRUEPOSE_UNFINISHED);
 }

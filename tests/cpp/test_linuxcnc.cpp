@@ -411,6 +411,45 @@ TEST("a monitored sensor ends the law before its lie reaches a drive") {
   }
 }
 
+TEST("of encoders the one that freezes in mid-move is named, and no motor that a law led astray") {
+  constexpr double kCount = 4.4e-4, kTheta = 1.1e-4;
+  check::Random random(5);
+  const Mechanism mechanism = h4();
+  Prior prior(mechanism.robot);
+  double turned = 0;
+  for (int k = 0; k < 40; ++k) {
+    const int frozen = k % 5;
+    Loop loop(mechanism.robot, 0.001, &prior);
+    truepose_fault_monitor_settings& monitor = loop.corrector->table.monitor;
+    loop.counts(kCount, kTheta);
+    for (int c = 0; c <= loop.n; ++c) {
+      loop.corrector->table.known.sigma[c] = c < loop.n ? kCount : kTheta;
+      monitor.moved[c] = 8 * (c < loop.n ? kCount : kTheta);
+    }
+    std::fill_n(monitor.kp, loop.n, 150 * 150), std::fill_n(monitor.kd, loop.n, 2 * 150);
+    std::fill_n(monitor.rests, loop.n, 1.5 * kCount);
+    loop.in.law = k % 2 ? TRUEPOSE_LAW_TEJ : TRUEPOSE_LAW_ESTIMATED;
+    loop.in.monitor = 1;
+    Coordinates x = random_pose(mechanism, random, 0.5);
+    loop.go(x, 300);  // fast
+    loop.run(300);
+    CHECK(loop.corrector->left_out == 0 && loop.corrector->fault == 0);
+    for (int j = 0; j < 3; ++j) x[j] += 0.03 * random();
+    x[3] -= std::copysign(0.3, x[3]);
+    truepose_real q[6] = {}, speed[6] = {};
+    CHECK(truepose_ikm(&loop.corrector->commanded, x.data(), q).status == TRUEPOSE_OK);
+    for (int i = 0; i < loop.n; ++i) speed[i] = (q[i] - loop.in.q_d[i]) / 1.5;
+    loop.run(500, speed);
+    loop.fault[frozen] = TRUEPOSE_PLANT_FROZEN;
+    loop.run(800, speed);
+    CHECK(loop.corrector->left_out == 1U << frozen);
+    CHECK(loop.corrector->symptom[frozen] == TRUEPOSE_STUCK);
+    if (frozen == loop.n)
+      turned = std::max(turned, std::fabs(loop.plant->x[3] - loop.corrector->x_d[3]));
+  }
+  CHECK(turned < 0.02);
+}
+
 TEST("of two sensors the faulty one is left out, and the law goes on without a step") {
   Robot robot = h4().robot;
   robot.r = 2;

@@ -35,7 +35,9 @@ struct Machine {
 
   /// One cycle of the component, the drives in the test's hands.
   int cycle(const Miswiring& wrong = {}) {
-    const Extended q_e = bench.read(wrong);
+    Extended q_e = bench.read(wrong);
+    for (int k = 0; k < bench.robot.r; ++k)  // a sensor without an index counts from power-on
+      if (!(request.known >> k & 1U)) q_e[4 + k] -= bench.first[4 + k] + 0.3;
     std::copy_n(q_e.begin(), kMaxReadings, in.q_e);
     in.proven = !starter->running && starter->reached >= request.level;
     truepose_corrector_cycle(tej.get(), &in);
@@ -68,8 +70,13 @@ struct Machine {
   std::unique_ptr<truepose_corrector> tej = std::make_unique<truepose_corrector>();
   std::unique_ptr<truepose_starter> starter = std::make_unique<truepose_starter>();
   truepose_corrector_input in{};
-  truepose_starter_input request{
-      .request = 0, .level = 2, .brake = 0.02, .opens = 0.02, .motion = 0.5e-3};
+  truepose_starter_input request{.request = 0,
+                                 .level = 2,
+                                 .brake = 0.02,
+                                 .opens = 0.02,
+                                 .motion = 0.5e-3,
+                                 .homed = 1,
+                                 .known = 3};
   double moved = 0;
 };
 }  // namespace
@@ -124,6 +131,40 @@ TEST("the shell opens the brakes only after a test of the required level") {
   machine.run();
   CHECK(machine.starter->reached == 2 && machine.moved < 0.5e-3);
   CHECK(on());
+}
+
+TEST("before a sensor's index is passed a test of either level passes, and the machine goes on") {
+  for (const int level : {1, 2})
+    for (const std::uint32_t known : {0U, 2U}) {
+      Machine machine(h4_with(2));
+      machine.request.level = level;
+      machine.request.known = known;
+      machine.in.referenced = 0;
+      machine.run();
+      CHECK(machine.starter->reached == level);
+      machine.in.enable = 1;
+      for (int k = 0; k < 60; ++k) machine.cycle();
+      CHECK(machine.tej->brakes == 0 && !machine.tej->inhibit && machine.tej->fault == 0);
+    }
+}
+
+TEST("a sensor that has not passed its index and is reversed or frozen is named by its motion") {
+  for (const StartFinding kind : {StartFinding::reversed, StartFinding::frozen}) {
+    Machine machine(h4_with(2));
+    machine.request.known = 0;
+    machine.in.referenced = 0;
+    const Miswiring wrong{kind, 4, -1, 1, true};
+    machine.run(wrong);
+    CHECK(machine.named(wrong, kind));
+  }
+}
+
+TEST("while a motor is not homed nothing moves") {
+  Machine machine(h4_with(2));
+  machine.request.homed = 0;
+  machine.run();
+  CHECK(machine.starter->report.finding == static_cast<int>(StartFinding::unknown_pose));
+  CHECK(machine.moved < 1e-6);
 }
 
 TEST("a request while the machine is on begins nothing, and robots without torque limits say so") {

@@ -1,6 +1,7 @@
 """Effects of the exact plant against their equations."""
 
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -244,3 +245,27 @@ def test_a_chain_with_two_rods_has_twice_the_passive_joints(name, joints):
     plant = tp.Effects(motor_friction=0.1, joint_friction=0.01).plant(robot)
     assert plant.friction[: robot.n] == pytest.approx([0.1 + joints * 0.01] * robot.n)
     assert plant.friction[robot.n :] == [0.0] * (6 - robot.n)
+
+
+def _paths(robot, controller, effects):
+    circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.02, frequency=5)
+    tp.simulation.path_accuracy(robot, circle, controller=controller, effects=effects, runs=1)
+
+
+RUNS = {
+    "simulate": lambda *a: tp.simulate(a[0], controller=a[1], effects=a[2], hold=0.01),
+    "start": lambda *a: tp.simulation.start_test(a[0], controller=a[1], effects=a[2]),
+    "visit": lambda *a: visit(a[0], a[0], [a[0].home], a[1], effects=a[2], hold=0.1),
+    "path": _paths,
+}
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_gains_for_rigid_robots_warn_where_arms_bend_and_only_there(h4, run):
+    effects = tp.Effects()
+    with pytest.warns(UserWarning, match="150 rad/s.*for_robot"):
+        RUNS[run](h4, tp.Controller(), effects)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        RUNS[run](h4, tp.Controller.for_robot(h4, effects), effects)
+        RUNS[run](h4, tp.Controller(), effects.only("quantization"))

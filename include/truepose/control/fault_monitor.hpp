@@ -244,12 +244,12 @@ class Cycle : MonitoredCycle<K> {
     monitor_.doubted = both ? both : may;
   }
 
-  /// Phantom error of a frozen encoder: δ = q_d minus q_d when the reading changed last. It drives
-  /// the motor off its setpoint by ∬ kp δ + kd dδ/dt. An error at which a healthy motor may rest
-  /// drives nothing and lets it stop.
+  /// Phantom error of a frozen encoder: δ, the motion of its drive's setpoint since the reading
+  /// changed last. It drives the motor off that by ∬ kp δ + kd dδ/dt. An error at which a healthy
+  /// motor may rest drives nothing and lets it stop.
   void drive(int c) {
     MonitoredReading& reading = monitor_.reading[c];
-    const Real away = desired_[c] - reading.model;
+    const Real away = asked(c) - reading.asked;
     const Real bears = settings_.rests[c] + 2 * reading.pushed;
     const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
     const Real most =
@@ -353,6 +353,7 @@ class Cycle : MonitoredCycle<K> {
       const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) &&
                           !(symptomatic_ & ~standing_) && !monitor_.lost &&
                           settings_.moved[c] > 0 && (c < n || motors);
+      if (c < n || monitor_.placed) reading.asks = asked(c);
       // Setpoints are known from the second cycle on. What a wild jump reads is no change.
       const bool wild = wild_ & bit(c);
       if (!wild && (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2)) {
@@ -360,11 +361,13 @@ class Cycle : MonitoredCycle<K> {
         reading.stands = false;
         if (c < n) reading.pushed = monitor_.pushed[c];
         reading.raw = raw(c);
-        if (c < n || monitor_.placed) reading.model = model(c);
-        reading.seems = reading.speed = reading.way = reading.asked = 0;
+        if (c < n || monitor_.placed) {
+          reading.model = model(c);
+          reading.asked = reading.asks;
+        }
+        reading.seems = reading.speed = reading.way = 0;
         reading.still = 0;
       } else if (!wild) {
-        if (c >= n && monitor_.placed) reading.asked += asked(c);
         if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
         if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
@@ -404,7 +407,6 @@ class Cycle : MonitoredCycle<K> {
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    monitor_.desired = desired_;
     monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
     monitor_.without = without;
     monitor_.held = held_;

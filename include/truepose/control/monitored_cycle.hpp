@@ -109,7 +109,7 @@ struct MonitoredCycle {
   bool wild(int c) const {
     if (!(std::fabs(innovation_[c]) > settings_.wild[c]) || late(c) || !followed(c)) return false;
     const MonitoredReading& reading = monitor_.reading[c];
-    const Real by = c < n ? desired_[c] - reading.model : reading.asked;
+    const Real by = c < n ? desired_[c] - reading.model : reading.asks - reading.asked;
     const Real jump = std::fabs(within_turn(robot_, c, q_e_[c] - reading.raw - by));
     const Real chance = settings_.sigmas * weighing_.known->sigma[c];
     const Real most = std::max(settings_.wild[c], chance * std::sqrt(settings_.own.variance));
@@ -142,7 +142,7 @@ struct MonitoredCycle {
   /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
   /// whose motor was driven off.
   static constexpr Real kStoodBy = 0.4;
-  /// Share of `moved` by which the setpoint must have left a sensor that stands still.
+  /// Share of `moved` by which asked() must have left a reading that stands still.
   static constexpr Real kAsked = 0.2;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
@@ -204,24 +204,27 @@ struct MonitoredCycle {
     return deviation;
   }
 
-  /// Motion of the setpoint in this cycle, as a sensor would read it.
-  Real asked(int sensor) const {
-    Real sum = 0;
-    for (int j = 0; j < n; ++j)
-      sum += parity_.g[sensor - n][j] * (desired_[j] - monitor_.desired[j]);
-    return number(sum) ? sum : 0;
+  /// Value to which a reading is led: a motor's by its drive, a sensor's by q_d. The latter is
+  /// linear from the motors' pose: a sum of g·Δq_d along the way of a robot that a law holds off
+  /// q_d would drift as far as the law's correction.
+  Real asked(int c) const {
+    if (c < n) return desired_[c] + monitor_.led[c];
+    Real value = parity_.expected[c];
+    for (int j = 0; j < n; ++j) value += parity_.g[c - n][j] * (desired_[j] - parity_.expected[j]);
+    return number(value) ? value : monitor_.reading[c].asked;
   }
 
   /// Model motion beyond noise since the reading changed last: of a motor the smaller of that and
   /// of its distance from it, so that motion towards it does not count. A law that holds a platform
-  /// moves its motors where one of them drifts, and the sensor stands at its setpoint: for a sensor
-  /// motion counts once the setpoint has left it that way by kAsked of `moved`.
+  /// moves its motors where one of them drifts, and the sensor stands at its setpoint; where a
+  /// sensor is wrong, a motor that the law leads against its setpoint turns back. Motion therefore
+  /// counts once asked() has left the reading that way by kAsked of `moved`.
   /// @param way  by which its loop has driven the motor off
   Real stood(int c, Real way) const {
     const MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + way;
-    Real also = by + reading.off;
-    if (c >= n) also = std::copysign(1, by) * reading.asked > kAsked * settings_.moved[c] ? by : 0;
+    const Real also = c < n ? by + reading.off : by, left = asked(c) - reading.asked + way;
+    if (!(std::copysign(1, by) * left > kAsked * settings_.moved[c])) return 0;
     return std::min(std::fabs(by), std::fabs(also)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
@@ -315,6 +318,8 @@ struct MonitoredCycle {
       monitor_.parity[k].value -= more[k];
       monitor_.usual[k] -= more[k];
       monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion
+      monitor_.reading[n + k].asked += more[k];
+      monitor_.reading[n + k].asks += more[k];
     }
     monitor_.beyond = beyond;
   }

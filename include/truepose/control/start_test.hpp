@@ -198,6 +198,7 @@ class StartCycle {
     }
     StartEvidence& evidence = test_.evidence;
     evidence = {};
+    evidence.motors = n;
     for (int k = 0; k < robot_.r; ++k) std::copy_n(parity.g[k].begin(), n, evidence.g[k].begin());
     for (int c = 0; c < e(); ++c) {
       const bool motor = c < n;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self, cast
@@ -168,6 +169,21 @@ class Controller(ControllerSettings):
 def law_name(law: Any) -> str:
     """Return the name of a law, or of the function that is one."""
     return law if isinstance(law, str) else getattr(law, "__name__", type(law).__name__)
+
+
+def warn_if_for_rigid(
+    robot: Robot, controller: Controller, effects: Effects | None, stacklevel: int = 3
+) -> None:
+    """Warn if compliant arms or rods meet the default gains, or faster ones, of rigid robots."""
+    usual = ControllerSettings()
+    names = ("frequency", "damping", "velocity_bandwidth")
+    fast = all(getattr(controller, name) >= getattr(usual, name) for name in names)
+    if fast and effects is not None and (effects.arm_stiffness or effects.rod_stiffness):
+        warnings.warn(
+            f"{robot.name}: gains of {controller.frequency:g} rad/s are for rigid robots, and may "
+            "be unstable with these effects: take truepose.Controller.for_robot(robot, effects)",
+            stacklevel=stacklevel,
+        )
 
 
 def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:

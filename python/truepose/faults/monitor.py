@@ -122,10 +122,8 @@ class FaultMonitor:
         require_or_none(self.effects, Effects, "effects", "truepose.Effects(…)")
         require(self.carry, bool, "carry", "True or False")
 
-    def setup(
-        self, robot: Robot, controller: Controller, still_sensors: bool = True
-    ) -> _core.FaultTolerantSetup:
-        """Return the core's setup; `still_sensors`: one at rest beside moving motors is stuck."""
+    def setup(self, robot: Robot, controller: Controller) -> _core.FaultTolerantSetup:
+        """Return the core's setup."""
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:
             raise InputError(
@@ -134,7 +132,6 @@ class FaultMonitor:
             )
         finest = robot.at_highest_level
         moved, rests = _moved(robot, controller, self.effects)
-        moved[robot.n :] *= still_sensors
         monitor = _core.FaultMonitorSettings()
         for name in ("coast", "spikes", "within", "decide", "replaceable", "memory"):
             setattr(monitor, name, getattr(self, name))

@@ -20,6 +20,7 @@ from truepose.control.controller import (
     law_name,
     pose_of,
     require_same_readings,
+    warn_if_for_rigid,
 )
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
@@ -157,6 +158,7 @@ def controller_of(
 ) -> Controller:
     """Return the controller; for a law alone or None, one that is stable with the effects."""
     if isinstance(controller, Controller):
+        warn_if_for_rigid(robot, controller, effects, stacklevel=4)
         return controller
     controller = usual(robot) if controller is None else controller
     if effects in (None, Effects.none()) or (not callable(controller) and controller not in LAWS):

@@ -241,7 +241,8 @@ def path_accuracy(
     """
     truth = robot if truth is None else truth
     whole("runs", runs, 1)
-    controller = controller_of(controller, robot, effects)
+    if not isinstance(controller, Controller):  # of a Controller the simulation warns
+        controller = controller_of(controller, robot, effects)
     asked = path_of(path, duration)
     if speed is not None:
         asked = Paced(path=asked, speed=speed * fastest(robot, asked, controller.period))

@@ -11,7 +11,12 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, check_seed, positive, require, require_or_none, whole
-from truepose.control.controller import Controller, pose_of, require_same_readings
+from truepose.control.controller import (
+    Controller,
+    pose_of,
+    require_same_readings,
+    warn_if_for_rigid,
+)
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault, in_core
@@ -177,7 +182,10 @@ def start_test(
     whole("pairs", pairs, 1, 1000)
     require_or_none(effects, Effects, "effects", "truepose.Effects(…)")
     require_or_none(controller, Controller, "controller", "truepose.Controller(…)")
-    controller = Controller(law="joint") if controller is None else controller
+    if controller is None:
+        controller = Controller(law="joint")
+    else:
+        warn_if_for_rigid(robot, controller, effects)
     pose = pose_of(robot, robot.home if start is None else start, "start")
     settings = _core.StartSettings()
     settings.motion, settings.pairs = motion, pairs

@@ -76,9 +76,7 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
             )
         blocks |= {
             b"fine": _core.c_description_bytes(robot.at_highest_level.core),
-            b"wtch": _core.c_fault_monitor_bytes(
-                monitor.setup(robot, controller, still_sensors=False)
-            ),
+            b"wtch": _core.c_fault_monitor_bytes(monitor.setup(robot, controller)),
             b"sigm": np.asarray(sigma, dtype=float).tobytes(),
             b"colm": np.asarray(column, dtype=np.int32).tobytes(),
             b"root": np.asarray(root, dtype=float).tobytes(),

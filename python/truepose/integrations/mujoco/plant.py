@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, check_seed, finite, positive
 from truepose.control import delays
-from truepose.control.controller import Controller, require_same_readings
+from truepose.control.controller import Controller, require_same_readings, warn_if_for_rigid
 from truepose.control.effects import Effects
 from truepose.control.safety import SafetyShell, not_started, stop_text
 from truepose.exceptions import InputError
@@ -99,6 +99,7 @@ class MujocoPlant:
         """
         x_d = as_rows(robot, x_d, "x_d", errors="nan")
         require_same_readings(robot, self.truth)
+        warn_if_for_rigid(robot, controller, self.effects)
         n, count = robot.n, len(x_d)
         shapes = (n + robot.r,), (4, 4), (n,)
         q_e, frame, x = (np.full((count, *shape), np.nan) for shape in shapes)

@@ -15,6 +15,7 @@ PINS |= {"safety-causes": ctypes.c_uint, "frame": ctypes.c_uint, "fault-code": c
 PINS |= {f"start-{n}": ctypes.c_int for n in ("level", "reached", "state", "finding", "part")}
 BITS = ("start-test", "start-active", "safety", "frame-known", "reset", "stop", "3.brake")
 BITS += ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
+BITS += ("sensor.0.index-enable", "referenced")
 BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
 
@@ -192,6 +193,36 @@ def test_brakes_stay_closed_until_the_readings_at_rest_have_passed_the_start_up_
     assert switched_on() == wired
     if not wired:
         assert "start-up test: may be miswired, motor 3" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_an_encoder_whose_index_must_be_passed_does_not_block_the_start(tej, h4, capfd, level):
+    module = tej(h4)
+    module.set("start-level")[0] = level
+    module.set("safety")[0] = True
+    module.set("law")[0] = 1
+    module.set("sensor.0.position")[0] = 7  # counts from power-on
+    module.run(60)  # on: the index is requested, and the brakes stay closed
+    assert module.set("sensor.0.index-enable")[0] and module.set("3.brake")[0]
+    module.set("enable")[0] = False
+    module.run(10)
+    module.set("start-test")[0] = True
+    module.run(200)
+    assert not module.set("sensor.0.index-enable")[0]  # no reading may jump during a test
+    if level == 1:
+        assert module.set("start-reached")[0] == 1
+        module.set("start-test")[0] = False
+        module.set("enable")[0] = True
+        module.run(60)
+        assert not module.set("3.brake")[0] and not module.set("stop")[0]
+        assert module.set("sensor.0.index-enable")[0]
+        module.set("sensor.0.index-enable")[0] = False  # passed
+        module.set("sensor.0.position")[0] = 0
+        module.run(500)
+        assert module.set("referenced")[0] and module.set("law-in-effect")[0] == 1
+    else:
+        assert module.set("start-active")[0]  # pulses follow: the sensor has stopped nothing
+    assert "unknown pose" not in capfd.readouterr().err
 
 
 def test_a_motor_that_is_too_fast_is_named(tej, h4, capfd):
