@@ -25,7 +25,7 @@ HOLDS = {True: "holds", False: "differs"}
 NEGLIGIBLE = 0.01  #: share of the errors under the TEJ that M at x instead of x_d may change
 PERIOD, IN_TIME = 1e-3, 0.1  #: the controller's period, s (assumed), and the share for the law
 
-#: Erratum, and the test in tests/python/test_errata.py that shows it.
+#: Erratum, and the test that shows it.
 ERRATA = (
     (
         "J_q(2,2) is printed with u_y; it is u_2 = −u_y",

@@ -292,7 +292,10 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
     alike, number = len(same), len(near)
-    if not causes[0].consistent or any(map(vague, near)):
+    # A step at the middle is there to rival slips. Alone it may be backlash, or any smooth error.
+    sided = any(of.kind == "side" for of in best.of.each)
+    slips = any(of.kind == "slip" for each in near for of in each.of.each)
+    if not causes[0].consistent or any(map(vague, near)) or (sided and not slips):
         return Search(Causes("unexplained", causes, alike, number), found, base)
     if not other:
         return Search(Causes("decisive", causes, alike, number), found, base)
