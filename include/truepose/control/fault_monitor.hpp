@@ -32,7 +32,7 @@ class Cycle : MonitoredCycle<K> {
   using Base::replaced_, Base::symptomatic_, Base::without_, Base::held_, Base::kLongest,
       Base::kStoodBy;
   using Base::standing_, Base::still_, Base::smooth, Base::stands, Base::variance, Base::asked,
-      Base::wild, Base::wild_;
+      Base::told, Base::wild, Base::wild_;
 
  public:
   using Base::Base;
@@ -353,7 +353,6 @@ class Cycle : MonitoredCycle<K> {
       const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) &&
                           !(symptomatic_ & ~standing_) && !monitor_.lost &&
                           settings_.moved[c] > 0 && (c < n || motors);
-      if (c < n || monitor_.placed) reading.asks = asked(c);
       // Setpoints are known from the second cycle on. What a wild jump reads is no change.
       const bool wild = wild_ & bit(c);
       if (!wild && (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2)) {
@@ -363,11 +362,12 @@ class Cycle : MonitoredCycle<K> {
         reading.raw = raw(c);
         if (c < n || monitor_.placed) {
           reading.model = model(c);
-          reading.asked = reading.asks;
+          reading.asked = asked(c);
         }
-        reading.seems = reading.speed = reading.way = 0;
+        reading.seems = reading.speed = reading.way = reading.told = 0;
         reading.still = 0;
       } else if (!wild) {
+        if (c >= n && monitor_.placed) reading.told += told(c);
         if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
         if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
@@ -407,6 +407,7 @@ class Cycle : MonitoredCycle<K> {
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
+    monitor_.desired = desired_;
     monitor_.changed = monitor_.without != without || (monitor_.held & ~held_) != 0;
     monitor_.without = without;
     monitor_.held = held_;

@@ -89,8 +89,8 @@ struct MonitoredReading {
   Real spread = 0;      ///< mean square of its innovations
   Real raw = 0;         ///< in the last cycle
   Real model = 0;       ///< model value when the reading changed last
-  Real asked = 0;       ///< value to which it was led then,
-  Real asks = 0;        ///< and in the last cycle
+  Real asked = 0;       ///< value to which it was led then
+  Real told = 0;        ///< sensors: the setpoint's motion since then, by the model
   int still = 0;        ///< cycles since it changed, up to 1000
   Real seems = 0;       ///< motors: phantom error since then, beyond `rests`,
   Real speed = 0;       ///< the speed to which it drives the motor,
@@ -125,6 +125,7 @@ struct FaultMonitor {
   Coordinates motion{}, last{};  ///< in this cycle, in the one before
   Real way = 0;                  ///< since the last update of the geometry's covariance
   Joint pushed{};                ///< motor errors that external forces cause
+  Joint desired{};               ///< q_d of the last cycle
   Joint led{};                   ///< by which drives' own loops have led the motors off q_d
   std::array<Tracker, kMaxSensors> parity;
   Reading usual{};                              ///< its mean over some cycles

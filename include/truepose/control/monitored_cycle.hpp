@@ -109,7 +109,7 @@ struct MonitoredCycle {
   bool wild(int c) const {
     if (!(std::fabs(innovation_[c]) > settings_.wild[c]) || late(c) || !followed(c)) return false;
     const MonitoredReading& reading = monitor_.reading[c];
-    const Real by = c < n ? desired_[c] - reading.model : reading.asks - reading.asked;
+    const Real by = c < n ? desired_[c] - reading.model : reading.told;
     const Real jump = std::fabs(within_turn(robot_, c, q_e_[c] - reading.raw - by));
     const Real chance = settings_.sigmas * weighing_.known->sigma[c];
     const Real most = std::max(settings_.wild[c], chance * std::sqrt(settings_.own.variance));
@@ -204,14 +204,21 @@ struct MonitoredCycle {
     return deviation;
   }
 
-  /// Value to which a reading is led: a motor's by its drive, a sensor's by q_d. The latter is
-  /// linear from the motors' pose: a sum of g·Δq_d along the way of a robot that a law holds off
-  /// q_d would drift as far as the law's correction.
+  /// Value to which a reading is led: a motor's by its drive, a sensor's by q_d, linear from the
+  /// motors' pose.
   Real asked(int c) const {
     if (c < n) return desired_[c] + monitor_.led[c];
     Real value = parity_.expected[c];
     for (int j = 0; j < n; ++j) value += parity_.g[c - n][j] * (desired_[j] - parity_.expected[j]);
     return number(value) ? value : monitor_.reading[c].asked;
+  }
+
+  /// Motion of the setpoint in this cycle, as a sensor would read it.
+  Real told(int sensor) const {
+    Real sum = 0;
+    for (int j = 0; j < n; ++j)
+      sum += parity_.g[sensor - n][j] * (desired_[j] - monitor_.desired[j]);
+    return number(sum) ? sum : 0;
   }
 
   /// Model motion beyond noise since the reading changed last: of a motor the smaller of that and
@@ -223,8 +230,11 @@ struct MonitoredCycle {
   Real stood(int c, Real way) const {
     const MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + way;
-    const Real also = c < n ? by + reading.off : by, left = asked(c) - reading.asked + way;
-    if (!(std::copysign(1, by) * left > kAsked * settings_.moved[c])) return 0;
+    const Real also = c < n ? by + reading.off : by, side = std::copysign(1, by);
+    Real left = side * (asked(c) - reading.asked + way);
+    // Off q_d both are approximate: one far from it, the other along a long way.
+    if (c >= n) left = std::min(left, side * reading.told);
+    if (!(left > kAsked * settings_.moved[c])) return 0;
     return std::min(std::fabs(by), std::fabs(also)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
@@ -319,7 +329,6 @@ struct MonitoredCycle {
       monitor_.usual[k] -= more[k];
       monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion
       monitor_.reading[n + k].asked += more[k];
-      monitor_.reading[n + k].asks += more[k];
     }
     monitor_.beyond = beyond;
   }

@@ -76,11 +76,11 @@ struct StartEvidence {
 
   /// Variance of reading c's motions by all pulses of motor i. Equal pulses round equally: an
   /// average over more than kRounded of them gains nothing. A motor whose brake is closed returns
-  /// to its place. Where that is at a count's edge, a count in every pulse may be none.
+  /// to its place. Where that is at a count's edge, 0.7 counts a pulse may be none.
   Real noise(int i, int c) const {
     const Real counts = variance[c] * pulses[i];
     const Real y2 = moved[i][c] * moved[i][c];
-    const bool edge = c < motors && c != i && y2 < 6 * counts * pulses[i];
+    const bool edge = c < motors && c != i && y2 < 3 * counts * pulses[i];
     return counts * std::max(pulses[i] / kRounded, Real(1)) + (edge ? y2 / 4 : 0);
   }
   static constexpr Real kRounded = 24;
