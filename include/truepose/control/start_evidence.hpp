@@ -87,8 +87,7 @@ inline Real misfit(const StartEvidence& evidence, int n, int e, const StartHypot
       }
       s = information > 0 ? sum / information : 0;
     }
-    const Real size = std::max(expected, std::fabs(s));
-    if (!(information * size * size > 1)) {  // no reading has measured it
+    if (!(information * expected * expected > 1)) {
       s = expected;
       information = 1 / (expected * expected);
     }

@@ -66,7 +66,7 @@ struct StartSettings {
 
 /// Motions of the readings by pulses, and what the model expects.
 struct StartEvidence {
-  int motors = 0, tested = 0;
+  int tested = 0;  ///< motors
   /// Motions forward minus motions back of every reading, by the motor that was pulsed.
   Matrix<kMaxMotors, kMaxReadings> moved{};
   Joint expected{};                     ///< of the motor itself, by the model
@@ -75,13 +75,9 @@ struct StartEvidence {
   Matrix<kMaxSensors, kMaxMotors> g{};  ///< J_r J
 
   /// Variance of reading c's motions by all pulses of motor i. Equal pulses round equally: an
-  /// average over more than kRounded of them gains nothing. A motor whose brake is closed returns
-  /// to its place. Where that is at a count's edge, 0.7 counts a pulse may be none.
+  /// average over more than kRounded of them gains nothing.
   Real noise(int i, int c) const {
-    const Real counts = variance[c] * pulses[i];
-    const Real y2 = moved[i][c] * moved[i][c];
-    const bool edge = c < motors && c != i && y2 < 3 * counts * pulses[i];
-    return counts * std::max(pulses[i] / kRounded, Real(1)) + (edge ? y2 / 4 : 0);
+    return variance[c] * pulses[i] * std::max(pulses[i] / kRounded, Real(1));
   }
   static constexpr Real kRounded = 24;
 };

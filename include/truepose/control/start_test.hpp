@@ -22,11 +22,9 @@
 
 namespace truepose {
 namespace start_detail {
-inline constexpr int kAveraged = 8;   ///< cycles of an average between pulses,
-inline constexpr int kRested = 32;    ///< and at rest
-inline constexpr Real kRings = 0.03;  ///< s for which they must stand still, but wait no longer
-inline constexpr Real kRung = 0.15;   ///< than this: compliant arms ring after their brakes closed
-inline constexpr Real kMost = 1e9;    ///< rad or m: larger readings are missing
+inline constexpr int kAveraged = 8;  ///< cycles of an average between pulses,
+inline constexpr int kRested = 32;   ///< and at rest
+inline constexpr Real kMost = 1e9;   ///< rad or m: larger readings are missing
 
 /// One cycle of a robot's test.
 template <Mobility K>
@@ -130,15 +128,6 @@ class StartCycle {
     return true;
   }
 
-  /// Averages readings between pulses. @return whether they stand still, or have rung for too long
-  bool settled(Extended& mean) {
-    const Real cycles = std::min(kRings / limits_.period, Real(1000));
-    if (!averaged(std::max(kAveraged, static_cast<int>(cycles)), mean)) return false;
-    bool still = true;
-    for (int c = 0; c < e(); ++c) still = still && test_.high[c] - test_.low[c] <= count(c);
-    return still || test_.since > kRung;
-  }
-
   void rest() {
     if (test_.since <= limits_.brake + settings_.settle || !averaged(kRested, test_.begin)) return;
     for (int c = 0; c < e(); ++c)
@@ -209,7 +198,6 @@ class StartCycle {
     }
     StartEvidence& evidence = test_.evidence;
     evidence = {};
-    evidence.motors = n;
     for (int k = 0; k < robot_.r; ++k) std::copy_n(parity.g[k].begin(), n, evidence.g[k].begin());
     for (int c = 0; c < e(); ++c) {
       const bool motor = c < n;
@@ -264,7 +252,7 @@ class StartCycle {
     if (farthest(test_.begin) > settings_.motion) return judge_now();
     const Real reached = test_.torque[i()] - target();
     if (!(std::fabs(reached) <= limits_.slew[i()] * limits_.period) ||
-        test_.since <= settings_.settle || !settled(test_.before))
+        test_.since <= settings_.settle || !averaged(kAveraged, test_.before))
       return;
     go(StartState::open);
   }
@@ -279,7 +267,7 @@ class StartCycle {
 
   void close() {
     if (test_.since <= limits_.brake + opens() + settings_.settle) return;
-    if (!settled(test_.after)) return;
+    if (!averaged(kAveraged, test_.after)) return;
     Extended y{};
     for (int c = 0; c < e(); ++c) y[c] = change(c, test_.before[c], test_.after[c]);
     StartEvidence& evidence = test_.evidence;
