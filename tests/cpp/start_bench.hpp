@@ -76,7 +76,7 @@ struct StartBench {
   /// Runs the test to its end; checks what must hold in every cycle.
   void run(const Miswiring& wrong = {}, bool known = true) {
     int cycles = 0;
-    for (; cycles < 40000; ++cycles) {
+    for (; cycles < 100000; ++cycles) {
       Extended q_e = read(wrong);
       if (spoil) spoil(cycles, q_e);
       const Joint before = test.torque;

@@ -86,6 +86,19 @@ def test_a_robot_as_built_passes_with_all_effects(seed: int) -> None:
     assert run.moved < 1e-3
 
 
+@pytest.mark.parametrize(("seed", "sampled"), [(4, False), (10, False), (0, True), (8, True)])
+def test_a_robot_away_from_home_passes_with_all_effects(seed: int, sampled: bool) -> None:
+    h4 = tp.load("h4")
+    box = h4.spec.workspace
+    assert box is not None
+    rng = np.random.default_rng([seed, 8])
+    x = rng.uniform(box.minimum, box.maximum) * [0.7, 0.7, 1, 0.7]
+    x[2] = rng.uniform(-0.43, -0.37)
+    truth = h4.sample(seed) if sampled else h4
+    run = tp.simulation.start_test(h4, truth, start=x, effects=tp.Effects(), seed=seed)
+    assert run.passed, run.said
+
+
 def test_a_scale_is_within_its_uncertainty_and_unknown_where_nothing_shows_it() -> None:
     run = tp.simulation.start_test(tp.load("h4"))
     known = run.sigma < 0.5

@@ -69,9 +69,11 @@ inline Real misfit(const StartEvidence& evidence, int n, int e, const StartHypot
     const auto left_out = [&](int c) {
       return c == by.a && (gains || (by.kind == StartFinding::brake_slips && c != i));
     };
+    // At a count's edge a motion m below a count is one in every pulse, or none: m (count − m) P².
     const auto variance = [&](int c, Real s) {
       const Real more = c == i ? 0 : (c < n ? kGive : kShape * h[c]) * s;
-      return v[c] + more * more;
+      const Real most = evidence.pulses[i] * evidence.step[c], motion = std::fabs(h[c] * s);
+      return v[c] + more * more + (c < n ? 0 : motion * std::max(most - motion, Real(0)));
     };
     const Real expected = evidence.expected[i];
     Real s = 0, information = 0;
@@ -87,7 +89,8 @@ inline Real misfit(const StartEvidence& evidence, int n, int e, const StartHypot
       }
       s = information > 0 ? sum / information : 0;
     }
-    if (!(information * expected * expected > 1)) {
+    const Real size = std::max(expected, std::fabs(s));
+    if (!(information * size * size > 1)) {  // no reading has measured it
       s = expected;
       information = 1 / (expected * expected);
     }

@@ -72,6 +72,7 @@ struct StartEvidence {
   Joint expected{};                     ///< of the motor itself, by the model
   Joint pulses{};                       ///< number of pulses
   Extended variance{};                  ///< of one motion, from counts and noise
+  Extended step{};                      ///< count; 0 where noise averages it out
   Matrix<kMaxSensors, kMaxMotors> g{};  ///< J_r J
 
   /// Variance of reading c's motions by all pulses of motor i. Equal pulses round equally: an

@@ -22,9 +22,11 @@
 
 namespace truepose {
 namespace start_detail {
-inline constexpr int kAveraged = 8;  ///< cycles of an average between pulses,
-inline constexpr int kRested = 32;   ///< and at rest
-inline constexpr Real kMost = 1e9;   ///< rad or m: larger readings are missing
+inline constexpr int kAveraged = 8;   ///< cycles of an average between pulses,
+inline constexpr int kRested = 32;    ///< and at rest
+inline constexpr Real kRings = 0.03;  ///< s for which they must stand still, but wait no longer
+inline constexpr Real kRung = 0.15;   ///< than this: compliant arms ring after their brakes closed
+inline constexpr Real kMost = 1e9;    ///< rad or m: larger readings are missing
 
 /// One cycle of a robot's test.
 template <Mobility K>
@@ -128,6 +130,15 @@ class StartCycle {
     return true;
   }
 
+  /// Averages readings between pulses. @return whether they stand still, or have rung for too long
+  bool settled(Extended& mean) {
+    const Real cycles = std::min(kRings / limits_.period, Real(1000));
+    if (!averaged(std::max(kAveraged, static_cast<int>(cycles)), mean)) return false;
+    bool still = true;
+    for (int c = 0; c < e(); ++c) still = still && test_.high[c] - test_.low[c] <= count(c);
+    return still || test_.since > kRung;
+  }
+
   void rest() {
     if (test_.since <= limits_.brake + settings_.settle || !averaged(kRested, test_.begin)) return;
     for (int c = 0; c < e(); ++c)
@@ -203,6 +214,7 @@ class StartCycle {
       const bool motor = c < n;
       const Real step = motor ? robot_.chain[c].encoder_step : robot_.sensor[c - n].step;
       const Real noise = motor ? robot_.chain[c].encoder_noise : robot_.sensor[c - n].noise;
+      evidence.step[c] = 2 * noise < step ? step : 0;
       evidence.variance[c] = step * step / 6 + 2 * noise * noise / kAveraged;
       evidence.variance[c] += by_precision(1e-16, 1e-10);  // rounding
     }
@@ -252,7 +264,7 @@ class StartCycle {
     if (farthest(test_.begin) > settings_.motion) return judge_now();
     const Real reached = test_.torque[i()] - target();
     if (!(std::fabs(reached) <= limits_.slew[i()] * limits_.period) ||
-        test_.since <= settings_.settle || !averaged(kAveraged, test_.before))
+        test_.since <= settings_.settle || !settled(test_.before))
       return;
     go(StartState::open);
   }
@@ -267,7 +279,7 @@ class StartCycle {
 
   void close() {
     if (test_.since <= limits_.brake + opens() + settings_.settle) return;
-    if (!averaged(kAveraged, test_.after)) return;
+    if (!settled(test_.after)) return;
     Extended y{};
     for (int c = 0; c < e(); ++c) y[c] = change(c, test_.before[c], test_.after[c]);
     StartEvidence& evidence = test_.evidence;
