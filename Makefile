@@ -55,7 +55,7 @@ lint: $(VENV)/developing
 	ruff check .
 	python tools/plain_english.py
 	ruff format --check .
-	PYTHONPATH=python lint-imports --no-cache
+	PYTHONPATH=python:$(subst $() ,:,$(wildcard packages/*/src)) lint-imports --no-cache
 	@cp -p $(VENV)/lib/python3*/site-packages/truepose/_core.pyi python/truepose # built with the module
 	mypy
 	clang-format --dry-run --Werror $(CPP)

@@ -1,4 +1,4 @@
-"""Coverage of sleds' stated σ: the table of docs/guides/maslow.md.
+"""Coverage of sleds' stated σ: the table of packages/sleds/docs/sleds.md.
 
 Sleds are sampled from the assumptions of `truepose maslow`, anchors 20 mm about a frame, and read
 at 48 poses with σ = 0.5 mm. Printed are NEES over the twelve unknowns with its scatter (1 ±), and
@@ -14,7 +14,7 @@ import argparse
 
 import numpy as np
 
-from truepose.integrations.maslow import belts
+from truepose_sleds import belts
 
 FRAME = {"tl.x": 0.03, "tl.y": 2.07, "tr.x": 2.98, "tr.y": 2.06, "br.x": 2.965}
 READING = 5e-4

@@ -51,6 +51,7 @@ def pages() -> dict[Path, str]:
         page: f"references/{page.parent.name}.md"
         for page in sorted((ROOT / "reference").glob("*/README.md"))
     }
+    found |= {page: f"packages/{page.name}" for page in sorted(ROOT.glob("packages/*/docs/*.md"))}
     own = sorted([*DOCS.glob("*.md"), *DOCS.glob("guides/*.md")])
     return found | {page: page.relative_to(DOCS).as_posix() for page in own}
 

@@ -2,7 +2,7 @@
 
 from importlib.metadata import version
 
-from truepose import calibration, control, design, faults, logs, simulation
+from truepose import calibration, control, design, faults, logs, moved, simulation
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.online import OnlineCalibrator
@@ -17,6 +17,7 @@ from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.simulate import simulate
 from truepose.studies.study import monte_carlo
 
+moved.answer_imports()
 __version__ = version("truepose")
 __all__ = [
     "Controller",

@@ -17,7 +17,7 @@ import typer
 from typer import Option
 from typer.exceptions import TyperException
 
-from truepose import files
+from truepose import files, moved
 from truepose.commands import (
     accuracy,
     calibrate,
@@ -97,9 +97,16 @@ for _group, _commands in _GROUPS.items():
     for _name, _command in _commands.items():
         app.command(_name, rich_help_panel=_group)(_limited(_command))
 app.add_typer(export.app, name="export", rich_help_panel="Robots")
-for _path, _found in plugins("commands").items():  # of integrations and of the paper
+_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+_registered = plugins("commands")  # of packages, integrations and the paper
+for _path in sorted(_registered.keys() | moved.COMMANDS):
     _under, _, _name = _path.rpartition(".")
-    _parent, _loaded = {"": app, "export": export.app}[_under], _found.load()
+    _parent = {"": app, "export": export.app}[_under]
+    if _path not in _registered:
+        _absent = moved.answer(_path, moved.COMMANDS[_path])
+        _parent.command(_name, hidden=True, context_settings=_ANYTHING)(_absent)
+        continue
+    _loaded = _registered[_path].load()
     _panel = None if _under else _GROUP_OF.get(_name, "Machines")
     if isinstance(_loaded, typer.Typer):
         _parent.add_typer(_loaded, name=_name, rich_help_panel=_panel)

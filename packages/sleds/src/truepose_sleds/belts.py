@@ -25,10 +25,10 @@ from truepose.calibration.fitting import fit_to
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import PoseError, TrueposeError
-from truepose.integrations.maslow import frame
 from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
+from truepose_sleds import frame
 
 #: Order of the readings: upper left and right, lower left and right.
 BELTS = ("tl", "tr", "bl", "br")

@@ -10,9 +10,9 @@ from spoiling import spoiled
 import truepose as tp
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
-from truepose.integrations.maslow import belts, command, firmware, to_read
-from truepose.integrations.maslow.belts import BELTS, Model
 from truepose.robot.frames import frames
+from truepose_sleds import belts, command, firmware, to_read
+from truepose_sleds.belts import BELTS, Model
 
 ANCHORS = {"tl.x": 0.03, "tl.y": 2.07, "tr.x": 2.98, "tr.y": 2.06, "br.x": 2.965}
 

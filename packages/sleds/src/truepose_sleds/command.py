@@ -15,11 +15,11 @@ from truepose.commands.options import Force, How, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
 from truepose.exceptions import InputError, TrueposeError
-from truepose.integrations.maslow import belts, firmware, frame, to_read
-from truepose.integrations.maslow.belts import BELTS, Model, Sled
-from truepose.integrations.maslow.to_read import FEWEST, Readings
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.terminal import Format, show
+from truepose_sleds import belts, firmware, frame, to_read
+from truepose_sleds.belts import BELTS, Model, Sled
+from truepose_sleds.to_read import FEWEST, Readings
 
 #: Candidate poses over the workspace for the next ones.
 CANDIDATES = 400

@@ -13,7 +13,7 @@ import numpy as np
 from truepose import logs
 from truepose.arguments import Array
 from truepose.exceptions import InputError, one_line
-from truepose.integrations.maslow.belts import BELTS
+from truepose_sleds.belts import BELTS
 
 #: With fewer poses than unknowns of the largest model, the prior determines most of them.
 FEWEST = 12

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.integrations.maslow.belts import Sled, influences
 from truepose.robot import knowledge
+from truepose_sleds.belts import Sled, influences
 
 #: Points of the box in each direction.
 POINTS = 12

@@ -1,0 +1,18 @@
+# Each package's Makefile: `make test` runs its tests and the examples of its pages.
+ROOT := $(abspath $(dir $(lastword $(MAKEFILE_LIST)))..)
+NAME := $(notdir $(CURDIR))
+STAMP := $(ROOT)/.venv/package-$(NAME)
+export PATH := $(ROOT)/.venv/bin:$(PATH)
+
+.PHONY: test core
+test: $(STAMP)
+	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal $(TESTS) --pyargs truepose_$(subst -,_,$(NAME)) tests docs README.md
+
+core:
+	@$(MAKE) --no-print-directory -C $(ROOT) .venv/developing
+
+# The core is there: pip compares its version with the one that the package is pinned to.
+$(STAMP): pyproject.toml $(shell find src -type f -not -name '*.pyc') | core
+	@pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
+	@pip install --quiet --disable-pip-version-check .
+	@touch $@

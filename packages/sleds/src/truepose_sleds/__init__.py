@@ -1,0 +1,1 @@
+"""Calibration of sleds that hang on four belts (Maslow)."""

@@ -1,1 +1,0 @@
-"""Integration of Maslow: sleds that hang on four belts."""
