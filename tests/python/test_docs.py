@@ -233,7 +233,7 @@ TARGETS = {
 
 def test_every_documented_target_of_make_is_made_in_ci_or_has_a_reason():
     makefile, ci = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", ".ci/run"))
-    made = set(re.findall(r'="make ([a-z-]+)', ci))
+    made = set(re.findall(r'="make ([a-z][a-z-]*)', ci))
     for target in list(made):
         made |= set(re.search(rf"^{target}:(.*)$", makefile, re.M)[1].split())
     documented = set()
