@@ -12,18 +12,32 @@ from truepose.exceptions import InputError
 
 #: Package of each command that moved; a point separates groups.
 COMMANDS = {"maslow": "sleds"}
+#: Package of each function of a study that moved.
+STUDIES = {"life": "life"}
 #: New name of each module that moved.
-MODULES = {"truepose.integrations.maslow": "truepose_sleds"}
+MODULES = {
+    "truepose.integrations.maslow": "truepose_sleds",
+    "truepose.studies.life": "truepose_life.cycle",
+    "truepose.studies.life_bound": "truepose_life.bound",
+    "truepose.studies.life_events": "truepose_life.events",
+    "truepose.studies.life_rates": "truepose_life.rates",
+    "truepose.studies.life_report": "truepose_life.report",
+}
+
+
+def where(what: str, package: str) -> str:
+    """Return the message that something is in a package that is not installed."""
+    return (
+        f"{what} is in the package truepose-{package}: in a checkout of truepose, pip install "
+        f"packages/{package}"
+    )
 
 
 def answer(name: str, package: str) -> Callable[[], None]:
     """Return a command that states the package in which the command is."""
 
     def command() -> None:
-        raise InputError(
-            f"truepose {name.replace('.', ' ')} is in the package truepose-{package}: in a "
-            f"checkout of truepose, pip install packages/{package}"
-        )
+        raise InputError(where(f"truepose {name.replace('.', ' ')}", package))
 
     return command
 

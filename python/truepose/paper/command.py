@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from truepose import files
 from truepose.commands.options import Force, How
 from truepose.exceptions import InputError
 from truepose.show.terminal import Format, everything, progress, say, show
@@ -36,17 +35,7 @@ def command(
             "at three speeds, faults in 30 moves.",
         ),
     ] = False,
-    life: Annotated[
-        bool,
-        typer.Option(
-            "--life",
-            help="Instead: what a year does to calibrated robots, and which law follows it. "
-            "Numbers and figure go to --out; with pyarrow, an interrupted study resumes there.",
-        ),
-    ] = False,
-    rates: Annotated[
-        Path | None, typer.Option(help='Rates for --life, TOML: warm_up = "15 K". All are assumed.')
-    ] = None,
+    life: Annotated[bool, typer.Option("--life", hidden=True)] = False,
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -63,10 +52,7 @@ def command(
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
     if life:
-        _life(robots, seed, out, rates, how)
-        return
-    if rates is not None:
-        raise InputError("--rates: is for --life; add --life")
+        raise InputError("--life: is the command truepose life, of the package truepose-life")
     from truepose.paper import claims, report, screen, tables
     from truepose.paper.reproduce import reproduce
 
@@ -93,39 +79,3 @@ def command(
         print("\n".join([*screen.lines(result), f"{done}; errata: --all"]))
     for note in result.section.notes if result.section else ():
         say(f"truepose: {note}", err=True)
-
-
-def _life(robots: int, seed: int, out: Path, rates: Path | None, how: Format) -> None:
-    """Run the life-cycle study of the H4, each rod by itself."""
-    import importlib.util
-
-    from truepose.robot.robot import load
-    from truepose.show.results import figure_of
-    from truepose.show.table import as_csv
-    from truepose.studies import life_report
-    from truepose.studies.life_rates import Life
-
-    known = Life() if rates is None else Life.read(rates)
-    stored = out / "life-study" if importlib.util.find_spec("pyarrow") else None
-    with progress("cases") as bar:
-        study = life_report.run(
-            load("h4"),
-            robots,
-            seed,
-            known,
-            stored,
-            progress=lambda done, total: bar(completed=done, total=total),
-        )
-    table = life_report.table(study)
-    out.mkdir(parents=True, exist_ok=True)
-    figure = figure_of(lambda figure: life_report.draw(figure, study))
-    files.replace_file(out / "life.csv", as_csv(table.records()), "numbers", force=True)
-    files.replace_file(out / "life.svg", files.picture(figure, ".svg"), "figure", force=True)
-    page = life_report.page(study)
-    files.replace_file(out / "life.md", page, "tables", force=True)
-    unseen = life_report.unseen(load("h4"), known, seed)
-    files.replace_file(out / "life-unseen.csv", as_csv(unseen.records()), "numbers", force=True)
-    note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
-    note += "life.md, life-unseen.csv."
-    few = table.columns(0, 1, 2, 3, 5, 8, 9, 11, 12)  # a terminal's width; all laws are in the file
-    show([few if how is Format.table else table, unseen], how, [note])

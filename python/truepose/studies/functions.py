@@ -9,18 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from truepose import files
+from truepose import files, moved
 from truepose.arguments import Array, whole
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
+from truepose.plugins import plugins
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
 from truepose.robot.workspace import workspace_samples
 from truepose.simulation.equilibrium import steady_state
 from truepose.studies.cases import Answer, Asked, Case
-from truepose.studies.life import LifeCycle
 
 #: Poses of a built-in function: for its results, and by default for calibration.
 ASKED, LEARNT = 25, 40
@@ -51,18 +51,18 @@ def calibration(case: Case) -> dict[str, Answer]:
     return answer | _rms(robot, np.sqrt(np.einsum("kii->ki", bound)), "bound")
 
 
-READY: dict[str, Asked] = {"calibration": calibration, "life": LifeCycle(), "rest": rest}
+READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
 
 
 def require_keys(
     function: Asked, grid: Mapping[str, Sequence[object]], robots: Sequence[Robot]
 ) -> None:
-    """Raise InputError for a grid key, or a value, that a built-in function cannot use."""
-    if isinstance(function, LifeCycle):
-        for key in grid:
-            if key not in ("sensors", "scenario"):
-                raise InputError(f"study life: grid: {choose('key', key, ['sensors', 'scenario'])}")
-        function.check(robots, grid)
+    """Raise InputError for a grid key, or a value, that a function of a name cannot use.
+
+    Those of packages check it themselves, by a method ``check_grid(grid, robots)``.
+    """
+    if check := getattr(function, "check_grid", None):
+        check(grid, robots)
     keys: dict[Asked, str] = {calibration: "poses", rest: "law"}
     if (known := keys.get(function)) is None:
         return
@@ -117,12 +117,17 @@ def _compiled(of: OfFile) -> Asked:
 
 
 def function_of(word: str) -> Asked:
-    """Return a built-in function by its name, or the function of "file.py:name"."""
+    """Return a function by its name, built in or of a package, or that of "file.py:name"."""
     path, colon, name = word.rpartition(":")
     if not colon:
-        if word not in READY:
-            raise InputError(f"{choose('function', word, READY)}, or file.py:function")
-        return READY[word]
+        if word in READY:
+            return READY[word]
+        found = plugins("studies")
+        if word in moved.STUDIES and word not in found:
+            raise InputError(moved.where(f"study {word}", moved.STUDIES[word]))
+        if word not in found:
+            raise InputError(f"{choose('function', word, [*READY, *found])}, or file.py:function")
+        return found[word].load()
     asked = OfFile(path, name, files.text(Path(path)))
     _compiled(asked)  # fail before the study starts
     return asked

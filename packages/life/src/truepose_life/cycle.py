@@ -23,9 +23,9 @@ from truepose.robot.units import angles
 from truepose.robot.workspace import workspace_samples
 from truepose.simulation.equilibrium import settling
 from truepose.studies.cases import Answer, Case
-from truepose.studies.life_bound import bound
-from truepose.studies.life_events import SCENARIOS, Steps, There, known_effects, stages
-from truepose.studies.life_rates import Life
+from truepose_life.bound import bound
+from truepose_life.events import SCENARIOS, Steps, There, known_effects, stages
+from truepose_life.rates import Life
 
 #: Poses visited after a change, and other poses at which the laws are compared.
 #: The controller takes over a new geometry after every block of poses.
@@ -47,8 +47,11 @@ class LifeCycle:
         """What a stored study must have in common with this one."""
         return repr(self)
 
-    def check(self, robots: Sequence[Robot], grid: Mapping[str, Sequence[Any]]) -> None:
-        """Raise InputError for scenarios that do not exist, or sensors that a robot lacks."""
+    def check_grid(self, grid: Mapping[str, Sequence[Any]], robots: Sequence[Robot]) -> None:
+        """Raise InputError for keys or scenarios that do not exist, or sensors a robot lacks."""
+        for key in grid:
+            if key not in ("sensors", "scenario"):
+                raise InputError(f"study life: grid: {choose('key', key, ['sensors', 'scenario'])}")
         for scenario in grid.get("scenario", ()):
             if scenario not in SCENARIOS:
                 raise InputError(f"life: {choose('scenario', scenario, SCENARIOS)}")
@@ -66,7 +69,7 @@ class LifeCycle:
         ``online`` the estimated law on :class:`OnlineCalibrator` with the growth of a warm-up,
         ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of exchanged sensors, ``new`` on
         a calibration from the last 100 poses alone, and ``bound`` that of an observer told which
-        change happened, with what it cannot follow (:mod:`truepose.studies.life_bound`).
+        change happened, with what it cannot follow (:mod:`truepose_life.bound`).
         """
         wanted = str(case.values.get("sensors", _joined(case.robot.sensors))).split("+")
         scenario = str(case.values.get("scenario", "warm day"))
@@ -115,6 +118,10 @@ class LifeCycle:
             "found": ", ".join(dict.fromkeys(found)),
             "kept": sum(not w.learned for w in adaptive.windows),
         }
+
+
+#: Of `truepose monte-carlo life`, with the assumed rates.
+LIFE = LifeCycle()
 
 
 def _joined(sensors: Sequence[str]) -> str:

@@ -20,7 +20,7 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.studies.life_rates import Life
+from truepose_life.rates import Life
 
 Steps = dict[str, float]
 #: Robots and the poses, (N, n), at which they are the true one.

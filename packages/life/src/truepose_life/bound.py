@@ -10,7 +10,7 @@ from truepose.arguments import Array
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
-from truepose.studies.life_events import Event
+from truepose_life.events import Event
 
 
 class Bound(NamedTuple):

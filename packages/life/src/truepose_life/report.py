@@ -13,11 +13,11 @@ from truepose.control.changes import Change
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace_samples
 from truepose.show.table import Cell, Table, number
-from truepose.studies.life import JUDGED, VISITED, LifeCycle, commissioned
-from truepose.studies.life_bound import bound
-from truepose.studies.life_events import SCENARIOS, Event
-from truepose.studies.life_rates import Life
 from truepose.studies.study import Study, monte_carlo
+from truepose_life.bound import bound
+from truepose_life.cycle import JUDGED, VISITED, LifeCycle, commissioned
+from truepose_life.events import SCENARIOS, Event
+from truepose_life.rates import Life
 
 #: Sensors of the study on the H4, by label.
 SETS = {

@@ -1,28 +1,22 @@
-"""Adaptive calibration, and the study of a year in robots' lives."""
-
-import dataclasses
+"""Adaptive calibration: a changed part is followed, a faulty reading is not."""
 
 import numpy as np
 import pytest
 
 import truepose as tp
 from truepose.calibration.learnt import calibrated
-from truepose.control.changes import Change, changes
-from truepose.paper import article
-from truepose.studies import life, life_report
-from truepose.studies.life import LifeCycle
-from truepose.studies.life_bound import bound
-from truepose.studies.life_events import SCENARIOS, Event, moved, stages
-from truepose.studies.life_rates import Life
+from truepose.control.changes import changes
+from truepose.robot import knowledge
+from truepose.robot.workspace import workspace_samples
 
-RNG = np.random.default_rng(4)
-POSES = article.table2()[RNG.choice(625, 130, replace=False)]
+ROBOT = tp.load("h4").with_sensors("theta", "z_telemeter")
+POSES = workspace_samples(ROBOT, 130, np.random.default_rng(4))
 VISITED, OTHERS = POSES[:100], POSES[100:]
 
 
 @pytest.fixture(scope="module")
 def robot() -> tp.Robot:
-    return tp.load("h4").with_sensors("theta", "z_telemeter")
+    return ROBOT
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +26,16 @@ def true(robot) -> tp.Robot:
 
 @pytest.fixture(scope="module")
 def known(robot, true) -> tp.Robot:
-    return life.commissioned(robot, true, 0.003, np.random.default_rng(6))
+    return commissioned(robot, true, 0.003, np.random.default_rng(6))
+
+
+def commissioned(nominal, true, share, rng) -> tp.Robot:
+    """Return the robot as calibrated: each parameter known to a share of its tolerance."""
+    names = knowledge.uncertain(nominal)
+    sigma = share * np.array([nominal.parameters[name].sigma for name in names])
+    off = sigma * rng.standard_normal(len(names))
+    values = {n: true.parameters[n].value + o for n, o in zip(names, off, strict=True)}
+    return calibrated(nominal, values, np.diag(sigma), "commissioning").at_highest_level
 
 
 def error(robot, true) -> float:
@@ -40,8 +43,9 @@ def error(robot, true) -> float:
     return 1e3 * float(np.sqrt(((x - OTHERS)[:, :3] ** 2).sum(axis=1).mean()))
 
 
-def life_bound_change(steps) -> Change:
-    return Change("told", (steps,), 1.0)
+def moved(robot, steps) -> tp.Robot:
+    known = robot.parameters
+    return robot.replace({name: known[name].value + step for name, step in steps.items()})
 
 
 def stepped(true, **steps) -> tp.Robot:
@@ -67,7 +71,7 @@ def test_one_changed_part_is_named_and_followed(known, true, name, step):
 def test_one_sensor_is_enough_to_follow_a_change():
     robot = tp.load("h4").with_sensors("theta")
     true = robot.sample(5).at_highest_level
-    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = commissioned(robot, true, 0.003, np.random.default_rng(6))
     changed = stepped(true, chain2__rod=-1e-3)
     adaptive = tp.control.AdaptiveCalibrator(known)
     adaptive.observe(changed.read(VISITED, seed=1))
@@ -114,7 +118,7 @@ def test_a_frozen_reading_is_no_wear(known, true, reading):
 def test_a_faulty_sensor_is_never_learned_as_wear(sensors, kind):
     robot = tp.load("h4").with_sensors(*sensors)
     true = robot.sample(5).at_highest_level
-    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = commissioned(robot, true, 0.003, np.random.default_rng(6))
     rows, column = true.read(VISITED, seed=1), robot.n
     rows[:, column] = {
         "stuck": np.full(100, rows[0, column]),
@@ -142,19 +146,10 @@ def test_rows_with_a_reading_that_the_fault_monitor_doubts_are_left_out(known, t
         adaptive.observe(rows, health=health[:, :4])
 
 
-@pytest.mark.parametrize("scenario", ["wear", "warm day", "payload", "backlash"])
-def test_the_fault_monitor_takes_no_slow_change_for_a_fault(known, true, scenario):
-    event = stages(scenario, true, Life(), np.random.default_rng(1))[0]
-    ((changed, _),) = event.true_at(true, OTHERS[:1], np.random.default_rng(2), rest=True)
-    monitored = tp.control.AdaptiveCalibrator(known).monitored
-    run = tp.simulate(monitored, changed, controller="estimated", monitor=tp.FaultMonitor())
-    assert run.failed == [] and not run.health.any() and not run.stops.any()
-
-
 def test_a_reading_with_more_noise_is_named_and_counts_less():
     robot = tp.load("h4").with_sensors("theta", "elbow*")
     true = robot.sample(5).at_highest_level
-    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = commissioned(robot, true, 0.003, np.random.default_rng(6))
     rows, sigma = true.read(VISITED, seed=1), known.reading_sigma
     rows[:, 5] += 6 * sigma[5] * np.random.default_rng(1).standard_normal(100)
     adaptive = tp.control.AdaptiveCalibrator(known)
@@ -184,7 +179,7 @@ def test_a_robot_that_never_changes_stays_accurate(known, true):
     rng = np.random.default_rng(3)
     adaptive = tp.control.AdaptiveCalibrator(known)
     for seed in range(10):
-        x = article.table2()[rng.choice(625, 50, replace=False)]
+        x = workspace_samples(ROBOT, 50, rng)
         adaptive.observe(true.read(x, seed=seed))
     assert not any(window.changed for window in adaptive.windows)
     assert error(adaptive.robot, true) < 1.1 * error(known, true)
@@ -192,7 +187,7 @@ def test_a_robot_that_never_changes_stays_accurate(known, true):
 
 def test_an_exchanged_sensor_is_learned_anew_and_nothing_else(robot, true):
     robot, true = robot.with_sensors("theta"), robot.with_sensors("theta").sample(5)
-    known = life.commissioned(robot, true, 0.003, np.random.default_rng(6))
+    known = commissioned(robot, true, 0.003, np.random.default_rng(6))
     other = moved(true.at_highest_level, {"theta.offset": 7e-4})
     adaptive = tp.control.AdaptiveCalibrator(known)
     adaptive.exchanged("theta")
@@ -232,147 +227,3 @@ def test_a_calibrator_that_cannot_work_is_refused(sensors, window, says):
     robot = tp.load("h4").with_sensors(*sensors or ("none",))
     with pytest.raises(tp.InputError, match=says):
         tp.control.AdaptiveCalibrator(robot, window)
-
-
-def test_each_scenario_has_every_law_and_the_same_answer_on_two_workers():
-    few = {"sensors": ["theta+z_telemeter"], "scenario": ["collision", "backlash"]}
-    one, two = (tp.monte_carlo("life", "h4", 2, grid=few, workers=w) for w in (0, 2))
-    assert not one.failed.any()
-    for name, values in one.columns.items():
-        assert list(map(str, values)) == list(map(str, two.columns[name])), name
-    bent = one.columns["scenario"] == "collision"
-    assert (one.columns["adaptive_mm"][bent] < 0.1 * one.columns["weighted_mm"][bent]).all()
-    assert all(found.endswith(".rod") for found in one.columns["found"][bent])
-    assert (one.columns["bound_mm"].astype(float) > 0).all()
-
-
-def test_a_study_continues_where_it_stopped(tmp_path):
-    pytest.importorskip("pyarrow")
-    few = {"sensors": ["theta"], "scenario": ["unchanged", "wear"]}
-    once = tp.monte_carlo("life", "h4", 2, grid=few, workers=0)
-    tp.monte_carlo("life", "h4", 1, grid=few, workers=0, out=tmp_path, chunk=2)
-    calls: list[tuple[int, int]] = []
-    again = tp.monte_carlo(
-        "life", "h4", 2, grid=few, workers=0, out=tmp_path, chunk=2,
-        progress=lambda done, total: calls.append((done, total)),
-    )  # fmt: skip
-    assert calls == [(2, 4), (4, 4)]  # cases
-    assert again.columns["adaptive_mm"].tolist() == once.columns["adaptive_mm"].tolist()
-
-
-@pytest.mark.parametrize(
-    ("grid", "says"),
-    [
-        ({"scenario": ["rust"]}, "life: unknown scenario 'rust'"),
-        ({"sensors": ["theta+rust"]}, "rust"),
-        ({"sensors": ["none"]}, "life: h4: sensors 'none': no sensor in use"),
-        ({"sensor": ["theta"]}, "study life: grid: unknown key 'sensor'"),
-    ],
-)
-def test_a_study_that_cannot_be_is_refused_in_one_line(grid, says):
-    with pytest.raises(tp.InputError, match=says) as refused:
-        tp.monte_carlo("life", "h4", 1, grid=grid, workers=0)
-    assert "\n" not in str(refused.value)
-
-
-def test_a_year_has_every_lasting_change_and_a_payload(true):
-    states = stages("a year", true, Life(), np.random.default_rng(0))
-    assert len(states) == 6
-    assert [bool(state.sides) for state in states] == [False] * 4 + [True] * 2
-    assert [state.load is not None for state in states] == [False] * 5 + [True]
-    assert len(states[0].told) == 2 and len(states[-1].told) == 6
-
-
-def test_the_bound_is_that_of_accuracy(known, true):
-    event = stages("motor re-homed", true, Life(), np.random.default_rng(0))[0]
-    names = [n for n, p in known.parameters.items() if p.sigma > 0]
-    own = np.array([known.parameters[n].sigma for n in names])
-    homed = Life().homing / 2 * np.array([n.endswith("encoder_offset") for n in names])
-    root = np.diag(np.hypot(own, homed))
-    values = {n: known.parameters[n].mean for n in names}
-    told, exact = (calibrated(known, values, share * root, "told") for share in (1.0, 1e-4))
-    rms = [tp.accuracy(r, OTHERS, calibrated_on=VISITED).rms for r in (told, exact)]
-    found = bound(known, event, VISITED, OTHERS)
-    assert found.error == pytest.approx(np.sqrt(rms[0] ** 2 - rms[1] ** 2), rel=0.05)
-    assert found.directions == 4 and found.left < 0.2
-
-
-def test_what_no_sensor_shows_is_not_observable(true):
-    """A shift of the whole base moves the platform, and no reading."""
-    robot = tp.load("h4").with_sensors("theta")
-    known = life.commissioned(robot, robot.sample(5), 0.003, np.random.default_rng(6))
-    shift = {name: 1e-4 for name in known.parameters if name.endswith("base.x")}
-    event = Event(shift, (life_bound_change(shift),))
-    found = bound(known, event, VISITED, OTHERS)
-    assert (found.seen, found.directions) == (0, 1) and found.left == pytest.approx(1, abs=0.01)
-
-
-@pytest.mark.parametrize("scenario", SCENARIOS)
-def test_a_scenario_changes_the_true_robot_by_its_rates(scenario, true):
-    def moves(rates: Life) -> float:
-        event = SCENARIOS[scenario](true, rates, np.random.default_rng(0))
-        there, _ = event.true_at(true, OTHERS[:2], np.random.default_rng(1), rest=True)[0]
-        before, after = (np.array([p.value for p in r.parameters.values()]) for r in (true, there))
-        return float(np.abs(after - before).sum())
-
-    off = {f.name: 0.0 for f in dataclasses.fields(Life)} | {
-        "arm_stiffness": 2e4,
-        "warm_up": 1e-9,
-        "ageing": 1.0,
-    }
-    assert (moves(Life()) > 1e-6) == (scenario != "unchanged")
-    assert moves(Life(**off)) < 1e-9 or scenario in ("sensor exchanged", "a year")
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ('warm_upp = "20 K"', "warm_upp"),
-        ("warm_up = 20", "must be a number with its unit: K"),
-        ('wear = "50"', "must be a number with its unit: m or mm or µm or um"),
-        ('wear = "-1 mm"', "must be at least 0"),
-        ("wear = ", "cannot be read"),
-    ],
-)
-def test_rates_that_mean_nothing_are_refused_in_one_line(tmp_path, text, says):
-    path = tmp_path / "rates.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(tp.InputError, match=says) as refused:
-        Life.read(path)
-    assert "\n" not in str(refused.value)
-
-
-def test_the_null_space_of_the_sensors_is_reported():
-    cells = {row["change"]: row for row in life_report.unseen(tp.load("h4"), Life()).records()}
-    for shift in ("shift of the base along x", "shift of the tool along x"):
-        assert all(cells[shift][label] > 0.99 for label in ("θ", "θ + z", "θ + elbows"))
-    assert cells["all lengths grow alike"]["θ + elbows"] > 0.9  # angles do not show size
-    assert cells["all lengths grow alike"]["θ + z"] < 0.1
-    assert all(row["θ + three draw-wires"] < 0.05 for row in cells.values())
-
-
-def test_rates_have_their_units(tmp_path):
-    path = tmp_path / "rates.toml"
-    path.write_text('wear = "0.1 mm"\nrod_expansion = "11.5 ppm/K"\nhoming = "0.2 deg"\nageing = 3')
-    read = Life.read(path)
-    assert read == dataclasses.replace(
-        Life(), wear=1e-4, rod_expansion=11.5e-6, homing=np.radians(0.2), ageing=3.0
-    )
-
-
-def test_the_report_has_a_median_and_an_interval_of_every_law(monkeypatch):
-    monkeypatch.setattr(life_report, "SETS", {"θ": "theta"})
-    monkeypatch.setattr(life_report, "SCENARIOS", ["wear"])
-    study = life_report.run(tp.load("h4"), 3, 0, Life(), workers=0)
-    (row,) = life_report.table(study).records()
-    assert row["joint_low_mm"] < row["joint_median_mm"] < row["joint_high_mm"]
-    assert "| wear | " in life_report.page(study)
-    from truepose.show.results import figure_of
-
-    assert len(figure_of(lambda figure: life_report.draw(figure, study)).axes) == 4
-
-
-def test_a_wrong_scenario_is_refused_before_the_study_starts():
-    grid = {"sensors": ["theta"], "scenario": ["rust"]}
-    with pytest.raises(tp.InputError, match="life: unknown scenario 'rust'"):
-        tp.monte_carlo(LifeCycle(), "h4", 1, grid=grid, workers=0)
