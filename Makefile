@@ -19,11 +19,11 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers page \
-        mutants random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
+        random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs page twin linuxcnc clean"
+	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench random-mutants coverage pictures docs page twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce --force $(ARGS)
@@ -111,12 +111,8 @@ instructions: build/dev/build.ninja
 	  ctest --preset dev -R 'instructions|realtime'; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
 
-# Wrong changes of one line, each against the one test that must notice it (tests/mutants.toml).
-mutants: $(VENV)/developing
-	@python tests/mutants.py $(ARGS)
-
-# The same with changes drawn at random; those of the core are in one build, which the environment
-# chooses from. First, for those of the package, once: make coverage-python.
+# Wrong changes of one line, drawn at random, and the tests that notice them; those of the core are in one
+# build, which the environment chooses from. First, for those of the package, once: make coverage-python.
 random-mutants: $(VENV)/developing
 	@python tests/random_mutants.py $(ARGS)
 

@@ -50,12 +50,6 @@ void bind_printer(nb::module_& m) {
           },
           "p"_a, "x"_a)
       .def(
-          "homed",
-          [](const Delta& of, const Vector& p) {
-            return Vector3(of.homed(p, 0), of.homed(p, 1), of.homed(p, 2));
-          },
-          "p"_a)
-      .def(
           "slopes",
           [](const Delta& of, const Vector& p, const Vector3& x) { return of.slopes(p, x); }, "p"_a,
           "x"_a);

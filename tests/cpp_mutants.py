@@ -21,8 +21,9 @@ from collections.abc import Iterator
 from itertools import accumulate
 from pathlib import Path
 
-from mutants import COMPILERS, ROOT
-
+ROOT = Path(__file__).parents[1]
+#: Where CXX names no compiler: the first that is found.
+COMPILERS = ("clang++-22", "clang++", "c++")
 #: Operators stand between blanks, which templates' brackets and pointers do not.
 TOKEN = re.compile(
     r"(?<= )(?:[-+*/<>]|[-+]=|[<>=!]=|&&|\|\|)(?= )|(?<=std::)(?:min|max|sin|cos)(?=\()"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 
 import matplotlib as mpl
@@ -11,15 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
 import truepose as tp
-from truepose.integrations.klipper import assessment
-from truepose.integrations.klipper import figures as of_printer
 from truepose.paper import article, faulty, figures, following, with_paper_errors
 from truepose.robot.parts import COLOURS
 from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
 
 PICTURES = Path(__file__).parents[1] / "pictures"
-PRINTER = Path(__file__).parents[2] / "tests/python/integrations/klipper/data/phnxdrgn536.cfg"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
 
 
@@ -120,27 +116,6 @@ def fault_consequences() -> Figure:
     return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
 
 
-@functools.cache
-def _printer() -> assessment.Assessment:
-    """Return a real printer as its owner's file has it."""
-    return assessment.read(PRINTER)
-
-
-def klipper_bed() -> Figure:
-    """Return the report's: expected error over the bed, before and after."""
-    return of_printer.bed(_printer())
-
-
-def klipper_held_out() -> Figure:
-    """Return the report's: every reading left out in turn."""
-    return of_printer.held_out(_printer())
-
-
-def klipper_parameters() -> Figure:
-    """Return the report's: every parameter against its drawing."""
-    return of_printer.parameters(_printer())
-
-
 class Oblique:
     """Axes that draw points of space: x to the right, y to the back, z up."""
 
@@ -234,7 +209,6 @@ def chain() -> Figure:
 
 
 DRAWN_BY = (chain, five_bar, rest, over_table_2, path_accuracy, fault_consequences)
-DRAWN_BY += (klipper_bed, klipper_held_out, klipper_parameters)
 
 
 def named(figure: Figure, record: dict) -> dict:
@@ -255,7 +229,7 @@ def main() -> None:
         file = PICTURES / f"{draw.__name__.replace('_', '-')}.svg"
         figure = draw()
         figure.savefig(file, metadata={"Date": None})
-        if draw not in (chain, five_bar, klipper_bed):  # drawings, a map of colours
+        if draw not in (chain, five_bar):  # drawings
             data = [named(figure, record) for record in plotted(figure)]
             file.with_suffix(".csv").write_text(as_csv(data), encoding="utf-8")
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)

@@ -125,15 +125,11 @@ void for_some_guarded(F&& f) {
     check::state().scene = mechanism.name;
     f(mechanism, mobility);
   };
-#ifdef CHECK_MOBILITY
-  for_each(one);
-#else
   one(h4(), Fixed<Mobility::schoenflies>{});
   one(delta(), Fixed<Mobility::translation>{});
   one(hexapod("6-UPS", Actuator::telescopic), Fixed<Mobility::spatial>{});
   one(g1_ankle(), Fixed<Mobility::rotational_2>{});
   one(lever(), Fixed<Mobility::rotational_1>{});
-#endif
 }
 
 }  // namespace pivots_tested

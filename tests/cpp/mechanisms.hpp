@@ -331,8 +331,7 @@ inline Mechanism hexaglide() {
   return mechanism;
 }
 
-/// Calls f(mechanism, mobility constant) for each. Built with CHECK_MOBILITY, for those of that
-/// mobility alone: a fifth to compile (tests/mutants.py).
+/// Calls f(mechanism, mobility constant) for each.
 template <class F>
 void for_each(F&& f) {
   static const std::vector<Mechanism> all{h4(),
@@ -347,14 +346,9 @@ void for_each(F&& f) {
                                           hexaglide()};
   for (const Mechanism& mechanism : all) {
     check::state().scene = mechanism.name;
-#ifdef CHECK_MOBILITY
-    constexpr Mobility K = Mobility::CHECK_MOBILITY;
-    if (mechanism.robot.mobility == K) f(mechanism, std::integral_constant<Mobility, K>{});
-#else
     with_mobility(mechanism.robot.mobility, [&](auto mobility) {
       if constexpr (!kRotational<mobility()>) f(mechanism, mobility);  // theirs: rotational.hpp
     });
-#endif
   }
 }
 

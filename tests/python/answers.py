@@ -1,8 +1,6 @@
 """Answers as text: numbers of any result, and their comparison with a kept file."""
 
-import csv
 import dataclasses
-import json
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -216,24 +214,6 @@ def page(html: str) -> str:
     rows = re.sub(r"</(tr|p|h\d|li|table|figcaption|div)>", "\n", html)
     lines = unescape(re.sub(r"<[^>]*>", " ", rows)).splitlines()
     return "\n".join(text for line in lines if (text := " ".join(line.split())))
-
-
-def table(text: str) -> str:
-    """Return a table of text as figures of its columns."""
-    header, *rows = csv.reader(line for line in text.splitlines() if not line.startswith("#"))
-    found = dict(zip(header, zip(*rows, strict=True), strict=True))
-    made = {}
-    for name, values in found.items():
-        try:
-            made[name] = np.array([float(v or "nan") for v in values])
-        except ValueError:
-            made[name] = " ".join(values[:40])
-    return answer(made)
-
-
-def data(text: str) -> str:
-    """Return what --format json printed."""
-    return answer(json.loads(text))
 
 
 def masked(text: str) -> str:

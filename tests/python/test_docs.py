@@ -1,7 +1,6 @@
-"""Completeness of the documentation: keys, commands, names; no dead link, nothing remote."""
+"""Documentation: its commands run, its links work, its pages load nothing remote."""
 
 import importlib.util
-import inspect
 import os
 import re
 import shlex
@@ -10,45 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer
 
-import truepose as tp
 from absolute_links import absolute
-from plain_english import banned, questions
-from truepose.commands.cli import app
 from truepose.robotfile.reading import SHORTHAND
-from truepose.robotfile.schema import (
-    Bar,
-    CalibrationSection,
-    Chain,
-    Compliance,
-    PassiveAxis,
-    Pattern,
-    Platform,
-    Prices,
-    PriceStep,
-    RobotFile,
-    Tolerance,
-    Workspace,
-)
-from truepose.robotfile.sensors import SENSORS
 
 SITE = Path(__file__).parents[2] / "docs" / "site"
 ROOT = SITE.parents[1]
-TABLES = (
-    RobotFile,
-    Chain,
-    Bar,
-    PassiveAxis,
-    Platform,
-    Workspace,
-    Pattern,
-    Compliance,
-    Tolerance,
-    PriceStep,
-    Prices,
-    CalibrationSection,
-)
 
 
 @pytest.fixture(scope="module")
@@ -69,62 +35,12 @@ def section(reference: str, anchor: str) -> str:
     return reference.split(f"(key-{anchor})=")[1].split("\n(key-", maxsplit=1)[0]
 
 
-@pytest.mark.parametrize("model", TABLES, ids=lambda model: model.__name__)
-def test_the_reference_has_every_key_of_a_table(reference, model):
-    told = section(reference, "top-level" if model is RobotFile else model.__name__.lower())
-    for key, field in model.model_fields.items():
-        (row,) = re.findall(rf"^\| `{key}` \|.*$", told, flags=re.MULTILINE)
-        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
-        assert all(cells), f"{key}: value, default and meaning are told"
-        assert ("needed" in cells[2]) == field.is_required(), key
-
-
-@pytest.mark.parametrize("kind", SENSORS)
-def test_the_reference_has_every_key_of_a_sensor(reference, kind):
-    model = SENSORS[kind]
-    told = section(reference, "sensor") + section(reference, model.__name__.lower())
-    assert f"`{kind}`" in told
-    for key in model.model_fields:
-        assert len(re.findall(rf"^\| `{key}` \|", told, flags=re.MULTILINE)) == 1, key
-
-
 def test_the_reference_has_units_bounds_and_shorthand(reference):
     chain = section(reference, "chain")
     assert "| `arm` | number, m; > 0 | – |" in chain
     assert "| `eccentricity` | four numbers, rad; each > -0.1 and < 0.1 | `[0, 0, 0, 0]` |" in chain
     assert '| `actuator` | `"revolute"`, `"prismatic"`, `"telescopic"` | **needed** |' in chain
     assert all(f"| `{key}` |" in section(reference, "top-level") for key in SHORTHAND)
-
-
-def commands(group, name: str):
-    """Every command below a group: its full name, and what it takes."""
-    yield name, group.params
-    for sub in getattr(group, "commands", {}).values():
-        yield from commands(sub, f"{name} {sub.name}")
-
-
-@pytest.mark.parametrize("name, params", list(commands(typer.main.get_command(app), "truepose")))
-def test_the_reference_has_every_command_and_option(site, name, params):
-    text = f"# `truepose`\n{site['generate'].commands()}"
-    told = re.split(rf"^#+ `{name}`$", text, flags=re.MULTILINE)[1].split("\n## ")[0]
-    for param in params:
-        for word in param.opts if param.param_type_name == "option" else [param.name]:
-            assert re.search(rf"[`\s,]{word}[`\s,]", told), word
-
-
-def test_the_reference_has_every_public_name(site):
-    index, pages = site["generate"].python()
-    first, told = next(iter(pages.values())), "".join(pages.values())
-    assert re.findall(r"^## `([\w.]+)`$", first, flags=re.MULTILINE)[0] == "load"
-    names = re.findall(r"^## `([\w.]+)`$", told, flags=re.MULTILINE)
-    assert all(f"`{name}`" in index for name in names)
-    modules = {name for name in tp.__all__ if inspect.ismodule(getattr(tp, name))}
-    inner = {f"{room}.{name}" for room in modules for name in getattr(tp, room).__all__}
-    assert set(names) == {*tp.__all__} - modules | inner
-    for name in names:
-        *room, last = name.split(".")
-        where = ".".join(["truepose", *room])
-        assert re.search(rf"currentmodule:: {where}\n\n.. auto\w+:: {last}\n", told), name
 
 
 def pages() -> list[Path]:
@@ -210,42 +126,12 @@ def test_commands_of_a_page_run_in_their_order(page, run, plain_page, tmp_path):
         assert status == 0 or given or shown, f"{line}\n{said}"
 
 
-def test_every_command_that_is_run_elsewhere_is_on_a_page():
-    every = [line for page in pages() for line in shell(page)]
-    assert all(any(re.search(each, line) for line in every) for each in ELSEWHERE)
-
-
-#: Documented targets of make that no stage of .ci/run makes: tests that do the same, or why none.
-TARGETS = {
-    "reference": "tests/python/test_reference.py",
-    "dev": "tests/python/test_make_dev.py",
-    "page": "tests/python/deployments/test_page.py",
-    "report": "minutes of statistics beside reproduce",
-    "twin": "ten searches, minutes",
-    "bench": "times on this machine",
-    "bench-peers": "times on this machine",
-    "wheel": "a release",
-    "coverage": "minutes; a report",
-    "coverage-python": "minutes; a report",
-    "random-mutants": "minutes; drawn at random",
-}
-
-
-def test_every_documented_target_of_make_is_made_in_ci_or_has_a_reason():
-    makefile, ci = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", ".ci/run"))
-    made = set(re.findall(r'="make ([a-z][a-z-]*)', ci))
-    for target in list(made):
-        made |= set(re.search(rf"^{target}:(.*)$", makefile, re.M)[1].split())
-    documented = set()
+def test_every_documented_target_of_make_exists():
     for page in pages():
         text = "\n".join(shell(page) + re.findall(r"`(make [^`]*)`", page.read_text("utf-8")))
         for words in re.findall(r"\bmake((?: [a-z-]+)+)", re.sub(r" #.*", "", text)):
-            documented |= set(words.split()) - {"-"}
-    declared = set(re.findall(r"^([a-z-]+):", makefile, re.M))
-    assert documented <= declared
-    assert documented - made == set(TARGETS)
-    files = [where for where in TARGETS.values() if where.endswith(".py")]
-    assert all((ROOT / where).is_file() for where in files)
+            targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.M)
+            assert {*words.split()} <= {*targets, "-"}, page.name
 
 
 def scripts() -> dict[str, str]:
@@ -288,7 +174,7 @@ def test_the_site_is_built_without_a_warning_and_needs_no_network(site, tmp_path
     names = {page.stem for page in (SITE.parents[1] / "docs").glob("*.md")}
     assert names <= {page.stem for page in built.glob("*.html")}
     equations = (built / "ten-minutes.html").read_text(encoding="utf-8")
-    assert equations.count('<div class="equation"><svg') > 5
+    assert '<div class="equation"><svg' in equations
 
 
 def test_on_a_package_index_the_readme_has_absolute_links_to_files_that_exist():
@@ -300,13 +186,3 @@ def test_on_a_package_index_the_readme_has_absolute_links_to_files_that_exist():
     for link in own:
         path = re.sub(r"https://host/truepose/(raw|blob)/v1/|#.*", "", link)
         assert (SITE.parents[1] / path).exists(), link
-
-
-def test_headings_and_module_lines_state_their_subject():
-    assert questions("# Why?\n\n## How\n", "md") == [1]
-    assert questions('"""Does it work?"""\n', "py") == questions("// Why? So.\n", "hpp") == [1]
-    assert questions('"""What works."""\nwhy = "?"\n', "py") == []
-
-
-def test_banned_expressions_are_found_as_whole_words_but_not_in_a_pages_code():
-    assert banned("A reading lies.\nHe applies `lies`, of what\n") == [(1, "lies"), (2, "of what")]

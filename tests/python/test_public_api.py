@@ -1,7 +1,9 @@
 """The public API: names, docstrings, import cost."""
 
+import copy
 import inspect
 import operator
+import pickle
 import re
 import subprocess
 import sys
@@ -111,3 +113,22 @@ def test_types_are_told():
     assert (folder / "py.typed").is_file()
     if not (folder.parents[1] / "pyproject.toml").is_file():  # installed, not the sources
         assert "class Robot:" in (folder / "_core.pyi").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))])
+def test_copies_answer_bit_for_bit(copied, h4, truth, table2):
+    readings = truth.extended_positions(table2[::9])
+    fit, online = tp.calibrate(h4, readings), tp.OnlineCalibrator(h4)
+    online.observe(readings[:35])  # no whole number of rounds
+    assert copied(fit.robot) == fit.robot and copied(fit).chi2.tobytes() == fit.chi2.tobytes()
+    poses = [robot.estimate(readings).x for robot in (fit.robot, copied(fit.robot))]
+    assert poses[0].tobytes() == poses[1].tobytes()
+    same = copied(online)
+    for each in (online, same):
+        each.observe(readings[35:])
+    assert same.covariance.tobytes() == online.covariance.tobytes()
+    controller = tp.Controller(law="estimated")
+    runs = [
+        tp.simulate(h4, truth, c, duration=0.1, hold=0) for c in (controller, copied(controller))
+    ]
+    assert runs[0].x.tobytes() == copied(runs[1]).x.tobytes()

@@ -27,10 +27,6 @@ inline Vector with_equal_rods(const Estimate& of, const Delta& delta) {
 
 inline void write(Json& json, const char* name, const Bed& of) {
   json.key(name).open('{').member("rms_mm", Vector3(of.rms() / kMm));
-  for (const auto& [shape, known] :
-       {std::pair("scale", of.scale), std::pair("print_scale", of.print_scale),
-        std::pair("stretch", of.stretch), std::pair("skew", of.skew)})
-    json.key(shape).open('[').value(known.value).value(known.sigma).close(']');
   json.key("error_mm").open('[');
   for (std::size_t k = 0; k < of.points.size(); ++k) json.value(Vector3(of.error(k) / kMm));
   json.close(']').close('}');
@@ -100,8 +96,6 @@ inline void write_fit(Json& json, const Assessment& of) {
   json.member("distances_dof", of.judged.noise.dof[1])
       .member("detectable_mm", of.judged.least / kMm)
       .close('}');
-  json.key("scale").open('{').member("value", of.scale.value).member("sigma", of.scale.sigma);
-  json.member("verdict", verdict_of(of.scale_alone.sigma, of.scale.sigma)).close('}');
   json.key("bed").open('{').key("points").open('[');
   for (std::size_t k = 0; k < of.after.points.size(); ++k) {
     const Vector3& at = of.after.points[k];

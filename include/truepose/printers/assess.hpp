@@ -31,7 +31,6 @@ struct Assessment {
   Linear linear;
   std::vector<Residuals> fits, held_out;  ///< the file's, Klipper's, the estimate's; empty: too few
   Bed before, after;
-  Known scale_alone, scale;  ///< against nominal: by the heights alone, and by all
   std::vector<std::string> notes, words, assumptions;
   std::string verdict;
   bool rely = false;
@@ -116,9 +115,8 @@ inline std::string fit_in_words(const Assessment& of, bool as_klipper, bool hold
 inline std::vector<std::string> distances_in_words(const Assessment& of) {
   if (!of.extended())
     return {
-        "Heights alone: arms and scale are the drawing's, whatever a fit of them would say; "
-        "distances "
-        "on a print would tell more"};
+        "Heights alone: arms are the drawing's, whatever a fit of them would say; distances on a "
+        "print would tell more"};
   std::vector<std::string> lines;
   double low = HUGE_VAL, high = 0, sum = 0, best = HUGE_VAL, mean = kNaN, klippers = kNaN;
   const int count = int(of.printer.readings.size()) - of.heights();
@@ -146,12 +144,6 @@ inline std::vector<std::string> distances_in_words(const Assessment& of) {
                "mean predicts one that was left out to %s mm, %s to %s",
                count, low / kMm, high / kMm, name.substr(10).c_str(), shown_mm(mean).c_str(),
                name.c_str(), shown_mm(klippers).c_str()));
-  const std::string known = verdict_of(of.scale_alone.sigma, of.scale.sigma);
-  lines.push_back(format(
-      "Scale against the drawing: (%.1f ± %.1f)e-4: %s; to a calliper longer arms and a print "
-      "that shrinks less are one",
-      1e4 * of.scale.value, 1e4 * of.scale.sigma,
-      known == "barely" ? "barely identified" : known.c_str()));
   return lines;
 }
 
@@ -314,14 +306,6 @@ inline Assessment assess(std::string_view text, const Request& request) {
     of.held_out = held_out(delta, readings, of.klipper, nominal, of.judged);
     of.before = over_the_bed(delta, of.printer.p, of.estimate, of.printer.radius);
     of.after = over_the_bed(delta, p, of.estimate, of.printer.radius);
-    const Readings alone = heights_only(readings);
-    const Vector by_heights = klipper_fit(delta, nominal, alone);
-    of.scale = over_the_bed(delta, by_heights, of.estimate, of.printer.radius).scale;
-    of.scale_alone =
-        over_the_bed(delta, by_heights, estimate(delta, alone, of.prior, of.found_noise),
-                     of.printer.radius)
-            .scale;
-
     of.notes = of.printer.notes;
     const auto note = [&](const std::string& said) {
       if (!said.empty()) of.notes.push_back(said);

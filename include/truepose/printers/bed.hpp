@@ -1,4 +1,4 @@
-// Errors of a print over the bed, in scale and skew, and the most useful next readings.
+// Errors of the nozzle over the bed, and the most useful next readings.
 //
 // For position x, a printer with parameters p_c moves its motors to q = IKM(x; p_c). With the
 // estimate p̂ of covariance P its nozzle is at FKM(q; p̂), with covariance E P Eᵀ, E = ∂x/∂p. Common
@@ -9,18 +9,9 @@
 #include "truepose/printers/judge.hpp"
 
 namespace truepose::printers {
-/// A value and its σ.
-struct Known {
-  double value = kNaN, sigma = kNaN;
-};
-
 /// Predicted errors over the bed for the parameters in use; no points if they cannot reach it.
 struct Bed {
   std::vector<Vector3> points, offset, sigma;  ///< nozzle by the estimate − desired position; its σ
-  Known scale;        ///< of the nozzle's path, relative; positive: too large
-  Known print_scale;  ///< of a printed part, with shrinkage
-  Known stretch;      ///< of x against y, relative
-  Known skew;         ///< of the angle between x and y, rad; positive: leans to +x at +y
 
   Vector3 error(std::size_t k) const {
     return (offset[k].array().square() + sigma[k].array().square()).sqrt();
@@ -61,23 +52,19 @@ inline Bed over_the_bed(const Delta& delta, const Vector& used, const Estimate& 
   }
   const std::size_t count = bed.points.size();
   if (count < 2 * kRings) return {};
-  // Offsets of x and y by shifts, rotation, and dx = a x + b y, dy = c x + d y.
   const auto N = Eigen::Index(count);
-  Matrix affine = Matrix::Zero(2 * N, 6), planar(2 * N, p.size());
+  Matrix rigid(2 * N, 3), planar(2 * N, p.size());  // shifts and rotation of x and y
   Vector off(2 * N);
   for (Eigen::Index k = 0; k < N; ++k) {
     const std::size_t at = std::size_t(k);
-    affine.row(2 * k) << 1, 0, bed.points[at][0], bed.points[at][1], 0, 0;
-    affine.row(2 * k + 1) << 0, 1, 0, 0, bed.points[at][0], bed.points[at][1];
+    rigid.row(2 * k) << 1, 0, -bed.points[at][1];
+    rigid.row(2 * k + 1) << 0, 1, bed.points[at][0];
     planar.middleRows(2 * k, 2) = E[at].topRows(2);
     off.segment<2>(2 * k) = bed.offset[at].head<2>();
   }
-  Matrix rigid(2 * N, 3);
-  rigid << affine.leftCols(2), affine.col(4) - affine.col(3);
   const Matrix remove = (rigid.transpose() * rigid).inverse() * rigid.transpose();
   planar -= rigid * (remove * planar);
   off -= rigid * (remove * off);
-  const Matrix inverse = (affine.transpose() * affine).inverse() * affine.transpose();
   const Matrix covariance = found.covariance.topLeftCorner(p.size(), p.size());
   for (Eigen::Index k = 0; k < N; ++k) {
     const std::size_t at = std::size_t(k);
@@ -86,18 +73,6 @@ inline Bed over_the_bed(const Delta& delta, const Vector& used, const Estimate& 
     bed.sigma.push_back(
         (E[at] * covariance * E[at].transpose()).diagonal().cwiseMax(0).cwiseSqrt());
   }
-  Matrix L(4, 2 * N);
-  L << 0.5 * (inverse.row(2) + inverse.row(5)), 0.5 * (inverse.row(2) + inverse.row(5)),
-      inverse.row(2) - inverse.row(5), inverse.row(3) + inverse.row(4);
-  Matrix slope = Matrix::Zero(4, found.theta.size());
-  slope.leftCols(p.size()) = L * planar;
-  slope(1, p.size()) = -1;  // κ
-  Vector value = L * off;
-  value[1] -= found.shrinkage();
-  const Vector sigma =
-      (slope * found.covariance * slope.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
-  Known* shape[] = {&bed.scale, &bed.print_scale, &bed.stretch, &bed.skew};
-  for (int k = 0; k < 4; ++k) *shape[k] = {value[k], sigma[k]};
   return bed;
 }
 

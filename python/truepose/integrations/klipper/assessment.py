@@ -19,18 +19,16 @@ import numpy as np
 
 from truepose import _core, files
 from truepose.arguments import Array
-from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError
 
 MM, DEGREE = 1e-3, math.pi / 180
-TOWERS = "abc"
 #: Largest file, bytes: a klippy.log.
 MOST_LOG = 100_000_000
 #: Assumed σ of build and measurements that a caller can change, in the core's order; m, rad.
 SIGMA = ("arm", "angle", "radius", "endstop", "height", "distance", "shrinkage", "width")
 #: Names of the firmwares with lines to send.
 FIRMWARES = {"marlin": "Marlin", "rrf": "RepRapFirmware"}
-ESTIMATE, MEAN = "estimate with tolerances", "plain mean"
+ESTIMATE = "estimate with tolerances"
 #: SI values of the answer's units, and their names.
 UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
 
@@ -44,14 +42,10 @@ class Residuals(NamedTuple):
 
 
 class Bed(NamedTuple):
-    """Predicted errors over the bed for the parameters in use; value and σ of its shape."""
+    """Predicted errors over the bed for the parameters in use."""
 
     error: Array  #: (N, 3) expected root mean square error at :attr:`Assessment.points`, m
     rms: Array  #: (3,) of x, y, z, m
-    scale: tuple[float, float]  #: of the nozzle's path, relative
-    print_scale: tuple[float, float]  #: of a printed part, with shrinkage
-    stretch: tuple[float, float]  #: of x against y, relative
-    skew: tuple[float, float]  #: of the angle between x and y, rad
 
 
 @dataclass(frozen=True)
@@ -86,11 +80,6 @@ class Assessment:
         """Covariance of the estimated parameters, then of shrinkage κ and width b."""
         return np.array(self.answer["covariance"])
 
-    @property
-    def radius(self) -> float:
-        """Radius of the printed or probed bed, m."""
-        return MM * self.answer["radius_mm"]
-
     def readings(self, distance: bool = False) -> list[dict[str, Any]]:
         """Return the heights, or the distances."""
         return [reading for reading in self.answer["readings"] if reading["distance"] == distance]
@@ -124,31 +113,18 @@ class Assessment:
     def bed(self, key: str) -> Bed:
         """Return the errors with the file's parameters ("now") or the estimate ("after")."""
         of = self.answer["bed"][key]
-        shape = (tuple(np.array(of[name], dtype=float).tolist()) for name in Bed._fields[2:])
         error = MM * np.array(of["error_mm"], dtype=float).reshape(-1, 3)
-        return Bed(error, MM * np.array(of["rms_mm"], dtype=float), *shape)
+        return Bed(error, MM * np.array(of["rms_mm"], dtype=float))
 
     @cached_property
     def points(self) -> Array:
         """Points over the bed, (N, 2), m."""
         return MM * np.array([point[:2] for point in self.answer["bed"]["points"]])
 
-    @cached_property
-    def learnt(self) -> dict[str, Learnt]:
-        """Every free parameter before and after, m, rad; κ and b last, for distances."""
-        return {
-            row["name"]: Learnt(*(UNITS[row["unit"]][0] * row[key] for key in _LEARNT))
-            for row in self.answer["parameters"]
-            if row["prior_sigma"] is not None
-        }
-
     def noise(self, kind: str) -> float:
         """Return the standard deviation of Student's t of "heights" or "distances", m."""
         of, dof = self.answer["noise"], self.answer["noise"][f"{kind}_dof"]
         return MM * of[f"{kind}_mm"] * math.sqrt(dof / (dof - 2))
-
-
-_LEARNT = ("prior", "prior_sigma", "estimate", "sigma")
 
 
 def assess(

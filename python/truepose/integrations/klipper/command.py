@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from truepose import files, robotfile
+from truepose import files
 from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
-from truepose.integrations.klipper import backups, output, review
+from truepose.integrations.klipper import backups, review
 from truepose.integrations.klipper.assessment import FIRMWARES, MM, Assessment, read
 from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
@@ -33,10 +32,6 @@ def command(
         Path | None,
         typer.Option(help="New printer.cfg with the estimate; no file is ever replaced by it."),
     ] = None,
-    robot: Annotated[
-        Path | None, typer.Option(help="Robot file to write: the printer by the estimate.")
-    ] = None,
-    report: Annotated[Path | None, typer.Option(help="Report to write (HTML).")] = None,
     arm: Annotated[
         float | None,
         typer.Option(
@@ -74,13 +69,13 @@ def command(
     """Calibrate a delta printer from the readings that Klipper's delta_calibrate saved.
 
     Prints the fit of the file's parameters, of Klipper's criterion and of the estimate with stated
-    tolerances; σ of each parameter; the error of held-out heights and of a print; and whether to
+    tolerances; σ of each parameter; the error of held-out heights and over the bed; and whether to
     use the estimate.
 
     --plan adds the next points to measure; without readings, the first ones. --points writes the
     heights among them for Klipper.
 
-    Example: **truepose klipper printer.cfg --report printer.html --write new.cfg**
+    Example: **truepose klipper printer.cfg --write new.cfg**
     """
     if points and next_readings is None:
         raise InputError("--points: writes the heights of --plan N: give that too")
@@ -93,17 +88,9 @@ def command(
         outputs[new] = _config_text
     if points:
         outputs[files.Output(points, "points", "--points")] = review.points_text
-    if robot:
-        outputs[robotfile.output(robot, "--robot")] = output.robot_text
-    if report:
-        from truepose.integrations.klipper import figures
-
-        outputs[files.Output(report, "report", "--report")] = partial(
-            figures.page, source=config.name
-        )
     files.check(outputs, [config], force)
     found = read(config, plan=next_readings or 0, **options)
-    if "readings" not in found.answer and (write or robot or report or backup):
+    if "readings" not in found.answer and (write or backup):
         read(config, **options)  # the error of a file without readings
     files.write({file: text(found) for file, text in outputs.items()}, [config], force)
     answer = found.answer
@@ -120,7 +107,7 @@ def command(
         words.insert(0, verdict)
     shown = [*further, *(narrow(tables) if how is Format.table and tables else tables)]
     show(shown, how, [f"{line}." for line in words])
-    wrote(how, write, robot, report, points)
+    wrote(how, write, points)
 
 
 def _config_text(found: Assessment) -> str:
@@ -132,8 +119,8 @@ def _config_text(found: Assessment) -> str:
 
 
 def narrow(tables: list[Table]) -> list[Table]:
-    """Return the columns that fit on 80 characters; the report and programs get all."""
-    fits, parameters, *held_out, prints = tables
+    """Return the columns that fit on 80 characters; programs get all."""
+    fits, parameters, *others = tables
     rows = [row for row in parameters.rows if row[4]]
     parameters = Table(parameters.name, parameters.title, parameters.header, rows)
-    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *held_out, prints.columns(0, 1, 2, 3, 4, 7)]
+    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *others]

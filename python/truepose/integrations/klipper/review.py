@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.integrations.klipper.assessment import MM, UNITS, Assessment, Bed, rms
+from truepose.integrations.klipper.assessment import MM, UNITS, Assessment, rms
 from truepose.show.table import Cell, Table, fixed
 
 
 def tables(found: Assessment) -> list[Table]:
     """Return every table in reading order."""
     left_out = [held_out(found)] if found.held_out else []
-    return [fits(found), parameters(found), *left_out, prints(found)]
+    return [fits(found), parameters(found), *left_out, bed(found)]
 
 
 def fits(found: Assessment) -> Table:
@@ -54,16 +54,12 @@ def held_out(found: Assessment) -> Table:
     return _without_empty(Table("held_out", title, header, rows))
 
 
-def prints(found: Assessment) -> Table:
-    """Return the expected errors of a print with the file's parameters and with the estimate."""
-    rows, shapes = [], ("scale", "as printed", "x against y", "skew")
-    for name, key in (("the file's parameters", "now"), (found.fits[-1].name, "after")):
-        bed: Bed = found.bed(key)
-        shape = [_on_100(what, *value) for what, value in zip(shapes, bed[2:], strict=True)]
-        rows.append([name, *map(mm, bed.rms), *shape])
-    header = ["expected error over the bed", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
-    header += [f"{what} (mm on 100)" for what in shapes]
-    return Table("prints", "What a print would show", header, rows)
+def bed(found: Assessment) -> Table:
+    """Return the expected errors over the bed with the file's parameters and with the estimate."""
+    keys = (("the file's parameters", "now"), (found.fits[-1].name, "after"))
+    rows = [[name, *map(mm, found.bed(key).rms)] for name, key in keys]
+    header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
+    return Table("bed", "Errors over the bed, less common shift and rotation", header, rows)
 
 
 #: Klipper's names of a planned reading's stable positions.
@@ -124,13 +120,6 @@ def _all(values: Array) -> float:
 
 def _worst(values: Array) -> float:
     return float(np.max(np.abs(values))) if len(values) else math.nan
-
-
-def _on_100(what: str, value: float, sigma: float) -> Cell:
-    """Return a relative value in mm per 100 mm, with its σ."""
-    value, sigma = 100 * value, 100 * sigma
-    text = f"{round(value, 2) + 0.0:+.2f} ± {sigma:.2f}" if math.isfinite(value) else ""
-    return Cell(text, {f"{what} (mm on 100)": value, f"{what}, σ (mm on 100)": sigma})
 
 
 def _without_empty(table: Table) -> Table:

@@ -4,11 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from printer_files import REAL, changed, made_printer, made_text, read, text_of
+from printer_files import REAL, changed, made_printer, read, text_of
 from printer_trials import ASSUMED, made
 
 import truepose as tp
-from truepose.integrations.klipper import figures, output
 from truepose.integrations.klipper.assessment import ESTIMATE, MM, assess, rms
 
 #: z rms that Klipper's parameters leave, mm.
@@ -68,13 +67,8 @@ def test_calliper_distances_left_out():
     assert left[ESTIMATE] < 0.057
 
 
-def test_twelve_nearly_equal_distances_support_neither_nine_parameters_nor_a_scale():
-    found = assess(read("phnxdrgn536"))
-    words, scale = " ".join(found.answer["words"]), found.answer["scale"]
-    assert "do not support nine parameters" in words
-    assert scale["verdict"] == "barely"
-    assert abs(scale["value"]) < scale["sigma"] < 1.2e-3
-    assert "barely identified" in words
+def test_twelve_nearly_equal_distances_do_not_support_nine_parameters():
+    assert "do not support nine parameters" in " ".join(words_of(read("phnxdrgn536")))
 
 
 def test_words_say_whether_to_use_it():
@@ -89,7 +83,7 @@ def test_words_say_whether_to_use_it():
         words[0] == "The file's parameters cannot bring the nozzle to where its readings were taken"
     )
     assert words[-1].endswith("with the file's parameters the nozzle does not reach the bed")
-    assert len(found.bed("now").error) == 0 and len(figures.bed(found).axes) == 9
+    assert len(found.bed("now").error) == 0
     assert words_of(read("fzechert"))[-1].startswith("Keep the file's")
 
 
@@ -122,21 +116,6 @@ def test_arms_that_nobody_made_are_named(arms, with_readings):
     found = assess(text)
     assert any(said in note for note in found.answer["notes"])
     assert abs(found.p[4:7] - truth.p[4:7]).max() < 1.5 * MM  # 288, whatever the file says
-
-
-@pytest.mark.parametrize("kinematics", ["delta", "rotary_delta"])
-def test_a_robot_file_has_the_estimate_and_its_covariance(kinematics, tmp_path):
-    found = assess(made_text(kinematics, seed=3)[0])
-    (tmp_path / "printer.toml").write_text(output.robot_text(found), encoding="utf-8")
-    robot = tp.load(tmp_path / "printer.toml")
-    rows = np.array([reading["steps"][0] for reading in found.readings()])
-    x = found.delta.positions(found.p, rows)
-    np.testing.assert_allclose(robot.fkm(-rows * found.step), x, atol=1e-9)
-    J = np.array([found.delta.slopes(found.p, at) for at in x])
-    noise = robot.jacobian(x) ** 2 @ robot.reading_sigma**2
-    own = np.einsum("nip,pq,niq->ni", J, found.covariance[:-2, :-2], J) + noise
-    told = np.diagonal(tp.accuracy(robot, x), axis1=1, axis2=2)
-    np.testing.assert_allclose(told, own, rtol=1e-3)
 
 
 def test_a_value_in_the_file_itself_is_taken_out_when_it_is_written():
