@@ -19,8 +19,8 @@ import time
 import numpy as np
 
 import truepose as tp
-from truepose.integrations.workbench import serve
 from truepose.robot.frames import frames
+from truepose_workbench import serve
 
 ROBOTS = ("h4", "delta", "stewart", "hexa")
 

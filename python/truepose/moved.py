@@ -11,9 +11,12 @@ from types import ModuleType
 from truepose.exceptions import InputError
 
 #: Package of each command that moved; a point separates groups.
-COMMANDS = {"maslow": "sleds"}
+COMMANDS = {"maslow": "sleds", "workbench": "workbench"}
 #: New name of each module that moved.
-MODULES = {"truepose.integrations.maslow": "truepose_sleds"}
+MODULES = {
+    "truepose.integrations.maslow": "truepose_sleds",
+    "truepose.integrations.workbench": "truepose_workbench",
+}
 
 
 def answer(name: str, package: str) -> Callable[[], None]:

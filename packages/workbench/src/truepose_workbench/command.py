@@ -11,10 +11,10 @@ import typer
 from truepose.commands.design import parse_prices
 from truepose.commands.options import completing
 from truepose.exceptions import TrueposeError
-from truepose.integrations.workbench import serve
-from truepose.integrations.workbench.state import begin, demonstration
 from truepose.robot.robot import list_robots, load
 from truepose.show.terminal import say
+from truepose_workbench import serve
+from truepose_workbench.state import begin, demonstration
 
 
 def command(
@@ -53,11 +53,9 @@ def command(
     """Open a robot in the browser: move it, add errors, choose sensors, play a log.
 
     The default is an H4 with one rod 3 mm too long; one button calibrates it from its own readings.
-    Needs viser: pip install "truepose[workbench]".
 
     Example: **truepose workbench h4**
     """
-    serve.require()
     subject = demonstration() if robot is None else begin(load(robot))
     try:
         if not no_browser:

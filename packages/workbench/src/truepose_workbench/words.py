@@ -8,15 +8,15 @@ from html import escape
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.integrations.workbench.answers import Rest
-from truepose.integrations.workbench.playback import Playback, rms
-from truepose.integrations.workbench.state import State
 from truepose.robot.kinematics import Conditioning
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles, in_print, summed
 from truepose.show.table import number
 from truepose.show.units import PRINT, printed
+from truepose_workbench.answers import Rest
+from truepose_workbench.playback import Playback, rms
+from truepose_workbench.state import State
 
 #: Colours of the fault monitor's status.
 LIGHTS = {"valid": "#009e73", "suspect": "#e69f00", "failed": "#d55e00"}

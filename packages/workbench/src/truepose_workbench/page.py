@@ -15,12 +15,12 @@ from viser import GuiApi, ViserServer
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import TrueposeError, one_line
-from truepose.integrations.workbench import answers, charts, words
-from truepose.integrations.workbench.charts import LAW_COLOURS, MAPS
-from truepose.integrations.workbench.guard import Guard
-from truepose.integrations.workbench.scene import Scene
-from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, Law, usual
+from truepose_workbench import answers, charts, words
+from truepose_workbench.charts import LAW_COLOURS, MAPS
+from truepose_workbench.guard import Guard
+from truepose_workbench.scene import Scene
+from truepose_workbench.state import State
 
 FRAMES = 20  #: animation frames per second
 #: Changes that follow one another within this time, s, are undone together.

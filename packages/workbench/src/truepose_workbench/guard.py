@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from truepose.integrations.workbench.head import own
+from truepose_workbench.head import own
 
 
 class Guard:

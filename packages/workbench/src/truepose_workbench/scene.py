@@ -12,13 +12,13 @@ from viser import TransformControlsHandle, ViserServer
 from viser.transforms import SE3, SO3
 
 from truepose.arguments import Array
-from truepose.integrations.workbench.answers import Rest, skeletons
-from truepose.integrations.workbench.charts import LAW_COLOURS, rgb, shades
-from truepose.integrations.workbench.overlays import Overlays
-from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.parts import COLOURS, Part, parts_of
+from truepose_workbench.answers import Rest, skeletons
+from truepose_workbench.charts import LAW_COLOURS, rgb, shades
+from truepose_workbench.overlays import Overlays
+from truepose_workbench.state import State
 
 #: Line width of a sensor by its kind; the others are discs at a joint.
 _LINES = {"distance": 1.0, "plane_distance": 2.5, "coordinate": 2.5, "rod_length": 1.0}

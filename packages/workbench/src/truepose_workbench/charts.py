@@ -10,12 +10,12 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget
 from truepose.design.selection import SensorSelection, described
-from truepose.integrations.workbench.decision import paid
-from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS
 from truepose.robot.units import summed
 from truepose.show.table import number
 from truepose.show.units import PRINT
+from truepose_workbench.decision import paid
+from truepose_workbench.state import State
 
 #: Colours of a line, and of the sensors in use.
 LINE, USED = "#0072b2", "#d55e00"

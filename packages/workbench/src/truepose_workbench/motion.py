@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import HEALTH, SYMPTOMS, FaultMonitor
-from truepose.integrations.workbench.state import State
 from truepose.robot.laws import Law
 from truepose.simulation.paths import Waypoints, default_move
 from truepose.simulation.simulate import Simulation, simulate
+from truepose_workbench.state import State
 
 LAPS, LEG = 2, 0.6  #: laps (there and back) of a run; time of one way, s
 
@@ -26,7 +26,7 @@ def run(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.workbench.state import begin
+    >>> from truepose_workbench.state import begin
     >>> state = begin(tp.load("h4"))
     >>> before, after = run(state), run(state, faults=[tp.faults.Fault("theta", "stuck", at=1.0)])
     >>> bool((before.x[:1000] == after.x[:1000]).all()), after.failed

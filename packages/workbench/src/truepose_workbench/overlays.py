@@ -14,10 +14,10 @@ from viser.transforms import SO3
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import InputError
-from truepose.integrations.workbench.answers import conditioning_map, ellipsoids, error_map
-from truepose.integrations.workbench.charts import MAPS, USED, rgb, shades
-from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames
+from truepose_workbench.answers import conditioning_map, ellipsoids, error_map
+from truepose_workbench.charts import MAPS, USED, rgb, shades
+from truepose_workbench.state import State
 
 #: Largest half axis of an ellipsoid, as a share of the robot's size.
 _LARGEST = 0.06

@@ -12,10 +12,10 @@ from truepose.calibration import log_checks, review
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.review import Assessment
 from truepose.exceptions import InputError
-from truepose.integrations.workbench.state import State
 from truepose.logs import Log
 from truepose.robot.robot import Robot
 from truepose.simulation.simulated_log import simulate_log
+from truepose_workbench.state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def calibrated(played: Playback) -> Playback:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.workbench.state import begin
+    >>> from truepose_workbench.state import begin
     >>> state = begin(tp.load("h4")).with_drawn_errors(seed=2)
     >>> played = calibrated(simulated_log(state, poses=40))
     >>> before, after = (np.nanstd(e.residual) for e in (played.before, played.after))

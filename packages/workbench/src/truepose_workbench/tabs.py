@@ -10,18 +10,18 @@ import numpy as np
 from viser import GuiApi
 
 from truepose.arguments import Array
-from truepose.integrations.workbench import words
-from truepose.integrations.workbench.charts import MAPS
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.state import (
+from truepose.robot.laws import LAWS
+from truepose.robot.units import Axis, coordinate_axes, in_print, reading_axes
+from truepose_workbench import words
+from truepose_workbench.charts import MAPS
+from truepose_workbench.page import Page, Tab
+from truepose_workbench.state import (
     State,
     error_range,
     groups,
     motor_range,
     pose_range,
 )
-from truepose.robot.laws import LAWS
-from truepose.robot.units import Axis, coordinate_axes, in_print, reading_axes
 
 _STEPS = 400  #: steps of a slider
 

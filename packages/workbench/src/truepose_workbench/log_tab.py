@@ -13,11 +13,11 @@ from truepose import logs
 from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
-from truepose.integrations.workbench import charts, playback, words
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.playback import Playback
-from truepose.integrations.workbench.state import State
 from truepose.robot.units import in_print
+from truepose_workbench import charts, playback, words
+from truepose_workbench.page import Page, Tab
+from truepose_workbench.playback import Playback
+from truepose_workbench.state import State
 
 _LINES = 5  #: rows of a log played per second
 _POSES = 40  #: poses of a simulated log

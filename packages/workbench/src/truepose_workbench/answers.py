@@ -9,14 +9,14 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import Accuracy, accuracy
 from truepose.exceptions import InputError, TrueposeError
-from truepose.integrations.workbench.decision import error_at
-from truepose.integrations.workbench.state import State, pose_range
 from truepose.robot.frames import frames, rotation_vector
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.robot.workspace import samples_or_home
 from truepose.simulation.equilibrium import steady_state
+from truepose_workbench.decision import error_at
+from truepose_workbench.state import State, pose_range
 
 #: Cases of the accuracy by their label on the page: (self-calibrated, referenced).
 HOWS = {
@@ -44,7 +44,7 @@ def rests(state: State) -> dict[Law, Rest]:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.workbench.state import begin
+    >>> from truepose_workbench.state import begin
     >>> state = begin(tp.load("h4")).with_errors({"chain1.rod": 0.003})
     >>> found = rests(state.sent([0.05, 0.05, -0.4, 0.2]))
     >>> found["cartesian"].turn < 1e-9 < found["tej"].turn < found["joint"].turn

@@ -11,13 +11,13 @@ from viser import GuiApi, uplot
 from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
-from truepose.integrations.workbench import charts, motion, words
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, usual
 from truepose.robot.units import reading_units, summed
 from truepose.show.units import printed
 from truepose.simulation.simulate import Simulation
+from truepose_workbench import charts, motion, words
+from truepose_workbench.page import Page, Tab
+from truepose_workbench.state import State
 
 #: Label, unit and usual value of a fault's size, by the core's name of its unit.
 _SIZES = {

@@ -1,7 +1,7 @@
 """Pictures of the workbench: docs/pictures/workbench.png, -phone.png, and the animation .webp.
 
-Run as ``python tools/workbench_pictures.py``; needs viser, playwright, Pillow and Debian's chromium
-(or another, named by CHROMIUM). Actions of a user are simulated on the page.
+Run as ``python packages/workbench/tools/pictures.py``; needs playwright, Pillow and Debian's
+chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from PIL import Image
 from playwright.sync_api import Page as Seen
 from playwright.sync_api import sync_playwright
 
-from truepose.integrations.workbench import serve
-from truepose.integrations.workbench.state import demonstration
 from truepose.robot.frames import frames
 from truepose.robot.robot import load
+from truepose_workbench import serve
+from truepose_workbench.state import demonstration
 
-PICTURES = Path(__file__).parents[1] / "docs/pictures"
+PICTURES = Path(__file__).parents[3] / "docs/pictures"
 PORT = 8199
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}

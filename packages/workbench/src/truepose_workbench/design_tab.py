@@ -16,11 +16,11 @@ from truepose.commands.plan import notes, written
 from truepose.design.pose_plan import PosePlan
 from truepose.design.selection import SensorSelection
 from truepose.exceptions import TrueposeError, one_line
-from truepose.integrations.workbench import answers, charts, decision, words
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.state import State
 from truepose.robot.units import label, summed
 from truepose.show.units import measured
+from truepose_workbench import answers, charts, decision, words
+from truepose_workbench.page import Page, Tab
+from truepose_workbench.state import State
 
 #: Price of a sensor without one, in any currency.
 _ASSUMED = 100.0

@@ -7,6 +7,8 @@ import importlib.metadata
 import itertools
 import re
 import socket
+import subprocess
+import sys
 import time
 import webbrowser
 from dataclasses import replace
@@ -18,7 +20,9 @@ from browsing import browser  # noqa: F401 – a fixture
 
 import truepose as tp
 from truepose.exceptions import InputError, PoseError, TrueposeError
-from truepose.integrations.workbench import (
+from truepose.robot.frames import frames
+from truepose.robot.laws import LAWS
+from truepose_workbench import (
     answers,
     charts,
     decision,
@@ -27,8 +31,9 @@ from truepose.integrations.workbench import (
     serve,
     words,
 )
-from truepose.integrations.workbench.decision import Terms
-from truepose.integrations.workbench.state import (
+from truepose_workbench.decision import Terms
+from truepose_workbench.scene import Scene
+from truepose_workbench.state import (
     begin,
     demonstration,
     error_range,
@@ -36,8 +41,6 @@ from truepose.integrations.workbench.state import (
     motor_range,
     pose_range,
 )
-from truepose.robot.frames import frames
-from truepose.robot.laws import LAWS
 
 
 @pytest.fixture
@@ -243,6 +246,11 @@ def test_a_log_in_degrees_is_refused_in_one_line(state):
         playback.opened(state.drawn, tp.logs.of(state.drawn, table))
 
 
+def test_the_help_of_the_command_line_loads_no_viser():
+    code = "import sys, truepose.commands.cli; sys.exit('viser' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_words_are_no_markup(h4):
     assert "<b>" not in words.note("<b>")
     assert (
@@ -267,7 +275,6 @@ def free() -> int:
 
 
 def test_a_port_in_use_is_one_line(run):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     with taken() as held:
         port = held.getsockname()[1]
         status, out, err = run("workbench", "h4", "--port", port, "--no-browser")
@@ -276,15 +283,7 @@ def test_a_port_in_use_is_one_line(run):
     assert err == f"truepose: error: {where}: Address already in use; choose another\n"
 
 
-def test_without_viser_one_line_names_the_extra(run, monkeypatch):
-    monkeypatch.setattr(serve.importlib.util, "find_spec", lambda name: None)
-    status, out, err = run("workbench", "h4", "--no-browser")
-    assert (status, out) == (2, "")
-    assert err == 'truepose: error: the workbench needs viser: pip install "truepose[workbench]"\n'
-
-
 def test_without_a_browser_one_line_says_what_else(run, monkeypatch):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
 
     def none():
         raise webbrowser.Error("could not locate runnable browser")
@@ -299,7 +298,6 @@ def test_without_a_browser_one_line_says_what_else(run, monkeypatch):
 
 
 def test_a_log_that_is_not_there_ends_the_page(run):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     port = free()
     status, _, err = run("workbench", "h4", "--port", port, "--no-browser", "--log", "no.csv")
     assert status == 2
@@ -310,7 +308,6 @@ def test_a_log_that_is_not_there_ends_the_page(run):
 @pytest.fixture
 def page(h4):
     """Return a served page of an H4 that is not as drawn."""
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     served = serve.open_page(h4, port=free())
     with served.doing():
         served.state = served.state.with_drawn_errors(seed=1)
@@ -391,11 +388,8 @@ def test_other_sites_and_who_has_no_token_get_nothing(page, spoilt):
 
 
 def test_a_viser_that_cannot_be_guarded_serves_nothing(h4, monkeypatch):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
-    monkeypatch.setattr("truepose.integrations.workbench.guard.Guard._guarded", None)
-    monkeypatch.setattr(
-        "truepose.integrations.workbench.guard.Guard.installed", contextlib.nullcontext
-    )
+    monkeypatch.setattr("truepose_workbench.guard.Guard._guarded", None)
+    monkeypatch.setattr("truepose_workbench.guard.Guard.installed", contextlib.nullcontext)
     port = free()
     with pytest.raises(TrueposeError, match="cannot guard this viser"):
         serve.open_page(h4, port=port)
@@ -403,7 +397,6 @@ def test_a_viser_that_cannot_be_guarded_serves_nothing(h4, monkeypatch):
 
 
 def test_the_command_prints_the_token_and_the_network_s_address(run, monkeypatch):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     monkeypatch.setattr(serve, "own_address", lambda: "10.1.2.3")
     monkeypatch.setattr(serve, "serve", lambda page: page.stop())
     port = free()
@@ -424,7 +417,6 @@ def test_a_drag_moves_the_sliders_and_one_out_of_reach_says_why(page, h4):
 
 
 def test_the_first_minute_calibrates_a_robot_whose_rod_is_too_long():
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     served = serve.open_page(demonstration(), port=free())
     try:
         assert served.state.errors == pytest.approx({"chain3.rod": 0.003})
@@ -611,7 +603,6 @@ def test_a_map_has_a_legend_and_is_kept_while_it_is_true(page, map_):
 
 
 def test_a_platform_that_only_turns_has_neither_ellipsoids_nor_a_map_of_places():
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     served = serve.open_page(tp.load("g1-ankle"), port=free())
     try:
         assert not served.scene.overlays._ellipsoids.visible
@@ -676,9 +667,6 @@ def test_in_a_browser_keys_choose_sensors_and_every_control_has_a_name(
 
 
 def test_a_handle_shifts_or_turns_what_is_free(any_robot):
-    pytest.importorskip("viser")
-    from truepose.integrations.workbench.scene import Scene
-
     added = []
     scene = Scene.__new__(Scene)
     handle = SimpleNamespace(on_update=lambda function: function)
