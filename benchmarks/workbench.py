@@ -80,7 +80,8 @@ def drags(name: str, repeats: int, shown: bool) -> np.ndarray:
             x = robot.home + 0.3 * (rng.uniform(box.minimum, box.maximum) - robot.home)
             frame = frames(robot, x)
             begun = time.time(), time.process_time()
-            page._dragged(frame, False)
+            with page.doing():
+                page.drag(frame, False)
             used = time.process_time() - begun[1]
             took.append((picture(begun[0]) - begun[0], used))
             time.sleep(0.02 if shown else 0)

@@ -1,7 +1,5 @@
 """Access control of the workbench: a token, and requests of its own page only."""
 
-from __future__ import annotations
-
 import contextlib
 import ipaddress
 import secrets
