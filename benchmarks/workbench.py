@@ -19,8 +19,8 @@ import time
 import numpy as np
 
 import truepose as tp
-from truepose.integrations.workbench import serve
 from truepose.robot.frames import frames
+from truepose_workbench import serve
 
 ROBOTS = ("h4", "delta", "stewart", "hexa")
 
@@ -80,7 +80,8 @@ def drags(name: str, repeats: int, shown: bool) -> np.ndarray:
             x = robot.home + 0.3 * (rng.uniform(box.minimum, box.maximum) - robot.home)
             frame = frames(robot, x)
             begun = time.time(), time.process_time()
-            page._dragged(frame, False)
+            with page.doing():
+                page.drag(frame, False)
             used = time.process_time() - begun[1]
             took.append((picture(begun[0]) - begun[0], used))
             time.sleep(0.02 if shown else 0)

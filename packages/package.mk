@@ -14,5 +14,5 @@ core:
 # The core is there: pip compares its version with the one that the package is pinned to.
 $(STAMP): pyproject.toml $(shell find src -type f -not -name '*.pyc') | core
 	@pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
-	@pip install --quiet --disable-pip-version-check .
+	@pip install --quiet --disable-pip-version-check ".$(EXTRA)"
 	@touch $@

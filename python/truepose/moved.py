@@ -11,12 +11,13 @@ from types import ModuleType
 from truepose.exceptions import InputError
 
 #: Package of each command that moved; a point separates groups.
-COMMANDS = {"maslow": "sleds"}
+COMMANDS = {"maslow": "sleds", "workbench": "workbench"}
 #: Package of each function of a study that moved.
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
     "truepose.integrations.maslow": "truepose_sleds",
+    "truepose.integrations.workbench": "truepose_workbench",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",

@@ -5,9 +5,10 @@ import re
 import pytest
 from browsing import browser  # noqa: F401 – a fixture
 
+import truepose as tp
+from truepose.calibration import review
 from truepose.commands import calibration_figures
-from truepose.integrations.workbench.playback import calibrated, simulated_log
-from truepose.integrations.workbench.state import begin
+from truepose.simulation.simulated_log import simulate_log
 
 MOST = 1_500_000  #: bytes of a report
 
@@ -16,8 +17,9 @@ MOST = 1_500_000  #: bytes of a report
 def report(h4, tmp_path_factory):
     """Return the page of a calibration with many sensors."""
     robot = h4.with_sensors("theta", "z_telemeter", "elbow1", "elbow2")
-    state = begin(robot).with_drawn_errors(seed=1)
-    assessment = calibrated(simulated_log(state, poses=40)).assessment
+    q_e = simulate_log(robot, robot.sample(1), poses=40).q_e
+    log = tp.logs.of(robot, dict(zip(robot.readings, q_e.T, strict=True)))
+    assessment = review.assess(robot.expected(), log, [], loss="student")
     path = tmp_path_factory.mktemp("report") / "report.html"
     text = calibration_figures.page(assessment, "log.csv", "student")
     path.write_text(text, encoding="utf-8")

@@ -21,7 +21,7 @@ SOURCES = sorted(ROOT.rglob("*.py"))
 ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
 #: Needs what is not installed everywhere.
-OPTIONAL = ("mujoco", "viser")
+OPTIONAL = ("mujoco",)
 
 
 def test_no_room_hides_a_public_function():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from answers import answer, numbers, page, some, tried
+from answers import answer, some, tried
 
 import truepose as tp
 
@@ -153,42 +153,6 @@ def test_studies(kept):
         tp.monte_carlo("calibration", "x1-ankle", 3, grid={"poses": [6]}, workers=0),
     ]
     kept(answer([[study.columns, study.table()] for study in found]))
-
-
-def test_workbench_state(kept):
-    from truepose.integrations.workbench import answers, motion, playback, state, words
-
-    h4 = tp.load("h4")
-    now = state.begin(h4).with_drawn_errors(seed=1).sent([0.03, -0.05, -0.42, 0.2])
-    rests, bounds = answers.rests(now), answers.bounds(now.robot)
-    run = motion.run(now, "tej", [tp.faults.Fault("theta", "stuck", at=0.2)])
-    played = playback.calibrated(playback.simulated_log(now, poses=20))
-    covariance = answers.covariance(now.robot, now.x_d[None], "as built")
-    found = [
-        rests,
-        bounds,
-        answers.conditioning_map(now, points=7),
-        numbers(run),
-        answers.ellipsoids(np.asarray(covariance)[:, :3, :3])[0],
-        answers.position_error(now, "tej", some(h4)),
-        answers.skeletons(now, h4.home, 5.0),
-        state.pose_range(h4),
-        state.motor_range(h4),
-        now.errors,
-        state.groups(h4),
-        [played.before.residual, played.after.residual, played.x[3]],
-    ]
-    colours = dict.fromkeys(rests, "#123456")
-    pages = [
-        words.laws(rests, colours),
-        words.pose(now, 20.0),
-        words.accuracy(h4, bounds),
-        words.errors(now),
-        words.residuals(played, 2),
-        words.conditioning(h4.conditioning(now.x_d)),
-        words.lights(motion.lights(run, 300)),
-    ]
-    kept(answer(found) + "\n".join(map(page, pages)))
 
 
 def test_paper(kept, h4, truth, table2):

@@ -1,7 +1,5 @@
 """`truepose workbench`."""
 
-from __future__ import annotations
-
 import webbrowser
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +9,9 @@ import typer
 from truepose.commands.design import parse_prices
 from truepose.commands.options import completing
 from truepose.exceptions import TrueposeError
-from truepose.integrations.workbench import serve
-from truepose.integrations.workbench.state import begin, demonstration
 from truepose.robot.robot import list_robots, load
 from truepose.show.terminal import say
+from truepose_workbench.state import begin, demonstration
 
 
 def command(
@@ -37,14 +34,14 @@ def command(
         ),
     ] = None,
     log: Annotated[Path | None, typer.Option(help="Log file to play back.")] = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the page.")] = serve.PORT,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the page.")] = 8080,
     host: Annotated[
         str,
         typer.Option(
             help="Address to serve on; 0.0.0.0: all addresses of this machine, for devices with "
             "the printed address."
         ),
-    ] = serve.HOST,
+    ] = "127.0.0.1",
     dark: Annotated[bool, typer.Option("--dark", help="Begin with a dark page.")] = False,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Serve the page without opening a browser.")
@@ -53,11 +50,11 @@ def command(
     """Open a robot in the browser: move it, add errors, choose sensors, play a log.
 
     The default is an H4 with one rod 3 mm too long; one button calibrates it from its own readings.
-    Needs viser: pip install "truepose[workbench]".
 
     Example: **truepose workbench h4**
     """
-    serve.require()
+    from truepose_workbench import serve  # with viser, which takes a second to load
+
     subject = demonstration() if robot is None else begin(load(robot))
     try:
         if not no_browser:

@@ -1,7 +1,5 @@
 """The tab that decides: sensors by budget, what limits their accuracy, calibration poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -15,12 +13,12 @@ from truepose.commands.options import file_text
 from truepose.commands.plan import notes, written
 from truepose.design.pose_plan import PosePlan
 from truepose.design.selection import SensorSelection
-from truepose.exceptions import TrueposeError, one_line
-from truepose.integrations.workbench import answers, charts, decision, words
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.state import State
+from truepose.exceptions import TrueposeError
 from truepose.robot.units import label, summed
 from truepose.show.units import measured
+from truepose_workbench import answers, charts, words
+from truepose_workbench.page import Page, Tab
+from truepose_workbench.state import State, Terms
 
 #: Price of a sensor without one, in any currency.
 _ASSUMED = 100.0
@@ -39,15 +37,15 @@ class DesignTab(Tab):
         self._of: tuple = ()  #: what the front is of
         self._with: tuple = ()  #: what the error budget is of
         self._affordable: tuple[str, ...] | None = None  #: sensors that the budget chose
-        self._played = 0.0
-        self._now = 0.0
-        of_file = {one.name: one.price for one in drawn.spec.sensor if one.price is not None}
-        assumed = dict.fromkeys((one.name for one in drawn.spec.sensor), _ASSUMED)
+        self._played = self._now = 0.0
+        sensors = drawn.spec.sensor
+        of_file = {one.name: one.price for one in sensors if one.price is not None}
+        assumed = dict.fromkeys((one.name for one in sensors), _ASSUMED)
         steps = drawn.spec.prices.model_dump(exclude_none=True) if drawn.spec.prices else {}
         self._prices = {**steps, **(prices or of_file or assumed)}  #: of candidates and STEPS
-        whole = sum(self._prices.values())
-        step = 10.0 ** np.floor(np.log10(max(whole, 1.0) / 50))
-        top = step * float(np.ceil(max(whole, 1.0) / step))
+        whole = max(sum(self._prices.values()), 1.0)
+        step = 10.0 ** np.floor(np.log10(whole / 50))
+        top = step * float(np.ceil(whole / step))
         start = step * float(np.ceil(self._spent(page.state) / step))
         terms = page.state.terms
         self._budget = page.on(
@@ -58,28 +56,22 @@ class DesignTab(Tab):
         poses = gui.add_slider("Calibration poses", 0, _MOST, 1, terms.poses, hint=hint)
         share = gui.add_slider("Confidence (%)", 50, 99, 1, round(100 * terms.confidence))
         home = gui.add_checkbox("Referenced", terms.referenced, hint="once, at home")
-        self._terms = {
-            "poses": page.on(poses, lambda n: self._agree(poses=int(n))),
-            "confidence": page.on(share, lambda percent: self._agree(confidence=percent / 100)),
-            "referenced": page.on(home, lambda on: self._agree(referenced=bool(on))),
-        }
-        self._said: Any = gui.add_html("")
-        self._bars: Any = gui.add_html("")
+        self._terms = [page.on(one, lambda _: self._agree()) for one in (poses, home, share)]
+        self._said = gui.add_html("")
+        self._bars = gui.add_html("")
         self._ticks = {}
-        for sensor in drawn.spec.sensor:
+        for sensor in sensors:
             hint, on = sensor.kind.replace("_", " "), sensor.name in drawn.sensors
             tick = gui.add_checkbox(self._priced(sensor.name), on, hint=hint)
             self._ticks[sensor.name] = page.on(tick, lambda _: self._use())
         page.on(gui.add_button("Plan the calibration poses"), lambda _: self._ask_plan())
-        self._told: Any = gui.add_html("")
-        self._run: Any = gui.add_checkbox("Play the plan", False)
+        self._told = gui.add_html("")
+        self._run = gui.add_checkbox("Play the plan", False)
         saves = gui.add_button_group("Save", ("robot", "plan", "report"))
         page.on(saves, self._save)
         with gui.add_folder("Prices", expand_by_default=False):
-            if any(sensor.price is None for sensor in drawn.spec.sensor):
-                gui.add_html(
-                    words.page(words.note("Assumed where neither file nor command has one"))
-                )
+            if len(of_file) < len(sensors):
+                gui.add_html(words.line("Assumed where neither file nor command has one"))
             for name, cost in self._prices.items():
                 page.on(gui.add_number(name, cost, min=0.0), partial(self._price, name))
 
@@ -102,16 +94,17 @@ class DesignTab(Tab):
         names = [name for name, tick in self._ticks.items() if tick.value]
         self.page.state = self.page.state.with_sensors(names)
 
-    def _agree(self, **terms: Any) -> None:
-        """Change what is done with each robot once, or the share that keeps the error."""
-        state = self.page.state
-        self.page.state = replace(state, terms=replace(state.terms, **terms))
+    def _agree(self) -> None:
+        """Take over what is done with each robot once, and the share that keeps the error."""
+        poses, home, share = (handle.value for handle in self._terms)
+        terms = Terms(int(poses), bool(home), share / 100)
+        self.page.state = replace(self.page.state, terms=terms)
 
     def _choose(self, budget: float) -> None:
         """Use the best sensors within the budget."""
         self._affordable = self.page.state.drawn.sensors  # until there is a front
         if self._front is not None:
-            choice = decision.within(self._front, budget)
+            choice = answers.within(self._front, budget)
             self._affordable = () if choice is None else choice.sensors
         self.page.state = self.page.state.with_sensors(self._affordable)
 
@@ -119,29 +112,28 @@ class DesignTab(Tab):
         """Predict again where sensors, terms or prices changed."""
         for name, tick in self._ticks.items():
             self.page.put(tick, name in state.drawn.sensors)
-        values = {"poses": state.terms.poses, "referenced": state.terms.referenced}
-        values["confidence"] = round(100 * state.terms.confidence)
-        for name, handle in self._terms.items():
-            self.page.put(handle, values[name])
+        agreed = state.terms.poses, state.terms.referenced, round(100 * state.terms.confidence)
+        for handle, value in zip(self._terms, agreed, strict=True):
+            self.page.put(handle, value)
         of = (state.terms, tuple(self._prices.values()))
         if of != self._of:
             self._of = of
             prices = dict(self._prices)
-            ask: Any = partial(decision.front, state.drawn, prices, state.terms)
+            ask: Any = partial(answers.front, state.drawn, prices, state.terms)
             self.page.later("front", ask, self._show_front)
         whole = (state.drawn, *of)
         if whole != self._with:
             if self._plan is not None and state.drawn != self._plan.robot:
                 self._show_plan(None)
             self._with = whole
-            ask = partial(decision.contributions, state.drawn, state.terms)
+            ask = partial(answers.contributions, state.drawn, state.terms)
             self.page.later("budget", ask, self._show_budget)
 
     def _show_front(self, found: SensorSelection | TrueposeError) -> None:
         """Keep the front; where the budget chose the sensors, choose again."""
         self._front = None if isinstance(found, TrueposeError) else found
         if isinstance(found, TrueposeError):
-            self._said.content = words.page(words.note(one_line(found, 300), wrong=True))
+            self._said.content = words.line(found)
         elif self._affordable == self.page.state.drawn.sensors:
             with self.page.doing():
                 self._choose(self._budget.value)
@@ -150,7 +142,7 @@ class DesignTab(Tab):
         """Show the error of the sensors in use, on the front and by its contributions."""
         robot = self.page.state.drawn
         if isinstance(found, TrueposeError):
-            self._bars.content = words.page(words.note(one_line(found, 300), wrong=True))
+            self._bars.content = words.line(found)
             return
         price = self._spent(self.page.state)
         free = [name for name in robot.sensors if name not in self._prices]
@@ -158,7 +150,7 @@ class DesignTab(Tab):
         total = summed(robot)
         error = measured(found.error, total.unit)
         parts = [words.note(f"{label(robot, robot.sensors)}: price {price:g}{but}, {found.state}.")]
-        parts.append(words.strong(f"{found.criterion.said(total.name)}: {error}"))
+        parts.append(f"<b>{found.criterion.said(total.name)}: {error}</b>")
         if self._front is not None:
             parts.append(charts.front(self._front, price, found.error, self._budget.value))
         self._said.content = words.page(*parts)
@@ -167,17 +159,16 @@ class DesignTab(Tab):
 
     def _ask_plan(self) -> None:
         state = self.page.state
-        self._told.content = words.page(words.note("Planning …"))
-        self.page.later("plan", partial(decision.plan, state.drawn, state.terms), self._show_plan)
+        self._told.content = words.line("Planning …")
+        self.page.later("plan", partial(answers.plan, state.drawn, state.terms), self._show_plan)
 
     def _show_plan(self, found: PosePlan | TrueposeError | None) -> None:
         """Draw a plan, or remove it."""
         self._plan = found if isinstance(found, PosePlan) else None
         self._played = 0.0
-        poses = np.zeros((0, self.page.state.drawn.n)) if self._plan is None else self._plan.poses
+        poses = None if self._plan is None else self._plan.poses
         self.page.scene.overlays.show_plan(self.page.state, poses)
-        said = notes(found) if isinstance(found, PosePlan) else []
-        said += [one_line(found, 300)] if isinstance(found, TrueposeError) else []
+        said = [found] if isinstance(found, TrueposeError) else notes(found) if found else []
         self._told.content = words.page(*map(words.note, said))
 
     def tick(self, now: float) -> None:
@@ -186,7 +177,7 @@ class DesignTab(Tab):
         if not self._run.value or self._plan is None or self.page.moving:
             return
         self._played = (self._played + _STOPS * passed) % (len(self._plan.poses) + 1)
-        self.page.send(self.page.state.sent(decision.along(self._plan, self._played)))
+        self.page.send(self.page.state.sent(answers.along(self._plan, self._played)))
         self.page.show()
 
     def _save(self, what: str) -> None:
@@ -195,15 +186,12 @@ class DesignTab(Tab):
         if what == "robot":
             file, text = f"{name}.toml", file_text(state.robot)
         elif what == "report":
-            file, text = f"{name}-sensors.html", self._report()
+            goal = {"budget": self._budget.value} if self._budget.value > 0 else {}
+            found = answers.front(state.drawn, self._prices, state.terms, **goal)
+            text = report_page(found, **state.terms.known(state.drawn))
+            file = f"{name}-sensors.html"
         elif self._plan is not None:
             file, text = f"{name}-poses.csv", written(self._plan)
         else:
             raise TrueposeError("no plan to save: plan the calibration poses first")
         self.page.client.send_file_download(file, text.encode())
-
-    def _report(self) -> str:
-        state, budget = self.page.state, self._budget.value
-        goal = {"budget": budget} if budget > 0 else {}
-        found = decision.front(state.drawn, self._prices, state.terms, **goal)
-        return report_page(found, **state.terms.known(state.drawn))

@@ -1,26 +1,23 @@
 """The workbench's page: a panel over the scene."""
 
-from __future__ import annotations
-
 import contextlib
-import io
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-from viser import GuiApi, ViserServer
+from viser import GuiApi, ViserServer, uplot
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import TrueposeError, one_line
-from truepose.integrations.workbench import answers, charts, words
-from truepose.integrations.workbench.charts import LAW_COLOURS, MAPS
-from truepose.integrations.workbench.guard import Guard
-from truepose.integrations.workbench.scene import Scene
-from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, Law, usual
+from truepose_workbench import answers, words
+from truepose_workbench.charts import LAW_COLOURS
+from truepose_workbench.guard import Guard
+from truepose_workbench.scene import Scene
+from truepose_workbench.state import State
 
 FRAMES = 20  #: animation frames per second
 #: Changes that follow one another within this time, s, are undone together.
@@ -35,7 +32,7 @@ class Page:
         self, state: State, host: str, port: int, tabs: Mapping[str, Any], dark: bool = False
     ):
         self._guard = Guard(host, port, f"{state.drawn.name} – truepose")
-        with contextlib.redirect_stdout(io.StringIO()):  # viser prints an address without token
+        with contextlib.redirect_stdout(None):  # viser prints an address without token
             with self._guard.installed():
                 label = f"truepose: {state.drawn.name}"
                 self.server = ViserServer(host, port, label=label, verbose=False)
@@ -45,7 +42,7 @@ class Page:
         self.state = state
         self.law: Law = usual(state.drawn)  #: law of the displayed robot
         self.magnified = 10.0
-        self.coloured, self.ellipsoids, self.map = False, True, MAPS[0]
+        self.coloured, self.ellipsoids, self.map = False, True, answers.MAPS[0]
         self.moving = False  #: moved by a run, not by hand
         self.lock = threading.RLock()
         self.client: Any = None  #: browser of the event that is handled
@@ -55,7 +52,6 @@ class Page:
         self._wanted: dict[str, object] = {}  #: newest computation of each kind
         self._before: list[State] = []  #: states to which undoing returns
         self._changed = 0.0  #: time of the last change
-        self._newest: object = None
         self._stopped = threading.Event()
         self.dark = dark  #: initial theme
         self.dress(dark)
@@ -63,9 +59,9 @@ class Page:
         self._said = ""
         self._answers = gui.add_html("")
         do = gui.add_button_group("This robot", ("Calibrate", "Undo"), hint=_HINT)
-        self._verdict: Any = gui.add_html("")
+        self._verdict = gui.add_html("")
         group = gui.add_tab_group()
-        self.scene = Scene(self.server, state, self._dragged)
+        self.scene = Scene(self.server, state, self.on, self.drag)
         self.tabs: list[Any] = []
         for label, made in tabs.items():
             folder = gui.add_folder(label, expand_by_default=False) if label == "View" else None
@@ -92,14 +88,14 @@ class Page:
         )
 
     def on(self, handle: Any, do: Callable[[Any], object]) -> Any:
-        """Call `do` with a handle's value after the user's events; return the handle.
+        """Call `do` with a handle's value, or the event, after the user's events.
 
-        Of the values that arrive while another event is handled only the newest is.
+        Of those that arrive while another event is handled only the newest is.
         """
 
         async def happened(event: Any) -> None:
             if event.client is not None:  # None: set by this program
-                self._waiting[id(handle)] = getattr(event.target, "value", None)
+                self._waiting[id(handle)] = getattr(event.target, "value", event)
                 self._events.submit(answer, event.client).add_done_callback(Future.result)
 
         def answer(client: Any) -> None:
@@ -144,16 +140,12 @@ class Page:
                 yield
             except TrueposeError as error:
                 self._said = one_line(error, 300)
-            self._remember(before)
+            if self.state is not before:
+                now = time.monotonic()
+                if now - self._changed > _PAUSE:  # not passed through
+                    self._before.append(before)
+                self._changed = now
             self.show()
-
-    def _remember(self, before: State) -> None:
-        """Keep a state for :meth:`undo`, unless it was passed through."""
-        if self.state is not before:
-            now = time.monotonic()
-            if now - self._changed > _PAUSE:
-                self._before.append(before)
-            self._changed = now
 
     def undo(self) -> None:
         """Return to the state before the last change."""
@@ -161,14 +153,11 @@ class Page:
             self.send(self._before.pop())
             self._changed = time.monotonic()  # itself no change to undo
 
-    def _dragged(self, frame: Array, ended: bool) -> None:
-        """Move to the newest frame of a drag; overtaken frames are skipped."""
-        self._newest = frame
-        with self.lock:
-            if self._newest is not frame:
-                return
-            with self.doing():
-                self.state = self.state.dragged(frame)
+    def drag(self, frame: Array, ended: bool) -> None:
+        """Move to a frame of a drag; at its end the handles return to the nacelle."""
+        try:
+            self.state = self.state.dragged(frame)
+        finally:
             if ended:
                 self.scene.place_gizmos(self.state)
 
@@ -185,8 +174,7 @@ class Page:
             around = self.scene.overlays
             if factor := around.show_ellipsoids(state, self.ellipsoids and not self.moving):
                 legend = words.note(f"Ellipsoids: 1 σ of the estimate, × {factor:g}")
-            if ends := around.show_map(state, self.map):
-                legend += charts.legend(state, self.map, ends)
+            legend += around.show_map(state, self.map)
         except TrueposeError as error:
             said = said or one_line(error, 300)
         self._answers.content = words.page(
@@ -211,21 +199,17 @@ class Page:
     def _keys(self, gui: GuiApi) -> None:
         """Add keys for frequent actions; the command palette lists them."""
 
-        def next_law(_: Any) -> None:
+        def next_law() -> None:
             self.law = LAWS[(LAWS.index(self.law) + 1) % len(LAWS)]
 
-        def no_errors(_: Any) -> None:
+        def no_errors() -> None:
             self.state = self.state.without_errors()
 
-        actions: tuple[tuple[Any, str, Callable[[Any], None]], ...] = (
-            ("U", "Undo", lambda _: self.undo()),
-            ("H", "Home", lambda _: self.home()),
-            ("L", "Next law", next_law),
-            ("N", "No errors", no_errors),
-            ("M", "Move, or stop", lambda _: self.tabs[4].toggle()),
-        )
-        for key, label, do in actions:
-            self.on(gui.add_command(label, hotkey=key), do)
+        actions: Any = {"U": ("Undo", self.undo), "H": ("Home", self.home)}
+        actions |= {"L": ("Next law", next_law), "N": ("No errors", no_errors)}
+        actions["M"] = "Move, or stop", self.tabs[4].toggle
+        for key, (label, do) in actions.items():
+            self.on(gui.add_command(label, hotkey=key), lambda _, do=do: do())  # type: ignore[misc]
 
     def _play(self) -> None:
         """Advance the animations until the page is stopped."""
@@ -254,8 +238,20 @@ class Page:
         self._player.join()
         self._computations.shutdown(cancel_futures=True)
         self._events.shutdown(cancel_futures=True)
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(None):
             self.server.stop()
+
+
+def plot(gui: GuiApi, title: str, data: Iterable[Array], series: Sequence[uplot.Series]) -> Any:
+    """Add a plot of series against the first of the data."""
+    return gui.add_uplot(
+        tuple(data),
+        (uplot.Series(label=""), *series),
+        title=title,
+        scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
+        legend=uplot.Legend(show=True),
+        aspect=1.6,
+    )
 
 
 class Tab:

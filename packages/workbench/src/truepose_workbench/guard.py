@@ -1,7 +1,5 @@
 """Access control of the workbench: a token, and requests of its own page only."""
 
-from __future__ import annotations
-
 import contextlib
 import ipaddress
 import secrets
@@ -10,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from truepose.integrations.workbench.head import own
+from truepose_workbench.head import own
 
 
 class Guard:

@@ -1,7 +1,7 @@
 """Pictures of the workbench: docs/pictures/workbench.png, -phone.png, and the animation .webp.
 
-Run as ``python tools/workbench_pictures.py``; needs viser, playwright, Pillow and Debian's chromium
-(or another, named by CHROMIUM). Actions of a user are simulated on the page.
+Run as ``python packages/workbench/tools/pictures.py``; needs playwright, Pillow and Debian's
+chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,12 @@ from PIL import Image
 from playwright.sync_api import Page as Seen
 from playwright.sync_api import sync_playwright
 
-from truepose.integrations.workbench import serve
-from truepose.integrations.workbench.state import demonstration
 from truepose.robot.frames import frames
 from truepose.robot.robot import load
+from truepose_workbench import serve
+from truepose_workbench.state import Terms, demonstration
 
-PICTURES = Path(__file__).parents[1] / "docs/pictures"
+PICTURES = Path(__file__).parents[3] / "docs/pictures"
 PORT = 8199
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}
@@ -88,21 +89,24 @@ class Film:
 def film(page: Any, seen: Seen) -> None:
     """Drag a robot with one rod 3 mm too long, then calibrate it."""
     robot, shown, start = page.state.drawn, Film(seen), page.state.x_d
+
+    def circle() -> None:
+        for turn in np.linspace(0, 2 * np.pi, 13):
+            along, up = np.sin(turn), np.cos(turn)
+            with page.doing():
+                x = np.add(start, [0.08 * along, -0.08 * up, 0, 0.3 * along])
+                page.drag(frames(robot, x), True)
+            shown.take()
+
     shown.take(2000)
-    for turn in np.linspace(0, 2 * np.pi, 13):
-        away = np.array([0.08 * np.sin(turn), 0.08 - 0.08 * np.cos(turn), 0, 0.3 * np.sin(turn)])
-        page._dragged(frames(robot, start - [0, 0.08, 0, 0] + away), True)
-        shown.take()
+    circle()
     with page.doing():
         page.state = page.state.sent(start)
     shown.take(1200, 8)
     with page.doing():
         page.calibrate()
     shown.take(2500, 10)
-    for turn in np.linspace(0, 2 * np.pi, 13):
-        away = np.array([0.08 * np.sin(turn), 0.08 - 0.08 * np.cos(turn), 0, 0.3 * np.sin(turn)])
-        page._dragged(frames(robot, start - [0, 0.08, 0, 0] + away), True)
-        shown.take()
+    circle()
     shown.take(3000)
     shown.save(PICTURES / "workbench.webp")
 
@@ -112,7 +116,7 @@ def decide(page: Any, seen: Seen) -> None:
     design = page.tabs[0]
     with page.doing():
         page.map = "position error"
-        design._agree(poses=20, referenced=True)
+        page.state = replace(page.state, terms=Terms(20, True))
         design._budget.value = 800.0
         design._choose(800.0)
     settled(seen, 15)

@@ -1,7 +1,5 @@
 """Charts of the workbench as HTML and SVG, which scale with the panel and follow its theme."""
 
-from __future__ import annotations
-
 import itertools
 from html import escape
 
@@ -10,17 +8,14 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget
 from truepose.design.selection import SensorSelection, described
-from truepose.integrations.workbench.decision import paid
-from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS
 from truepose.robot.units import summed
 from truepose.show.table import number
 from truepose.show.units import PRINT
+from truepose_workbench.answers import paid
 
 #: Colours of a line, and of the sensors in use.
 LINE, USED = "#0072b2", "#d55e00"
-#: Contents of the map.
-MAPS = ("none", "position error", "conditioning")
 #: viridis from its low end to its high end: ordered in lightness, for colour-blind readers too.
 VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 #: Colour of each law, in the scene and in the table (Okabe and Ito: for colour-blind readers).
@@ -46,43 +41,43 @@ def shades(values: Array) -> Array:
 def front(found: SensorSelection, price: float, error: float, budget: float) -> str:
     """Draw the front of price against error, the sensors in use as a ring, and the budget."""
     total = summed(found.robot)
-    x = np.array([paid(choice) for choice in found.front])
-    y = total.factor * np.array([choice.error for choice in found.front])
-    least, most = np.array([0.8, 1.25]) * [min(*y, total.factor * error), max(*y, 1e-12)]
-    top = 1.05 * max(*x, price, budget, 1.0)
+    unit = PRINT[total.unit][1]
+    x, error = [paid(choice) for choice in found.front], total.factor * error
+    y = [total.factor * choice.error for choice in found.front]
+    least, most = 0.8 * min(*y, error), 1.25 * max(*y, 1e-12)
     wide, high = _WIDE - _LEFT - 8, _HIGH - _BELOW - 6
+    top = 1.05 * max(*x, price, budget, 1.0)
 
     def place(at: float, value: float) -> tuple[float, float]:
         share = np.log(np.clip(value, least, most) / least) / np.log(most / least)
         return _LEFT + wide * at / top, 6 + high * (1 - share)
 
-    points = [place(*point) for point in zip(x, y, strict=True)]
+    points = [*map(place, x, y)]
     corners = [((b[0], a[1]), b) for a, b in itertools.pairwise(points)]
     way = " ".join(f"{x:.1f},{y:.1f}" for x, y in [points[0], *itertools.chain(*corners)])
     parts = [f'<polyline fill="none" stroke="{LINE}" stroke-width="1.5" points="{way}"/>']
     for (left, up), choice, value in zip(points, found.front, y, strict=True):
-        said = f"{described(found.robot, choice)}: {paid(choice):g}, {value:.3g} {total.unit}"
-        parts.append(f'<circle cx="{left:.1f}" cy="{up:.1f}" r="2.5" fill="{LINE}">')
-        parts.append(f"<title>{escape(said)}</title></circle>")
-    left, up = place(price, total.factor * error)
-    ring = f'r="7" fill="none" stroke="{USED}" stroke-width="2.5"'
-    parts.append(f'<circle cx="{left:.1f}" cy="{up:.1f}" {ring}/>')
-    left, base = place(budget, least)
-    style = f'stroke="{USED}" stroke-dasharray="3 3"'
-    parts.append(f'<line x1="{left:.1f}" x2="{left:.1f}" y1="6" y2="{base:.1f}" {style}/>')
+        said = f"{described(found.robot, choice)}: {paid(choice):g}, {value:.3g} {unit}"
+        parts.append(
+            f'<circle cx="{left:.1f}" cy="{up:.1f}" r="2.5" fill="{LINE}">'
+            f"<title>{escape(said)}</title></circle>"
+        )
+    (left, up), (limit, base) = place(price, error), place(budget, least)
+    parts.append(
+        f'<circle cx="{left:.1f}" cy="{up:.1f}" r="7" fill="none" stroke="{USED}" '
+        f'stroke-width="2.5"/><line x1="{limit:.1f}" x2="{limit:.1f}" y1="6" y2="{base:.1f}" '
+        f'stroke="{USED}" stroke-dasharray="3 3"/>'
+    )
     for value in _ticks(least, most):
         _, up = place(0, value)
-        parts.append(_text(_LEFT - 4, up + 3, f"{value:g}", "end"))
         parts.append(
-            f'<line x1="{_LEFT}" x2="{_WIDE - 8}" y1="{up:.1f}" y2="{up:.1f}" '
-            'stroke="currentColor" opacity="0.15"/>'
+            f'{_text(_LEFT - 4, up + 3, f"{value:g}", "end")}<line x1="{_LEFT}" x2="{_WIDE - 8}" '
+            f'y1="{up:.1f}" y2="{up:.1f}" stroke="currentColor" opacity="0.15"/>'
         )
-    for at in (0.0, float(max(x))):
-        parts.append(_text(place(at, least)[0], _HIGH - _BELOW + 12, f"{at:g}", "middle"))
-    unit = PRINT[total.unit][1]
-    axes = f"price → {escape(found.criterion.said(total.name))} ({unit})"
-    parts.append(_text(_WIDE / 2, _HIGH - 3, axes, "middle"))
-    label = f"{len(x)} sensor sets: {axes}; in use: {price:g}, {total.factor * error:.3g} {unit}"
+    parts += [_text(place(at, least)[0], base + 12, f"{at:g}", "middle") for at in (0, max(x))]
+    axes = f"price → {found.label}"
+    parts.append(_text(_WIDE / 2, _HIGH - 3, escape(axes), "middle"))
+    label = f"{len(x)} sensor sets: {axes}; in use: {price:g}, {error:.3g} {unit}"
     return (
         f'<svg viewBox="0 0 {_WIDE} {_HIGH}" role="img" aria-label="{escape(label)}">'
         f"{''.join(parts)}</svg>"
@@ -91,8 +86,8 @@ def front(found: SensorSelection, price: float, error: float, budget: float) -> 
 
 def _ticks(least: float, most: float) -> list[float]:
     """Return round numbers between two limits, on a logarithmic scale."""
-    decades = range(int(np.floor(np.log10(least))), int(np.ceil(np.log10(most))) + 1)
-    every = [digit * 10.0**k for k in decades for digit in (1, 2, 5)]
+    decades = 10.0 ** np.arange(np.floor(np.log10(least)), np.log10(most) + 1)
+    every = np.outer(decades, (1, 2, 5)).ravel()
     return [float(f"{value:.1g}") for value in every if least <= value <= most]
 
 
@@ -117,17 +112,10 @@ def budget(found: ErrorBudget) -> str:
     return f"<div>{escape(title)}</div><table class='bars'>{''.join(rows)}</table>"
 
 
-def legend(state: State, kind: str, ends: tuple[float, float]) -> str:
+def legend(title: str, good: str, bad: str) -> str:
     """Draw the scale of a map's colours."""
-    total, share = summed(state.robot), 100 * state.terms.confidence
-    factor = total.factor if kind == MAPS[1] else 1.0
-    low, high = (f"{factor * end:.3g}" for end in ends)
-    colours = VIRIDIS if kind == MAPS[1] else VIRIDIS[::-1]
-    what = f"Map: {total.name} error kept by {share:.4g} % of robots ({PRINT[total.unit][1]})"
-    if kind == MAPS[2]:
-        what, low, high = "Map: conditioning", "0 singular", "1 best"
     return (
-        f"<div>{escape(what)}</div>"
-        f'<div class="scale" style="background: linear-gradient(to right, {", ".join(colours)})">'
-        f'</div><div class="ends"><span>{low}</span><span>{high}</span></div>'
+        f"<div>{escape(title)}</div>"
+        f'<div class="scale" style="background: linear-gradient(to right, {", ".join(VIRIDIS)})">'
+        f'</div><div class="ends"><span>{good}</span><span>{bad}</span></div>'
     )

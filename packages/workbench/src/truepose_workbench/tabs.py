@@ -1,7 +1,5 @@
 """Tabs for pose, motors, errors, sensors and views."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -10,42 +8,43 @@ import numpy as np
 from viser import GuiApi
 
 from truepose.arguments import Array
-from truepose.integrations.workbench import words
-from truepose.integrations.workbench.charts import MAPS
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.state import (
+from truepose.robot.laws import LAWS
+from truepose.robot.units import Axis, coordinate_axes, in_print, reading_axes
+from truepose_workbench import words
+from truepose_workbench.answers import MAPS
+from truepose_workbench.page import Page, Tab
+from truepose_workbench.state import (
     State,
     error_range,
     groups,
     motor_range,
     pose_range,
 )
-from truepose.robot.laws import LAWS
-from truepose.robot.units import Axis, coordinate_axes, in_print, reading_axes
 
 _STEPS = 400  #: steps of a slider
 
 
-def _slider(page: Page, axis: Axis, ends: Array, value: float, do: Callable[[float], None]) -> Any:
-    """Add a slider in display units; `do` takes its value in m, rad or without a unit."""
-    # Its ends and its value are multiples of its step.
-    low, high = axis.factor * ends
-    step = 10.0 ** np.floor(np.log10((high - low) / _STEPS))
-    low, high = round(np.floor(low / step) * step, 9), round(np.ceil(high / step) * step, 9)
-    label, start = axis.label.removesuffix(" ()"), _stepped(axis.factor * value, low, high, step)
-    handle = page.server.gui.add_slider(label, float(low), float(high), float(step), start)
-    return page.on(handle, lambda shown: do(shown / axis.factor))
+class _Slider:
+    """A slider in display units; its values here are in m, rad or without a unit."""
 
+    def __init__(
+        self, page: Page, axis: Axis, ends: Array, value: float, do: Callable[[float], None]
+    ):
+        self._page, self._factor = page, axis.factor
+        # Its ends and its value are multiples of its step.
+        self._step = step = float(10.0 ** np.floor(np.log10(axis.factor * np.ptp(ends) / _STEPS)))
+        low, high = np.round(axis.factor * ends / step + [-0.5, 0.5]) * step
+        label, low = axis.label.removesuffix(" ()"), round(float(low), 9)
+        self.handle: Any = page.server.gui.add_slider(label, low, round(float(high), 9), step, low)
+        self.show(value)
+        page.on(self.handle, lambda shown: do(shown / axis.factor))
 
-def _set(page: Page, slider: Any, value: float) -> None:
-    """Set a slider, clipped to its range, if its value differs."""
-    if abs(value - slider.value) > 0.5 * slider.step:
-        page.put(slider, _stepped(value, slider.min, slider.max, slider.step))
-
-
-def _stepped(value: float, low: float, high: float, step: float) -> float:
-    """Round to a multiple of the step, and to the step's digits."""
-    return round(float(np.clip(round(value / step) * step, low, high)), 9)
+    def show(self, value: float) -> None:
+        """Set a value, clipped to the range, if it is finite and differs."""
+        handle, step, shown = self.handle, self._step, self._factor * value
+        if np.isfinite(shown) and abs(shown - handle.value) > 0.5 * step:
+            near = np.clip(round(shown / step) * step, handle.min, handle.max)
+            self._page.put(handle, round(float(near), 9))  # to the step's digits
 
 
 class PoseTab(Tab):
@@ -55,14 +54,13 @@ class PoseTab(Tab):
         super().__init__(page)
         robot, x = page.state.drawn, page.state.x_d
         axes, motors = coordinate_axes(robot), reading_axes(robot)[: robot.n]
-        self._factors = [axis.factor for axis in (*axes, *motors)]
         with gui.add_folder("Nacelle"):
             rows = zip(axes, pose_range(robot), x, strict=True)
-            self._pose = [_slider(page, *row, partial(self._send, k)) for k, row in enumerate(rows)]
+            self.pose = [_Slider(page, *row, partial(self._send, k)) for k, row in enumerate(rows)]
         with gui.add_folder("Motors"):
             rows = zip(motors, motor_range(robot), robot.ikm(x), strict=True)
-            self._motors = [
-                _slider(page, *row, partial(self._drive, k)) for k, row in enumerate(rows)
+            self.motors = [
+                _Slider(page, *row, partial(self._drive, k)) for k, row in enumerate(rows)
             ]
         page.on(gui.add_button("Home"), lambda _: page.home())
 
@@ -80,10 +78,8 @@ class PoseTab(Tab):
     def follow(self, state: State) -> None:
         """Set all sliders to the pose."""
         q = state.robot.ikm(state.x_d, errors="nan")
-        values = np.multiply(self._factors, [*state.x_d, *q])
-        for slider, value in zip([*self._pose, *self._motors], values, strict=True):
-            if np.isfinite(value):
-                _set(self.page, slider, value)
+        for slider, value in zip([*self.pose, *self.motors], [*state.x_d, *q], strict=True):
+            slider.show(value)
 
 
 class ErrorsTab(Tab):
@@ -91,13 +87,13 @@ class ErrorsTab(Tab):
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
-        self._sliders: dict[str, Any] = {}
-        self._seed: Any = gui.add_number("Seed", 1, min=0, max=2**31, step=1)
+        self._sliders: dict[str, _Slider] = {}
+        self._seed = gui.add_number("Seed", 1, min=0, max=2**31, step=1)
         page.on(gui.add_button_group("True robot", ("nominal", "from tolerances")), self._draw)
-        self._list: Any = gui.add_html("")
+        self._list = gui.add_html("")
         group = gui.add_dropdown("Errors of", tuple(groups(page.state.drawn)))
         self._group = page.on(group, lambda _: self._fill())
-        self._folder: Any = gui.add_folder(None)
+        self._folder = gui.add_folder(None)
         self._fill()
 
     def _draw(self, source: str) -> None:
@@ -107,8 +103,8 @@ class ErrorsTab(Tab):
 
     def _fill(self) -> None:
         """Create the sliders of the selected group."""
-        for handle in self._sliders.values():
-            handle.remove()
+        for slider in self._sliders.values():
+            slider.handle.remove()
         robot, errors = self.page.state.drawn, self.page.state.errors
         self._sliders = {}
         for name in groups(robot)[self._group.value]:
@@ -116,7 +112,7 @@ class ErrorsTab(Tab):
             ends = error_range(robot, name) * np.array([-1, 1])
             err = partial(self._err, name)
             with self._folder:
-                self._sliders[name] = _slider(self.page, axis, ends, errors.get(name, 0.0), err)
+                self._sliders[name] = _Slider(self.page, axis, ends, errors.get(name, 0.0), err)
 
     def _err(self, name: str, value: float) -> None:
         self.page.state = self.page.state.with_errors({name: value})
@@ -128,8 +124,8 @@ class ErrorsTab(Tab):
             self._group.options = there
             self._fill()
         errors = state.errors
-        for name, handle in self._sliders.items():
-            _set(self.page, handle, in_print(state.drawn, name)[0] * errors.get(name, 0.0))
+        for name, slider in self._sliders.items():
+            slider.show(errors.get(name, 0.0))
         self._list.content = words.page(words.errors(state))
 
 
@@ -138,7 +134,7 @@ class ViewTab(Tab):
 
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
-        self._law: Any = gui.add_dropdown("Law of the shown robot", LAWS, initial_value=page.law)
+        self._law = gui.add_dropdown("Law of the shown robot", LAWS, initial_value=page.law)
         shown: dict[str, Any] = {
             "law": self._law,
             "magnified": gui.add_slider("Errors shown ×", 1.0, 100.0, 1.0, page.magnified),

@@ -1,7 +1,5 @@
 """Head of the page: its own title and icon, and names of the controls for screen readers."""
 
-from __future__ import annotations
-
 import re
 from html import escape
 from urllib.parse import quote

@@ -7,6 +7,8 @@ import importlib.metadata
 import itertools
 import re
 import socket
+import subprocess
+import sys
 import time
 import webbrowser
 from dataclasses import replace
@@ -18,17 +20,13 @@ from browsing import browser  # noqa: F401 – a fixture
 
 import truepose as tp
 from truepose.exceptions import InputError, PoseError, TrueposeError
-from truepose.integrations.workbench import (
-    answers,
-    charts,
-    decision,
-    motion,
-    playback,
-    serve,
-    words,
-)
-from truepose.integrations.workbench.decision import Terms
-from truepose.integrations.workbench.state import (
+from truepose.robot.frames import frames
+from truepose.robot.laws import LAWS
+from truepose.robot.units import summed
+from truepose_workbench import answers, charts, log_tab, motion_tab, serve, words
+from truepose_workbench.scene import Scene
+from truepose_workbench.state import (
+    Terms,
     begin,
     demonstration,
     error_range,
@@ -36,8 +34,6 @@ from truepose.integrations.workbench.state import (
     motor_range,
     pose_range,
 )
-from truepose.robot.frames import frames
-from truepose.robot.laws import LAWS
 
 
 @pytest.fixture
@@ -123,7 +119,7 @@ def test_sensors_are_read_in_the_files_order_and_no_more_than_fit(h4, state):
         }
     )
     crowded = begin(tp.Robot(many))
-    with pytest.raises(InputError, match="at most 12 sensors can be in use"):
+    with pytest.raises(tp.RobotFileError, match="at most 12 sensors can be in use"):
         crowded.with_sensors([sensor.name for sensor in many.sensor])
 
 
@@ -149,43 +145,44 @@ def test_home_is_within_the_sliders(any_robot):
 
 
 def test_maps_are_of_places_about_the_workspace(somewhere):
-    places, worst = answers.conditioning_map(somewhere)
-    assert len(places) == len(worst) > 20
-    assert ((worst >= 0) & (worst <= 1)).all()
-    places, error = answers.error_map(somewhere)
+    found = answers.map_of(somewhere, "conditioning")
+    assert len(found.places) == len(found.shares) > 20
+    assert ((found.shares >= 0) & (found.shares <= 1)).all()
+    found = answers.map_of(somewhere, "position error")
     target = frames(somewhere.robot, somewhere.x_d)[:3, 3]
-    near = error[np.argmin(np.linalg.norm(places - target, axis=1))]
-    there = decision.error_at(somewhere.robot, somewhere.x_d[None], somewhere.terms)
-    assert len(places) == len(error) and near == pytest.approx(there.item(), rel=0.1)
+    near = found.shares[np.argmin(np.linalg.norm(found.places - target, axis=1))]
+    (there,) = answers.error_at(somewhere.robot, somewhere.x_d[None], somewhere.terms)
+    factor = summed(somewhere.robot).factor
+    assert near * float(found.bad) == pytest.approx(factor * there, rel=0.1)
 
 
 @pytest.mark.parametrize("terms", [Terms(), Terms(20, True), Terms(10, confidence=0.6)], ids=str)
 @pytest.mark.parametrize("name", ["h4", "stewart", "g1-ankle", "delta"])
 def test_a_set_of_the_front_has_its_error_in_the_budget_and_on_the_map(name, terms):
     robot = tp.load(name)
-    found = decision.front(robot, {one.name: 1.0 for one in robot.spec.sensor}, terms)
+    found = answers.front(robot, {one.name: 1.0 for one in robot.spec.sensor}, terms)
     every = [choice.error for choice in found.front]
-    assert every == sorted(every, reverse=True) and decision.within(found, -1.0) is None
+    assert every == sorted(every, reverse=True) and answers.within(found, -1.0) is None
     for budget in (0.0, 1.0, 99.0):
-        choice = decision.within(found, budget)
+        choice = answers.within(found, budget)
         used = robot.with_sensors(*choice.sensors)
-        whole = decision.contributions(used, terms)
+        whole = answers.contributions(used, terms)
         assert choice.price <= budget and whole.error == pytest.approx(choice.error, rel=1e-6)
         assert sum(one.error**2 for one in whole.contributions) == pytest.approx(whole.sigma**2)
         known = terms.known(used) | {"confidence": terms.confidence, "measure": "worst"}
-        each = decision.error_at(used, found.over, terms)
+        each = answers.error_at(used, found.over, terms)
         worst = tp.design.error_budget(used, poses=found.over, **known).error
         assert each.max() == pytest.approx(worst, rel=1e-6)
-    more = decision.front(robot, found.prices, replace(terms, confidence=0.99))
+    more = answers.front(robot, found.prices, replace(terms, confidence=0.99))
     assert (np.subtract([choice.error for choice in more.front], every) > 0).all()
 
 
 def test_a_plan_is_played_from_home_through_its_poses_and_back(h4):
-    plan = decision.plan(h4.with_sensors("wire1", "wire2", "wire3"), Terms(4))
+    plan = answers.plan(h4.with_sensors("wire1", "wire2", "wire3"), Terms(4))
     assert len(plan.poses) == 4
     for way, x in ((0.0, h4.home), (5.0, h4.home), (7.0, h4.home), *enumerate(plan.poses, 1)):
-        assert np.allclose(decision.along(plan, way), x)
-    assert np.allclose(decision.along(plan, 1.5), plan.poses[:2].mean(axis=0))
+        assert np.allclose(answers.along(plan, way), x)
+    assert np.allclose(answers.along(plan, 1.5), plan.poses[:2].mean(axis=0))
 
 
 def seen_by_protan_and_deutan(colour):
@@ -203,7 +200,7 @@ def seen_by_protan_and_deutan(colour):
         yield np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-@pytest.mark.parametrize("colours", [charts.LAW_COLOURS, words.LIGHTS], ids=["laws", "lights"])
+@pytest.mark.parametrize("colours", [charts.LAW_COLOURS, motion_tab.LIGHTS], ids=["laws", "lights"])
 def test_colours_differ_for_colour_blind_readers(colours):
     for one, other in itertools.combinations(colours.values(), 2):
         pairs = zip(seen_by_protan_and_deutan(one), seen_by_protan_and_deutan(other), strict=True)
@@ -213,17 +210,19 @@ def test_colours_differ_for_colour_blind_readers(colours):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_fault_that_is_switched_on_changes_no_past_and_a_light(state, law):
     stuck = tp.faults.Fault("theta", "stuck", at=0.4)
-    before, after = motion.run(state, law), motion.run(state, law, [stuck])
+    before, after = motion_tab.run(state, law), motion_tab.run(state, law, [stuck])
     assert np.array_equal(before.x[:400], after.x[:400])
-    assert {health for _, health, _ in motion.lights(before, len(before.time) - 1)} == {"valid"}
-    assert ("theta", "failed", "stuck") in motion.lights(after, len(after.time) - 1)
-    assert motion.ended([stuck], "theta", 1.0)[0].until == 1.0
-    assert motion.ended([stuck], "q1", 1.0) == [stuck]
+    last = len(after.time) - 1
+    healthy, shown = motion_tab.lights(before, len(before.time) - 1), motion_tab.lights(after, last)
+    assert "failed" not in healthy and "suspect" not in healthy and healthy.count("valid") == 5
+    assert "theta</td><td>failed (stuck)" in shown
+    assert motion_tab.ended([stuck], "theta", 1.0)[0].until == 1.0
+    assert motion_tab.ended([stuck], "q1", 1.0) == [stuck]
 
 
 def test_a_log_is_played_back_and_a_calibration_on_it_brings_the_robot_home(state):
-    played = playback.calibrated(playback.simulated_log(state, poses=40))
-    before, after = (playback.rms(e.residual) for e in (played.before, played.after))
+    played = log_tab.calibrated(log_tab.simulated_log(state, poses=40))
+    before, after = (log_tab.rms(e.residual) for e in (played.before, played.after))
     assert (after < before / 10).all()
     assert np.isfinite(played.x[0]).all()
     believed = state.believing(played.assessment.fit.robot)
@@ -231,7 +230,7 @@ def test_a_log_is_played_back_and_a_calibration_on_it_brings_the_robot_home(stat
     wrong, right = (np.linalg.norm(answers.rests(s)["joint"].off) for s in (state, believed))
     assert right < wrong / 2
     assert believed.believing(None).robot == state.drawn
-    shown = words.residuals(played, 0)
+    shown = log_tab.residuals(played, 0)
     assert "theta (°)" in shown and shown.count("<th") == 5
 
 
@@ -240,7 +239,12 @@ def test_a_log_in_degrees_is_refused_in_one_line(state):
     q_e[:, 4] = np.degrees(q_e[:, 4])
     table = dict(zip(state.drawn.readings, q_e.T, strict=True))
     with pytest.raises(InputError, match="theta: in degrees, must be rad"):
-        playback.opened(state.drawn, tp.logs.of(state.drawn, table))
+        log_tab.opened(state.drawn, tp.logs.of(state.drawn, table))
+
+
+def test_the_help_of_the_command_line_loads_no_viser():
+    code = "import sys, truepose.commands.cli; sys.exit('viser' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_words_are_no_markup(h4):
@@ -267,7 +271,6 @@ def free() -> int:
 
 
 def test_a_port_in_use_is_one_line(run):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     with taken() as held:
         port = held.getsockname()[1]
         status, out, err = run("workbench", "h4", "--port", port, "--no-browser")
@@ -276,15 +279,7 @@ def test_a_port_in_use_is_one_line(run):
     assert err == f"truepose: error: {where}: Address already in use; choose another\n"
 
 
-def test_without_viser_one_line_names_the_extra(run, monkeypatch):
-    monkeypatch.setattr(serve.importlib.util, "find_spec", lambda name: None)
-    status, out, err = run("workbench", "h4", "--no-browser")
-    assert (status, out) == (2, "")
-    assert err == 'truepose: error: the workbench needs viser: pip install "truepose[workbench]"\n'
-
-
 def test_without_a_browser_one_line_says_what_else(run, monkeypatch):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
 
     def none():
         raise webbrowser.Error("could not locate runnable browser")
@@ -299,7 +294,6 @@ def test_without_a_browser_one_line_says_what_else(run, monkeypatch):
 
 
 def test_a_log_that_is_not_there_ends_the_page(run):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     port = free()
     status, _, err = run("workbench", "h4", "--port", port, "--no-browser", "--log", "no.csv")
     assert status == 2
@@ -310,7 +304,6 @@ def test_a_log_that_is_not_there_ends_the_page(run):
 @pytest.fixture
 def page(h4):
     """Return a served page of an H4 that is not as drawn."""
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     served = serve.open_page(h4, port=free())
     with served.doing():
         served.state = served.state.with_drawn_errors(seed=1)
@@ -391,11 +384,8 @@ def test_other_sites_and_who_has_no_token_get_nothing(page, spoilt):
 
 
 def test_a_viser_that_cannot_be_guarded_serves_nothing(h4, monkeypatch):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
-    monkeypatch.setattr("truepose.integrations.workbench.guard.Guard._guarded", None)
-    monkeypatch.setattr(
-        "truepose.integrations.workbench.guard.Guard.installed", contextlib.nullcontext
-    )
+    monkeypatch.setattr("truepose_workbench.guard.Guard._guarded", None)
+    monkeypatch.setattr("truepose_workbench.guard.Guard.installed", contextlib.nullcontext)
     port = free()
     with pytest.raises(TrueposeError, match="cannot guard this viser"):
         serve.open_page(h4, port=port)
@@ -403,7 +393,6 @@ def test_a_viser_that_cannot_be_guarded_serves_nothing(h4, monkeypatch):
 
 
 def test_the_command_prints_the_token_and_the_network_s_address(run, monkeypatch):
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     monkeypatch.setattr(serve, "own_address", lambda: "10.1.2.3")
     monkeypatch.setattr(serve, "serve", lambda page: page.stop())
     port = free()
@@ -414,17 +403,18 @@ def test_the_command_prints_the_token_and_the_network_s_address(run, monkeypatch
 
 def test_a_drag_moves_the_sliders_and_one_out_of_reach_says_why(page, h4):
     x = np.array([0.05, 0.02, -0.41, 0.1])
-    page._dragged(frames(h4, x), True)
+    with page.doing():
+        page.drag(frames(h4, x), True)
     assert np.allclose(page.state.x_d, x, atol=1e-12)
-    assert page.tabs[1]._pose[0].value == 50.0
-    assert page.tabs[1]._motors[0].value == pytest.approx(np.degrees(h4.ikm(x)[0]), abs=0.06)
-    page._dragged(frames(h4, [2.0, *x[1:]]), True)
+    assert page.tabs[1].pose[0].handle.value == 50.0
+    assert page.tabs[1].motors[0].handle.value == pytest.approx(np.degrees(h4.ikm(x)[0]), abs=0.06)
+    with page.doing():
+        page.drag(frames(h4, [2.0, *x[1:]]), True)
     assert np.allclose(page.state.x_d, x, atol=1e-12)
     assert "unreachable" in page._answers.content
 
 
 def test_the_first_minute_calibrates_a_robot_whose_rod_is_too_long():
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     served = serve.open_page(demonstration(), port=free())
     try:
         assert served.state.errors == pytest.approx({"chain3.rod": 0.003})
@@ -459,7 +449,7 @@ def test_what_a_hand_does_is_seen_in_every_tab(page):
     until(lambda: faults._chart.visible and len(faults._chart.data[1]) > 10)
     with page.doing():
         faults.toggle()
-    assert not page.moving and pose._pose[0].value == pytest.approx(
+    assert not page.moving and pose.pose[0].handle.value == pytest.approx(
         1e3 * page.state.x_d[0], abs=0.06
     )
 
@@ -518,15 +508,16 @@ def test_a_budget_chooses_sensors_that_robot_and_figures_have_at_once(page):
     design._budget.value = 200.0
     with page.doing():
         design._choose(200.0)
-    best = decision.within(design._front, 200.0)
+    best = answers.within(design._front, 200.0)
     assert page.state.drawn.sensors == page.state.truth.sensors == best.sensors != ()
     assert {*page.scene.overlays._names} == {*best.sensors}
     error = f"{1e3 * best.error:.3g} mm"
     until(lambda: error in design._said.content and "price 200" in design._said.content)
+    assert f"200, {error}</title>" in design._said.content
     with page.doing():
-        design._agree(poses=20, referenced=True, confidence=0.9)
+        page.state = replace(page.state, terms=Terms(20, True, 0.9))
     until(lambda: "kept by 90 % of robots" in design._said.content)
-    best = decision.within(design._front, 200.0)  # of robots that are calibrated
+    best = answers.within(design._front, 200.0)  # of robots that are calibrated
     until(lambda: page.state.drawn.sensors == best.sensors)
     until(lambda: f"{1e3 * best.error:.3g} mm" in design._said.content)
     with page.doing():
@@ -569,6 +560,18 @@ def test_ticks_of_two_users_are_kept_while_the_page_is_busy(page):
     until(lambda: {"wire1", "wire3", "pivot1"} <= {*page.state.drawn.sensors})
 
 
+def test_the_last_of_the_frames_that_arrive_while_the_page_is_busy_is_where_the_nacelle_goes(page):
+    handle, x = page.scene._gizmos[0], page.state.x_d
+    with page.lock:
+        for off, phase in ((0.01, "start"), (0.02, "update"), (0.03, "end")):  # as a browser's
+            moved = SimpleNamespace(wxyz=handle.wxyz, position=np.add(handle.position, [off, 0, 0]))
+            event = SimpleNamespace(client=object(), target=moved, phase=phase)
+            asyncio.run(handle._impl_aux.update_cb[-1](event))
+        assert np.array_equal(page.state.x_d, x)
+    until(lambda: np.allclose(page.state.x_d, np.add(x, [0.03, 0, 0, 0])))
+    until(lambda: np.allclose(handle.position, frames(page.state.robot, page.state.x_d)[:3, 3]))
+
+
 def test_a_plan_is_drawn_played_and_saved_with_robot_and_report(page):
     design, sent = page.tabs[0], {}
     page.client = SimpleNamespace(send_file_download=sent.__setitem__)
@@ -576,10 +579,10 @@ def test_a_plan_is_drawn_played_and_saved_with_robot_and_report(page):
         design._save("plan")
     assert "no plan to save" in page._said
     with page.doing():
-        design._agree(poses=6, referenced=True)
+        page.state = replace(page.state, terms=Terms(6, True))
         design._ask_plan()
     until(lambda: "of 2000 poses" in design._told.content)
-    assert len(page.scene.overlays._plan) == 1 + 6
+    assert len(page.scene.overlays._plan[1].points) == 6
     design._run.value, x = True, page.state.x_d
     until(lambda: np.abs(page.state.x_d - x).max() > 1e-3)
     design._run.value = False
@@ -596,7 +599,7 @@ def test_a_plan_is_drawn_played_and_saved_with_robot_and_report(page):
     assert design._plan is None and not page.scene.overlays._plan
 
 
-@pytest.mark.parametrize("map_", charts.MAPS[1:])
+@pytest.mark.parametrize("map_", answers.MAPS[1:])
 def test_a_map_has_a_legend_and_is_kept_while_it_is_true(page, map_):
     with page.doing():
         page.map = map_
@@ -611,13 +614,12 @@ def test_a_map_has_a_legend_and_is_kept_while_it_is_true(page, map_):
 
 
 def test_a_platform_that_only_turns_has_neither_ellipsoids_nor_a_map_of_places():
-    pytest.importorskip("viser", reason="the workbench's page needs viser")
     served = serve.open_page(tp.load("g1-ankle"), port=free())
     try:
         assert not served.scene.overlays._ellipsoids.visible
         assert "Ellipsoids" not in served._answers.content
         with served.doing():
-            served.map = charts.MAPS[1]
+            served.map = answers.MAPS[1]
         assert "no map: its platform only turns" in served._answers.content
         until(lambda: "turn error kept by 95 % of robots" in served.tabs[0]._said.content)
     finally:
@@ -676,15 +678,11 @@ def test_in_a_browser_keys_choose_sensors_and_every_control_has_a_name(
 
 
 def test_a_handle_shifts_or_turns_what_is_free(any_robot):
-    pytest.importorskip("viser")
-    from truepose.integrations.workbench.scene import Scene
-
     added = []
     scene = Scene.__new__(Scene)
-    handle = SimpleNamespace(on_update=lambda function: function)
-    add = lambda path, *_, **__: added.append(path) or handle  # noqa: E731
+    add = lambda path, *_, **__: added.append(path)  # noqa: E731
     scene._server = SimpleNamespace(scene=SimpleNamespace(add_transform_controls=add))
     scene._size = 1.0
-    scene._add_gizmos(begin(any_robot), lambda *_: None)
+    scene._add_gizmos(begin(any_robot))
     units = {unit for _, unit in any_robot.coordinates}
     assert set(added) == {{"m": "/shift", "rad": "/turn"}[unit] for unit in units}

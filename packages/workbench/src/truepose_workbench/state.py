@@ -1,17 +1,17 @@
 """State of the workbench: controller's model, true robot, target."""
 
-from __future__ import annotations
-
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core
 from truepose.arguments import Array
-from truepose.exceptions import InputError
-from truepose.integrations.workbench.decision import Terms
+from truepose.design.selection import STEPS
+from truepose.design.where import practice
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import unit_of
@@ -19,7 +19,27 @@ from truepose.robot.units import unit_of
 #: Range of an error's slider without a tolerance, by unit: m, rad, of a gain.
 _REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6, "rad/(N·m)": 1e-5}
 _SIGMAS = 4  #: range of a slider, σ of the tolerance
+_practice = lru_cache(32)(practice)
 BEYOND = 0.25  #: range of a coordinate's slider beyond the workspace, as a share of it
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is done with each robot once, and the share of robots that keep an error."""
+
+    poses: int = 0  #: of a self-calibration
+    referenced: bool = False  #: at home
+    confidence: float = 0.95
+
+    def known(self, robot: Robot) -> dict[str, Any]:
+        """Return arguments of :func:`truepose.accuracy` and of the functions here."""
+        visited = _practice(robot, self.poses) if self.poses else None
+        return {"calibrated_on": visited, "reference_pose": robot.home if self.referenced else None}
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """One-time steps, as a price list names them."""
+        return (*itertools.compress(STEPS, (self.poses, self.referenced)),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,50 +59,44 @@ class State:
         off = {name: p.value - drawn[name].value for name, p in self.truth.parameters.items()}
         return {name: value for name, value in off.items() if value}
 
-    def sent(self, x: ArrayLike) -> State:
+    def sent(self, x: ArrayLike) -> Self:
         """Set the target to x; PoseError if the nominal robot or the model cannot reach it."""
         x = np.array(x, dtype=float)
         for robot in (self.robot, self.drawn):
             robot.ikm(x, own_mode=True)
         return replace(self, x_d=x)
 
-    def dragged(self, frame: ArrayLike) -> State:
+    def dragged(self, frame: ArrayLike) -> Self:
         """Set the target to a frame, (4, 4), ignoring components outside the mobility."""
         return self.sent(coordinates(self.robot, frame))
 
-    def driven(self, q: ArrayLike) -> State:
+    def driven(self, q: ArrayLike) -> Self:
         """Move the motors to q, shape (n,); PoseError if no pose exists there."""
         return self.sent(self.robot.fkm(q, guess=self.x_d))
 
-    def with_errors(self, errors: Mapping[str, float]) -> State:
+    def with_errors(self, errors: Mapping[str, float]) -> Self:
         """Set these parameters of the true robot to nominal plus the errors, m and rad."""
         drawn = self.drawn.parameters
         values = {name: drawn[name].value + error for name, error in errors.items()}
         return replace(self, truth=self.truth.replace(values))
 
-    def without_errors(self) -> State:
+    def without_errors(self) -> Self:
         """Make the true robot nominal."""
         return self.with_errors(dict.fromkeys(self.errors, 0.0))
 
-    def with_drawn_errors(self, seed: int) -> State:
+    def with_drawn_errors(self, seed: int) -> Self:
         """Sample the true robot from the file's tolerances."""
         return replace(self, truth=self.drawn.sample(seed))
 
-    def with_sensors(self, names: Iterable[str]) -> State:
-        """Use these sensors, in the file's order; InputError if the core's limit is exceeded."""
+    def with_sensors(self, names: Iterable[str]) -> Self:
+        """Use these sensors, in the file's order; RobotFileError for more than the core reads."""
         wanted = set(names)
         used = [sensor.name for sensor in self.drawn.spec.sensor if sensor.name in wanted]
-        most = min(_core.max_sensors, _core.max_readings - self.drawn.n)
-        if len(used) > most:
-            raise InputError(f"{self.drawn.name}: at most {most} sensors can be in use")
-        return replace(
-            self,
-            drawn=self.drawn.with_sensors(*used),
-            robot=self.robot.with_sensors(*used),
-            truth=self.truth.with_sensors(*used),
-        )
+        robots = (one.with_sensors(*used) for one in (self.drawn, self.robot, self.truth))
+        drawn, robot, truth = robots
+        return replace(self, drawn=drawn, robot=robot, truth=truth)
 
-    def believing(self, robot: Robot | None) -> State:
+    def believing(self, robot: Robot | None) -> Self:
         """Set the controllers' model to a calibrated robot; None: the nominal one."""
         robot = self.drawn if robot is None else robot
         return replace(self, robot=robot.with_sensors(*self.drawn.sensors))
@@ -118,15 +132,13 @@ def pose_range(robot: Robot, beyond: float = BEYOND) -> Array:
 
     Without a workspace it is 0.1 m and 0.5 rad about home.
     """
-    box = robot.spec.workspace
+    box, home = robot.spec.workspace, robot.home
     if box is None:
         reach = np.array([0.1 if unit == "m" else 0.5 for _, unit in robot.coordinates])
-        return np.column_stack([robot.home - reach, robot.home + reach])
-    low, high = np.array(box.minimum), np.array(box.maximum)
-    more = beyond * (high - low)
-    return np.column_stack(
-        [np.minimum(low - more, robot.home), np.maximum(high + more, robot.home)]
-    )
+        return np.column_stack([home - reach, home + reach])
+    more = beyond * np.subtract(box.maximum, box.minimum)
+    ends = np.minimum(box.minimum - more, home), np.maximum(box.maximum + more, home)
+    return np.column_stack(ends)
 
 
 def motor_range(robot: Robot) -> Array:

@@ -1,29 +1,20 @@
 """The workbench's server: port, viser, and access."""
 
-from __future__ import annotations
-
-import importlib.util
 import socket
 import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from truepose.exceptions import InputError, TrueposeError
-from truepose.integrations.workbench.state import State, begin
+from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from truepose.integrations.workbench.page import Page
-
-HOST, PORT = "127.0.0.1", 8080  #: local access only
-
-
-def require() -> None:
-    """Raise a TrueposeError unless viser is installed."""
-    if importlib.util.find_spec("viser") is None:
-        raise TrueposeError('the workbench needs viser: pip install "truepose[workbench]"')
+from truepose_workbench import tabs
+from truepose_workbench.design_tab import DesignTab
+from truepose_workbench.log_tab import LogTab
+from truepose_workbench.motion_tab import MotionTab
+from truepose_workbench.page import Page
+from truepose_workbench.state import State, begin
 
 
 def require_free(host: str, port: int) -> None:
@@ -52,8 +43,8 @@ def own_address() -> str | None:
 
 def open_page(
     subject: Robot | State,
-    host: str = HOST,
-    port: int = PORT,
+    host: str = "127.0.0.1",
+    port: int = 8080,
     *,
     log: Path | None = None,
     dark: bool = False,
@@ -63,23 +54,14 @@ def open_page(
 
     Prices are of sensors, by name; by default those of the robot file.
 
-    InputError: the port is in use, or the log is invalid. TrueposeError: viser is not installed.
+    InputError: the port is in use, or the log is invalid.
     """
-    require()
     require_free(host, port)
-    from truepose.integrations.workbench import tabs
-    from truepose.integrations.workbench.design_tab import DesignTab
-    from truepose.integrations.workbench.log_tab import LogTab
-    from truepose.integrations.workbench.motion_tab import MotionTab
-    from truepose.integrations.workbench.page import Page
-
     shown: dict[str, Any] = {"Design": partial(DesignTab, prices=prices)}
     shown |= {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab}
     shown |= {"Log": LogTab, "Motion": MotionTab, "View": tabs.ViewTab}
     page = Page(subject if isinstance(subject, State) else begin(subject), host, port, shown, dark)
     try:
-        if page.server.get_port() != port:  # port taken meanwhile
-            raise InputError(f"--port {port}: {host}:{port}: already in use; choose another")
         if log is not None:
             with page.lock:
                 page.tabs[3].open(log)

@@ -1,8 +1,8 @@
 """The tab that plays back a log and calibrates on it."""
 
-from __future__ import annotations
-
 import tempfile
+from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,99 @@ from viser import GuiApi, uplot
 
 from truepose import logs
 from truepose.arguments import Array
-from truepose.exceptions import InputError, PoseError, TrueposeError
+from truepose.calibration import log_checks, review
+from truepose.calibration.expectation import Expectation, expect
+from truepose.calibration.review import Assessment
+from truepose.exceptions import InputError, TrueposeError
 from truepose.files import unfinished
-from truepose.integrations.workbench import charts, playback, words
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.playback import Playback
-from truepose.integrations.workbench.state import State
+from truepose.logs import Log
+from truepose.robot.robot import Robot
 from truepose.robot.units import in_print
+from truepose.show.table import number
+from truepose.simulation.simulated_log import simulate_log
+from truepose_workbench import charts, words
+from truepose_workbench.page import Page, Tab, plot
+from truepose_workbench.state import State
 
 _LINES = 5  #: rows of a log played per second
 _POSES = 40  #: poses of a simulated log
+
+
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """Playback of a log: N rows, k = r columns predicted from the motors."""
+
+    robot: Robot  #: robot of the log, at the prior mean
+    log: Log
+    notes: tuple[str, ...]  #: findings of the log's checks
+    before: Expectation  #: predicted from the motors, at the prior mean
+    assessment: Assessment | None = None  #: after a calibration
+
+    @property
+    def after(self) -> Expectation | None:
+        """Expectation from the motors, at the calibrated geometry."""
+        return None if self.assessment is None else self.assessment.after
+
+    @property
+    def x(self) -> Array:
+        """Estimated poses, (N, n); NaN if unknown."""
+        return (self.after or self.before).x
+
+
+def opened(robot: Robot, log: Log) -> Playback:
+    """Check a log, and predict every row.
+
+    InputError: units, signs or columns are wrong, or no sensor was read.
+    """
+    log, findings = log_checks.check(robot, log)
+    if refused := [finding.text for finding in findings if finding.refused]:
+        raise InputError("; ".join(refused))
+    if not robot.sensors:
+        raise InputError(f"{robot.name}: no sensor is in use; a log needs at least one")
+    model = robot.expected()
+    notes = tuple(finding.text for finding in findings)
+    return Playback(model, log, notes, expect(model, log.readings))
+
+
+def simulated_log(state: State, poses: int, seed: int = 0) -> Playback:
+    """Simulate a log of the true robot at poses of its workspace."""
+    q_e = simulate_log(state.drawn, state.truth, poses, seed).q_e
+    table = dict(zip(state.drawn.readings, q_e.T, strict=True))
+    return opened(state.drawn, logs.of(state.drawn, table))
+
+
+def calibrated(played: Playback) -> Playback:
+    """Calibrate on the log with a robust loss, as `truepose calibrate` does.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose_workbench.state import begin
+    >>> state = begin(tp.load("h4")).with_drawn_errors(seed=2)
+    >>> played = calibrated(simulated_log(state, poses=40))
+    >>> before, after = (np.nanstd(e.residual) for e in (played.before, played.after))
+    >>> bool(after < before / 10)
+    True
+    """
+    assessment = review.assess(played.robot, played.log, [*played.notes], loss="student")
+    return replace(played, assessment=assessment)
+
+
+def rms(values: Array) -> Array:
+    """Return the root mean square of each column's finite values."""
+    return np.sqrt(np.nanmean(np.square(values), axis=0))
+
+
+def residuals(played: Playback, line: int) -> str:
+    """Return each sensor's residual in a row and over all rows, before and after calibration."""
+    found = [played.before] if played.after is None else [played.before, played.after]
+    rows = []
+    for k, name in enumerate(played.robot.sensors):
+        factor, unit = in_print(played.robot, name)
+        values = [v for e in found for v in (e.residual[line, k], rms(e.residual)[k])]
+        rows.append([escape(f"{name} ({unit})"), *(number(factor * float(v), 3) for v in values)])
+    header = ["residual", "here", "rms", "after", "rms"]
+    return words.table(header[: 1 + 2 * len(found)], rows)
 
 
 class LogTab(Tab):
@@ -38,7 +121,7 @@ class LogTab(Tab):
         self._believe = page.on(believe, self._choose)
         self._line = page.on(gui.add_slider("Pose", 1, 2, 1, 1), lambda _: self._go())
         self._run: Any = gui.add_checkbox("Play", False)
-        self._about: Any = gui.add_html(words.page(words.note("No log yet.")))
+        self._about = gui.add_html(words.line("No log yet."))
         self._sensor = page.on(gui.add_dropdown("Plot", ("–",)), lambda _: self._plot())
         self._allow(log=False, calibration=False)
         self._chart: Any = None
@@ -54,7 +137,7 @@ class LogTab(Tab):
     def open(self, path: Path) -> None:
         """Read a log file."""
         drawn = self.page.state.drawn
-        self._take(playback.opened(drawn, logs.read(drawn, path)))
+        self._take(opened(drawn, logs.read(drawn, path)))
 
     def _upload(self, file: Any) -> None:
         with unfinished(Path(tempfile.mkdtemp())) as folder:
@@ -66,7 +149,7 @@ class LogTab(Tab):
                 raise InputError(str(error).replace(str(path), path.name)) from None
 
     def _simulate_log(self) -> None:
-        self._take(playback.simulated_log(self.page.state, _POSES))
+        self._take(simulated_log(self.page.state, _POSES))
 
     def calibrate(self) -> Array:
         """Simulate a log and calibrate on it; return its estimated poses, (N, n)."""
@@ -90,7 +173,7 @@ class LogTab(Tab):
     def _fit(self) -> None:
         if self.played is None:
             return
-        self.played = playback.calibrated(self.played)
+        self.played = calibrated(self.played)
         self._allow(log=True, calibration=True)
         self._choose(True)
         self._plot()
@@ -120,7 +203,7 @@ class LogTab(Tab):
         k = played.robot.sensors.index(name)
         factor, unit = in_print(played.robot, name)
         data = [np.arange(1.0, len(played.log.lines) + 1)]
-        series = [uplot.Series(label="pose")]
+        series = []
         points = uplot.Series_Points(show=True, size=4)
         for label, found, colour in (
             ("before", played.before, charts.USED),
@@ -130,14 +213,7 @@ class LogTab(Tab):
                 data.append(factor * found.residual[:, k])
                 series.append(uplot.Series(label=label, stroke=colour, width=1, points=points))
         with self._folder:
-            self._chart = self._gui.add_uplot(
-                tuple(data),
-                tuple(series),
-                title=f"residual of {name} ({unit})",
-                scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
-                legend=uplot.Legend(show=True),
-                aspect=1.5,
-            )
+            self._chart = plot(self._gui, f"residual of {name} ({unit})", data, series)
 
     def tick(self, now: float) -> None:
         """Go to the next row during playback."""
@@ -145,10 +221,7 @@ class LogTab(Tab):
             return
         self._next = now + 1 / _LINES
         self._line.value = int(self._line.value) % len(self.played.log.lines) + 1
-        try:
-            self._go()
-        except (InputError, PoseError):
-            return  # the next one
+        self._go()
         self.page.show()
 
     def follow(self, state: State) -> None:
@@ -159,10 +232,10 @@ class LogTab(Tab):
             self.played = None
             self._allow(log=False, calibration=False)
             self._run.value = False
-            self._about.content = words.page(words.note("No log of these sensors yet."))
+            self._about.content = words.line("No log of these sensors yet.")
             return
         line = int(self._line.value) - 1
-        parts = [words.residuals(self.played, line)]
+        parts = [residuals(self.played, line)]
         found = self.played.assessment
         parts += [words.note(text) for text in (found.notes if found else self.played.notes)[:3]]
         self._about.content = words.page(*parts)

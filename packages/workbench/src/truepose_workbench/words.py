@@ -1,25 +1,21 @@
 """The workbench's answers as small HTML tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.integrations.workbench.answers import Rest
-from truepose.integrations.workbench.playback import Playback, rms
-from truepose.integrations.workbench.state import State
+from truepose.exceptions import one_line
 from truepose.robot.kinematics import Conditioning
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles, in_print, summed
 from truepose.show.table import number
 from truepose.show.units import PRINT, printed
+from truepose_workbench.answers import Rest
+from truepose_workbench.state import State
 
-#: Colours of the fault monitor's status.
-LIGHTS = {"valid": "#009e73", "suspect": "#e69f00", "failed": "#d55e00"}
 #: Style of all parts, on the page once. On narrow screens viser's panel has unused space beside it
 #: and little height: make it as wide as the screen and half as high.
 STYLE = """<style>
@@ -76,15 +72,16 @@ def dot(colour: str, hollow: bool = False) -> str:
     return f'<i style="background: {inside}; border-color: {colour}"></i>'
 
 
-def note(text: str, wrong: bool = False) -> str:
+def note(text: str | Exception, wrong: bool = False) -> str:
     """Write a line of text; errors stand out."""
-    kind = "wrong" if wrong else "note"
-    return f'<div class="{kind}">{escape(text)}</div>'
+    if isinstance(text, Exception):
+        text, wrong = one_line(text, 300), True
+    return f'<div class="{"wrong" if wrong else "note"}">{escape(text)}</div>'
 
 
-def strong(text: str) -> str:
-    """Write a line of text that stands out."""
-    return f"<b>{escape(text)}</b>"
+def line(text: str | Exception) -> str:
+    """Write a line alone, as wide as the panel."""
+    return page(note(text))
 
 
 def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
@@ -147,24 +144,3 @@ def errors(state: State, most: int = 6) -> str:
         words.append(f"{name} {factor * value:+.3f}{unit}")
     more = f", … {len(found) - most} more" if len(found) > most else ""
     return note(f"{len(found)} off: {', '.join(words)}{more}")
-
-
-def lights(readings: Sequence[tuple[str, str, str]]) -> str:
-    """Draw the status of every reading: valid, suspect, failed, and why."""
-    rows = [
-        [dot(LIGHTS[health]) + escape(name), escape(f"{health} ({why})" if why else health)]
-        for name, health, why in readings
-    ]
-    return table(["reading", "monitor"], rows)
-
-
-def residuals(played: Playback, line: int) -> str:
-    """Return each sensor's residual in a row and over all rows, before and after calibration."""
-    found = [played.before] if played.after is None else [played.before, played.after]
-    rows = []
-    for k, name in enumerate(played.robot.sensors):
-        factor, unit = in_print(played.robot, name)
-        values = [v for e in found for v in (e.residual[line, k], rms(e.residual)[k])]
-        rows.append([escape(f"{name} ({unit})"), *(number(factor * float(v), 3) for v in values)])
-    header = ["residual", "here", "rms", "after", "rms"]
-    return table(header[: 1 + 2 * len(found)], rows)

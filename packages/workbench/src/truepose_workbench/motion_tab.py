@@ -1,8 +1,8 @@
 """Motion tab: faults switched by hand, and the fault monitor's status."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import replace
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,15 @@ from viser import GuiApi, uplot
 from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
-from truepose.integrations.workbench import charts, motion, words
-from truepose.integrations.workbench.page import Page, Tab
-from truepose.integrations.workbench.state import State
-from truepose.robot.laws import LAWS, usual
+from truepose.faults.monitor import HEALTH, SYMPTOMS, FaultMonitor
+from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.units import reading_units, summed
 from truepose.show.units import printed
-from truepose.simulation.simulate import Simulation
+from truepose.simulation.paths import Waypoints, default_move
+from truepose.simulation.simulate import Simulation, simulate
+from truepose_workbench import charts, words
+from truepose_workbench.page import Page, Tab, plot
+from truepose_workbench.state import State
 
 #: Label, unit and usual value of a fault's size, by the core's name of its unit.
 _SIZES = {
@@ -28,6 +30,55 @@ _SIZES = {
     "1": ("Factor", 1.0, 1.05),
 }
 _POINTS, _PLOTTED = 300, 0.2  #: points of the plot against time, s between updates
+
+
+#: Colours of the fault monitor's status.
+LIGHTS = {"valid": "#009e73", "suspect": "#e69f00", "failed": "#d55e00"}
+LAPS, LEG = 2, 0.6  #: laps (there and back) of a run; time of one way, s
+
+
+def run(
+    state: State, law: Law | None = None, faults: Sequence[Fault] = (), monitored: bool = True
+) -> Simulation:
+    """Simulate `LAPS` laps of the true robot, there and back.
+
+    The motion up to a time depends only on the faults before it. A fault that is switched on during
+    playback is thus a run of the same seed with that fault from then on.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose_workbench.state import begin
+    >>> state = begin(tp.load("h4"))
+    >>> before, after = run(state), run(state, faults=[tp.faults.Fault("theta", "stuck", at=1.0)])
+    >>> bool((before.x[:1000] == after.x[:1000]).all()), after.failed
+    (True, ['theta'])
+    """
+    start, end = default_move(state.robot)
+    path = Waypoints(poses=[start, *[end, start] * LAPS], duration=LEG)
+    monitor = FaultMonitor() if monitored else None
+    return simulate(state.robot, state.truth, law, path=path, faults=faults, monitor=monitor)
+
+
+def ended(faults: Sequence[Fault], reading: str, time: float) -> list[Fault]:
+    """Return the faults, with those of a reading ended at `time` if they began before it."""
+    return [
+        replace(fault, until=time)
+        if fault.reading == reading and fault.until is None and fault.at < time
+        else fault
+        for fault in faults
+    ]
+
+
+def lights(played: Simulation, k: int) -> str:
+    """Draw the status of every reading in period k: valid, suspect, failed, and why."""
+    rows = []
+    codes = zip(played.robot.readings, played.health[k], played.symptom[k], strict=True)
+    for name, code, symptom in codes:
+        health = HEALTH[code]
+        why = "" if health == "valid" else f" ({SYMPTOMS[symptom]})"
+        rows.append([words.dot(LIGHTS[health]) + escape(name), health + why])
+    return words.table(["reading", "monitor"], rows)
 
 
 class MotionTab(Tab):
@@ -44,24 +95,20 @@ class MotionTab(Tab):
         law = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
         self._law = page.on(law, lambda _: self._again())
         self._monitored = page.on(gui.add_checkbox("Fault monitor", True), lambda _: self._again())
-        self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
-        self._kind: Any = gui.add_dropdown("Fault", FAULT_KINDS, initial_value="stuck")
+        self._reading = gui.add_dropdown("Reading", page.state.drawn.readings)
+        self._kind = gui.add_dropdown("Fault", FAULT_KINDS, initial_value="stuck")
         self._size: Any = gui.add_number("Size", 0.0, step=0.01)
-        self._other: Any = gui.add_dropdown("Swapped with", page.state.drawn.readings)
+        self._other = gui.add_dropdown("Swapped with", page.state.drawn.readings)
         for handle in (self._reading, self._kind):
             page.on(handle, lambda _: self._name_size())
         self._name_size()
         fault = gui.add_checkbox("Fault", False, hint="from now until it is switched off")
         self._on = page.on(fault, lambda on: self._begin_fault() if on else self._end_fault())
-        self._lights: Any = gui.add_html(words.page(words.note("At rest.")))
-        self._chart: Any = gui.add_uplot(
-            (np.zeros(1), np.zeros(1)),
-            (uplot.Series(label="s"), uplot.Series(label="error", stroke=charts.LINE, width=2)),
-            title=f"Error: {summed(page.state.drawn).label}",
-            scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
-            aspect=1.8,
-            visible=False,
-        )
+        self._lights = gui.add_html(words.line("At rest."))
+        error = uplot.Series(label="error", stroke=charts.LINE, width=2)
+        title = f"Error: {summed(page.state.drawn).label}"
+        self._chart: Any = plot(gui, title, np.zeros((2, 1)), [error])
+        self._chart.visible = False
 
     def toggle(self) -> None:
         """Start or stop the motion."""
@@ -75,7 +122,7 @@ class MotionTab(Tab):
         self.page.moving = bool(self._move.value)
         self.page.scene.show_gizmos(not self.page.moving)
         self._chart.visible = self.page.moving
-        self._lights.content = words.page(words.note("At rest."))
+        self._lights.content = words.line("At rest.")
         self._again()
 
     def _again(self) -> None:
@@ -86,12 +133,12 @@ class MotionTab(Tab):
         self._of = state.robot, state.truth
         try:
             monitored = bool(self._monitored.value)
-            self._run = motion.run(state, self._law.value, self._faults, monitored)
-        except TrueposeError:
+            self._run = run(state, self._law.value, self._faults, monitored)
+        except TrueposeError as error:
             self._move.value = self.page.moving = False
             self._run = None
             self.page.scene.show_gizmos(True)
-            raise
+            self._lights.content = words.line(error)
 
     def _name_size(self) -> None:
         """Label the size, propose a value, and list readings that can be swapped with it."""
@@ -120,12 +167,12 @@ class MotionTab(Tab):
         if not self.page.moving:
             self._move.value = True
             self._begin()
-            self._on.value = True
+            self._on.value = self.page.moving
         self._faults.append(fault)
         self._again()
 
     def _end_fault(self) -> None:
-        self._faults = motion.ended(self._lasting(), self._reading.value, round(self._time, 3))
+        self._faults = ended(self._lasting(), self._reading.value, round(self._time, 3))
         self._again()
 
     def _lasting(self) -> list[Fault]:
@@ -133,40 +180,37 @@ class MotionTab(Tab):
 
     def tick(self, now: float) -> None:
         """Show the run up to now; start a new one at its end."""
-        run = self._run
-        if run is None:
+        played = self._run
+        if played is None:
             return
         self._time += min(now - self._now, 0.2) if self._now else 0.0
         self._now = now
-        if self._time > run.time[-1]:
+        if self._time > played.time[-1]:
             self._lap()
             return
-        k = int(np.searchsorted(run.time, self._time, side="right")) - 1
-        sent, place = replace(self.page.state, x_d=run.x_d[k]), run.x[k]
+        k = int(np.searchsorted(played.time, self._time, side="right")) - 1
+        sent, place = replace(self.page.state, x_d=played.x_d[k]), played.x[k]
         self.page.scene.show_robot(sent, place, self.page.magnified, self.page.coloured)
         self.page.scene.show_rests(sent, {}, 1.0)
-        total = summed(run.robot)
-        off = np.linalg.norm((run.x - run.x_d)[: k + 1, total.columns], axis=1)
+        total = summed(played.robot)
+        off = np.linalg.norm((played.x - played.x_d)[: k + 1, total.columns], axis=1)
         if now - self._plotted > _PLOTTED:
             self._plotted, some = now, slice(None, None, 1 + k // _POINTS)
-            self._chart.data = run.time[: k + 1][some], total.factor * off[some]
+            self._chart.data = played.time[: k + 1][some], total.factor * off[some]
         parts = [words.note(f"{self._time:.2f} s, off by {printed(float(off[-1]), total.unit)}")]
         if self._monitored.value:
-            parts.insert(0, words.lights(motion.lights(run, k)))
-        if run.stops[k]:
+            parts.insert(0, lights(played, k))
+        if played.stops[k]:
             parts.append(words.note("The fault monitor stops the robot.", wrong=True))
-        if run.ended and k == len(run.time) - 1:
-            parts.append(words.note(one_line(run.ended), wrong=True))
+        if played.ended and k == len(played.time) - 1:
+            parts.append(words.note(one_line(played.ended), wrong=True))
         self._lights.content = words.page(*parts)
 
     def _lap(self) -> None:
         """Start a new run in which active faults act from the start."""
         self._faults = [replace(f, at=0.0) for f in self._lasting() if f.until is None]
         self._time = 0.0
-        try:
-            self._again()
-        except TrueposeError as error:
-            self._lights.content = words.page(words.note(one_line(error, 300), wrong=True))
+        self._again()
 
     def follow(self, state: State) -> None:
         """List the readings of the sensors in use; restart for another robot."""

@@ -1,0 +1,217 @@
+"""Answers of the workbench for a state: steady states, their σ, conditioning."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
+from truepose.design.error_budget import ErrorBudget, error_budget, errors_at
+from truepose.design.pose_plan import PosePlan
+from truepose.design.poses import plan_poses
+from truepose.design.selection import SensorSelection, SensorSet
+from truepose.design.sensors import select_sensors
+from truepose.exceptions import InputError, TrueposeError
+from truepose.robot.frames import frames, rotation_vector
+from truepose.robot.laws import LAWS, Law
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+from truepose.robot.workspace import samples_or_home
+from truepose.show.units import PRINT
+from truepose.simulation.equilibrium import steady_state
+from truepose_workbench.state import State, Terms, pose_range
+
+#: Cases of the accuracy by their label on the page: (self-calibrated, referenced).
+HOWS = {
+    "as built": (False, False),
+    "referenced": (False, True),
+    "self-calibrated": (True, False),
+    "self-calibrated, referenced": (True, True),
+}
+#: Contents of the map.
+MAPS = ("none", "position error", "conditioning")
+#: Numbers of sampled workspace poses at which accuracy is evaluated, and that a calibration visits.
+POSES = 64
+#: Poses of a plan where no self-calibration was requested.
+PLANNED = 20
+
+
+class Rest(NamedTuple):
+    """Steady state of the true robot under a law."""
+
+    x: Array | None  #: (n,)
+    off: Array  #: (3,) position error of the nacelle's reference point, m
+    turn: float  #: orientation error, rad
+    why: str  #: the reason if there is no steady state
+
+
+def rests(state: State) -> dict[Law, Rest]:
+    """Return the steady state of the true robot under each law.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose_workbench.state import begin
+    >>> state = begin(tp.load("h4")).with_errors({"chain1.rod": 0.003})
+    >>> found = rests(state.sent([0.05, 0.05, -0.4, 0.2]))
+    >>> found["cartesian"].turn < 1e-9 < found["tej"].turn < found["joint"].turn
+    True
+    """
+    asked = frames(state.robot, state.x_d)
+    found: dict[Law, Rest] = {}
+    for law in LAWS:
+        try:
+            x = steady_state(state.robot, state.truth, state.x_d, law)
+        except TrueposeError as error:
+            found[law] = Rest(None, np.full(3, np.nan), np.nan, str(error))
+            continue
+        got = frames(state.truth, x)
+        turn = rotation_vector(got[:3, :3] @ asked[:3, :3].T)
+        found[law] = Rest(x, got[:3, 3] - asked[:3, 3], float(np.linalg.norm(turn)), "")
+    return found
+
+
+def position_error(state: State, law: Law, over: Array) -> float:
+    """Return the steady-state position error (of a rotational robot: rotation), rms, m or rad."""
+    off = steady_state(state.robot, state.truth, over, law, errors="nan").error
+    off = off[:, summed(state.robot).columns]
+    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=1))))
+
+
+def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Array, Array | None]:
+    """Return points of the chains, (n, 4, 3): the nominal robot at x_d, and the true one at x.
+
+    Deviations of the true robot are `magnified`, since millimetres would be invisible.
+    """
+    ghost = state.drawn.skeleton(state.x_d)
+    if x is None:
+        return ghost, None
+    return ghost, ghost + magnified * (state.truth.skeleton(x) - ghost)
+
+
+def ellipsoids(covariance: Array) -> tuple[Array, Array]:
+    """Return half axes, (N, 3), m, and directions as columns, (N, 3, 3), of 1 σ ellipsoids."""
+    variance, directions = np.linalg.eigh(covariance)
+    directions[..., 2] *= np.sign(np.linalg.det(directions))[:, None]
+    return np.sqrt(np.maximum(variance, 0.0)), directions
+
+
+def bounds(robot: Robot) -> dict[str, Array]:
+    """Return σ of each coordinate and of the position, (n + 1,), rms over the workspace; m, rad.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> for names in (["theta"], ["theta", "z_telemeter"]):
+    ...     sigma = bounds(h4.with_sensors(*names))
+    ...     print((1e3 * np.array([s[-1] for s in sigma.values()])).round(2))  # mm
+    [7.46 0.21 1.78 0.17]
+    [4.91 0.2  0.75 0.1 ]
+    """
+    poses, found = workspace_poses(robot), {}
+    for how, (learnt, referenced) in HOWS.items():
+        home = robot.home if referenced else None
+        sigma = accuracy(robot, poses, poses if learnt else None, home).sigma
+        found[how] = np.sqrt((sigma**2).mean(axis=0))
+    return found
+
+
+def workspace_poses(robot: Robot) -> Array:
+    """Return reachable poses sampled from the workspace; home only without a workspace."""
+    poses = samples_or_home(robot, POSES)
+    good = np.isfinite(accuracy(robot, poses, errors="nan")).all(axis=(1, 2))
+    if not good.any():
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    return poses[good]
+
+
+class Map(NamedTuple):
+    """Values at k places, and their scale."""
+
+    places: Array  #: (k, 3) m
+    shares: Array  #: (k,) from 0, good, to 1, bad
+    title: str
+    good: str  #: value at 0
+    bad: str  #: value at 1
+
+
+def map_of(state: State, kind: str) -> Map:
+    """Return one of :data:`MAPS` about the workspace, over its first two coordinates.
+
+    The position error (of a rotational robot the turn) is that which a share of the robots keeps at
+    the target's height. The conditioning, 0 (singular) to 1, is the smaller of parallel and serial.
+    """
+    error, robot = kind == MAPS[1], state.robot
+    points, beyond = (21, 0.0) if error else (41, 0.3)
+    low, high = pose_range(state.drawn, beyond)[:2].T
+    x = np.tile(state.x_d, (points * points, 1))
+    x[:, :2] = np.stack(np.meshgrid(*np.linspace(low, high, points).T), axis=-1).reshape(-1, 2)
+    if error:
+        values = error_at(robot, x, state.terms)
+    else:
+        parallel, serial = robot.conditioning(x, errors="nan")
+        values = np.minimum(parallel, serial.min(axis=1))
+    good = np.isfinite(values)
+    if not good.any():
+        raise InputError(f"{robot.name}: no place of the map is reachable and regular")
+    places, values = frames(robot, x[good])[:, :3, 3], values[good]
+    if not error:
+        return Map(places, 1 - values, "Map: conditioning", "1 best", "0 singular")
+    most, total = min(3 * float(np.median(values)), float(values.max())), summed(robot)
+    kept = f"kept by {100 * state.terms.confidence:.4g} % of robots"
+    title = f"Map: {total.name} error {kept} ({PRINT[total.unit][1]})"
+    return Map(places, values / max(most, 1e-12), title, "0", f"{total.factor * most:.3g}")
+
+
+def front(robot: Robot, prices: Mapping[str, float], terms: Terms, **goal: Any) -> SensorSelection:
+    """Return the Pareto front of sensor sets, tolerances as they are."""
+    known = terms.known(robot) | {"confidence": terms.confidence}
+    return select_sensors(robot, prices, price_steps={}, **known, **goal)
+
+
+def within(found: SensorSelection, budget: float) -> SensorSet | None:
+    """Return the most accurate set of the front within a budget, one-time steps included."""
+    affordable = [choice for choice in found.front if paid(choice) <= budget * (1 + 1e-9)]
+    return affordable[-1] if affordable else None
+
+
+def paid(choice: SensorSet) -> float:
+    """Return the price of a set and of those one-time steps that have a price."""
+    return choice.price + (choice.once or 0.0)
+
+
+def contributions(robot: Robot, terms: Terms) -> ErrorBudget:
+    """Return the error with the sensors in use, and what contributes to it.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4, terms = tp.load("h4"), Terms(poses=10)
+    >>> for choice in front(h4, {"theta": 90, "wire1": 250}, terms).front[1:]:
+    ...     budget = contributions(h4.with_sensors(*choice.sensors), terms)
+    ...     print(choice.sensors, round(budget.error / choice.error, 6))
+    ('theta',) 1.0
+    ('wire1',) 1.0
+    ('theta', 'wire1') 1.0
+    """
+    return error_budget(robot, **terms.known(robot), confidence=terms.confidence)
+
+
+def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
+    """Return the position error that the share of robots keeps at each pose, (N,); NaN: none."""
+    return errors_at(robot, x, **terms.known(robot), confidence=terms.confidence)
+
+
+def plan(robot: Robot, terms: Terms) -> PosePlan:
+    """Return the calibration poses for the sensors in use."""
+    reference = robot.home if terms.referenced else None
+    return plan_poses(robot, terms.poses or PLANNED, reference_pose=reference)
+
+
+def along(plan: PosePlan, way: float) -> Array:
+    """Return the pose after `way` stops on the tour from home, straight between stops."""
+    stops = np.vstack([plan.robot.home, plan.poses, plan.robot.home])
+    k = min(int(way), len(stops) - 2)
+    return np.asarray(stops[k] + min(way - k, 1.0) * (stops[k + 1] - stops[k]))
