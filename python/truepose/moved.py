@@ -11,9 +11,13 @@ from types import ModuleType
 from truepose.exceptions import InputError
 
 #: Package of each command that moved; a point separates groups.
-COMMANDS = {"maslow": "sleds"}
+COMMANDS = {"export.mjcf": "mujoco", "import": "mujoco", "maslow": "sleds", "view": "mujoco"}
 #: New name of each module that moved.
-MODULES = {"truepose.integrations.maslow": "truepose_sleds"}
+MODULES = {
+    "truepose.integrations.importers": "truepose_mujoco.importers",
+    "truepose.integrations.maslow": "truepose_sleds",
+    "truepose.integrations.mujoco": "truepose_mujoco",
+}
 
 
 def answer(name: str, package: str) -> Callable[[], None]:

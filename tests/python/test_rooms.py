@@ -21,7 +21,7 @@ SOURCES = sorted(ROOT.rglob("*.py"))
 ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
 #: Needs what is not installed everywhere.
-OPTIONAL = ("mujoco", "viser")
+OPTIONAL = ("viser",)
 
 
 def test_no_room_hides_a_public_function():
@@ -85,9 +85,7 @@ def test_the_package_loads_without_the_paper():
     assert of_the_paper(loaded("import truepose")) == []
 
 
-@pytest.mark.parametrize(
-    "name", ["", "info", "accuracy", "calibrate", "klipper", "view", "reproduce"]
-)
+@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "klipper", "reproduce"])
 def test_help_loads_nothing_of_the_paper_and_no_plots(name):
     modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
     few = {"truepose.paper"} | {f"truepose.paper.{m}" for m in ("article", "command")}

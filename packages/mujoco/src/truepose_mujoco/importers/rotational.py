@@ -12,10 +12,10 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.integrations.importers.home import standing, with_workspace
-from truepose.integrations.importers.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile.consistency import taken
 from truepose.robotfile.schema import RobotFile
+from truepose_mujoco.importers.home import standing, with_workspace
+from truepose_mujoco.importers.links import MEET, Link, Mechanism, meeting
 
 _HEAVY = 1e-6  # kg, or kg·m²; MuJoCo needs at least this of massless bodies
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
-from truepose.integrations.mujoco.mechanism import Posture
-from truepose.integrations.mujoco.mjcf import TIMESTEP, Model
-from truepose.plugins import package
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
+from truepose_mujoco.mechanism import Posture
+from truepose_mujoco.mjcf import TIMESTEP, Model
 
 _OPEN = 1e-4  # m, largest gap of a closed loop
 
@@ -28,11 +28,6 @@ class Settled(NamedTuple):
     gap: Array  #: (...) largest gap of a loop, m
 
 
-def require() -> Any:
-    """Return the module mujoco; raise InputError with the install command if missing."""
-    return package("mujoco", 'MuJoCo is not installed: pip install "truepose[mujoco]"')
-
-
 class Body:
     """MuJoCo's model and state of a robot, and the addresses of the robot's joints in it.
 
@@ -40,7 +35,6 @@ class Body:
     """
 
     def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
-        mujoco = self.mujoco = require()
         self.robot, self.mechanism = robot, Model(robot, effects)
         # MuJoCo writes warnings to a file by default; here they raise or become a status.
         mujoco.set_mju_user_warning(lambda _: None)
@@ -62,14 +56,14 @@ class Body:
 
     def stand(self, posture: Posture) -> None:
         """Move every body to its pose in a posture, at rest."""
-        self.mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_resetData(self.model, self.data)
         qpos = self.data.qpos
         for name, value in posture.joints.items():
             qpos[self._at[name]] = value
         if not self._own:
             at = self._at["nacelle"]
             qpos[at : at + 3] = posture.D
-            self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
+            mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
 
     def nacelle(self) -> tuple[Array, Array]:
         """Return D and R of the nacelle."""
@@ -81,7 +75,7 @@ class Body:
         if self._own:
             return frames(self.robot, self.data.qpos[self._own])
         at, flat, frame = self._at["nacelle"], np.empty(9), np.eye(4)
-        self.mujoco.mju_quat2Mat(flat, self.data.qpos[at + 3 : at + 7])
+        mujoco.mju_quat2Mat(flat, self.data.qpos[at + 3 : at + 7])
         frame[:3, :3], frame[:3, 3] = flat.reshape(3, 3), self.data.qpos[at : at + 3]
         return frame
 
@@ -116,14 +110,14 @@ class Body:
 
     def gap(self) -> float:
         """Return the largest gap of a loop, m."""
-        self.mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)
         rods = [rod for i in range(self.robot.n) for rod, _ in self.mechanism.rods(i)]
         gaps = [self.data.site(f"{k}.end").xpos - self.data.site(f"{k}.anchor").xpos for k in rods]
         return float(np.linalg.norm(gaps, axis=1).max())
 
     def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
         """Move the motors to readings q, hold them, and wait for the steady state."""
-        model, data, step = self.model, self.data, self.mujoco.mj_step
+        model, data, step = self.model, self.data, mujoco.mj_step
         start = self.positions()[0]
         core, home = self.robot.core, self.mechanism.home.position
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])

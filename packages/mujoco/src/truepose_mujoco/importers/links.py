@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.linalg import inv
 
@@ -60,8 +61,8 @@ class Closure:
 class Model:
     """A compiled model with all joints at zero."""
 
-    def __init__(self, mujoco: Any, model: Any):
-        self.mujoco, self.model = mujoco, model
+    def __init__(self, model: mujoco.MjModel):
+        self.model = model
         self.data = mujoco.MjData(model)
         scalar = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
         at = model.jnt_qposadr[np.isin(model.jnt_type, scalar)]
@@ -71,7 +72,7 @@ class Model:
 
     def actuators(self) -> dict[int, list[int]]:
         """Return the actuators of each driven joint."""
-        kinds, found = self.mujoco.mjtTrn, dict[int, list[int]]()
+        kinds, found = mujoco.mjtTrn, dict[int, list[int]]()
         driving = int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)
         for k in np.flatnonzero(np.isin(self.model.actuator_trntype, driving)).tolist():
             found.setdefault(int(self.model.actuator_trnid[k, 0]), []).append(k)
@@ -86,10 +87,10 @@ class Model:
 
     def closures(self) -> Iterator[Closure]:
         """Yield the closure of every loop equality."""
-        model, data, kinds = self.model, self.data, self.mujoco.mjtEq
+        model, data, kinds = self.model, self.data, mujoco.mjtEq
         for kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             for k, name, ids in self.equalities(kind):
-                if model.eq_objtype[k] == self.mujoco.mjtObj.mjOBJ_SITE:
+                if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
                     bodies = int(model.site_bodyid[ids[0]]), int(model.site_bodyid[ids[1]])
                     first, second = (_frame(data.site_xpos[i], data.site_xmat[i]) for i in ids)
                     points = np.array([first[:3, 3], second[:3, 3]])
@@ -99,7 +100,7 @@ class Model:
                     bodies, R = ids, np.zeros(9)
                     anchors = model.eq_data[k, :6].reshape(2, 3)
                     points = _moved([self.frame(body) for body in bodies], anchors)
-                    self.mujoco.mju_quat2Mat(R, model.eq_data[k, 6:10])
+                    mujoco.mju_quat2Mat(R, model.eq_data[k, 6:10])
                     held = _frame(model.eq_data[k, 3:6], R)
                 yield Closure(name, bodies, points, held if kind == kinds.mjEQ_WELD else None)
 
@@ -150,7 +151,7 @@ class Mechanism:
         motors: set[int],
         retyped: dict[int, str],  #: axes of rotation of joints that are not of the model's type
     ):
-        self._kinds = m.mujoco.mjtJoint
+        self._kinds = mujoco.mjtJoint
         model = self.model = m.model  #: MuJoCo's model
         self.data = m.data  #: MuJoCo's data, with every joint at zero
         self.source = path.name  #: the file's name
@@ -161,7 +162,7 @@ class Mechanism:
         self.hinges = {*hinges.tolist()} - {*retyped}
         #: Joints that an equality couples, and its name.
         self.coupled = {
-            joint: name for _, name, ids in m.equalities(m.mujoco.mjtEq.mjEQ_JOINT) for joint in ids
+            joint: name for _, name, ids in m.equalities(mujoco.mjtEq.mjEQ_JOINT) for joint in ids
         }
         bodies = _Bodies(model.nbody)
         joints = [

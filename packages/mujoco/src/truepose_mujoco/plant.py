@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,8 +20,6 @@ from truepose.control.safety import SafetyShell, not_started, stop_text
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
-from truepose.integrations.mujoco.body import Body, Settled, require
-from truepose.integrations.mujoco.mjcf import TIMESTEP
 from truepose.robot import knowledge
 from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
@@ -28,6 +27,8 @@ from truepose.robotfile.to_core import padded
 from truepose.simulation.drive import unanswered
 from truepose.simulation.plants import Visit
 from truepose.threads import each
+from truepose_mujoco.body import Body, Settled
+from truepose_mujoco.mjcf import TIMESTEP
 
 _RIPPLES = 6  # periods of the torque ripple per turn of the motor
 _RANGE = 40  # poses per thread: fixed, so results do not depend on the number of cores
@@ -40,7 +41,7 @@ _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 @dataclass(eq=False)
 class MujocoPlant:
-    """A true robot in MuJoCo, every rod on its own. TrueposeError: MuJoCo is not installed."""
+    """A true robot in MuJoCo, every rod on its own."""
 
     truth: Robot  #: cold
     effects: Effects = None  # type: ignore[assignment]  #: that the model omits; None: no effects
@@ -56,7 +57,6 @@ class MujocoPlant:
     faults: Sequence[Fault] = ()  #: in the warm-up's time: the k-th move begins at k · `pose_time`
 
     def __post_init__(self) -> None:
-        require()
         self.effects = self.effects or Effects.none()
         for name in ("duration", "timestep", "longest"):
             positive(name, getattr(self, name))
@@ -261,7 +261,7 @@ class _Drive:
             ripple = np.sin(_RIPPLES * body.positions()[0] + plant.ripple_phase)
             applied = applied * (1 + plant.effects.torque_ripple * ripple)
         body.data.ctrl[:] = applied
-        body.mujoco.mj_step(body.model, body.data, self.steps)
+        mujoco.mj_step(body.model, body.data, self.steps)
         if not np.isfinite(body.data.qpos).all():
             return "lost: the motion is no longer finite"
         return ""

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
+import yaml
 
 from truepose import files
 from truepose.exceptions import InputError, choose, one_line
-from truepose.integrations.importers.links import Closure, Mechanism, Model
-from truepose.plugins import package
+from truepose_mujoco.importers.links import Closure, Mechanism, Model
 
 _MOST = 1 << 24  # largest number of bytes of a model
 #: Largest number of elements with all copies; MuJoCo compiles as many in some seconds.
@@ -31,9 +32,8 @@ _RETYPED = {"SPHERICAL": "XYZ", "FIXED": ""} | {
 def from_mjcf(path: str | Path) -> Mechanism:
     """Read an MJCF file with loops by equality/connect and equality/weld.
 
-    InputError: MuJoCo cannot read the file. TrueposeError: MuJoCo is not installed.
+    InputError: MuJoCo cannot read the file.
     """
-    mujoco = _mujoco()
     path = Path(path)
     _model(path)
 
@@ -47,7 +47,7 @@ def from_mjcf(path: str | Path) -> Mechanism:
             _light(spec)
         return spec.compile()
 
-    m = Model(mujoco, _first(path, lambda: compiled(True), lambda: compiled(False)))
+    m = Model(_first(path, lambda: compiled(True), lambda: compiled(False)))
     return Mechanism(m, path, list(m.closures()), {*m.actuators()}, {})
 
 
@@ -58,9 +58,8 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     frames coincide; `type` of each, "3d" (origins) or "6d" (whole frames); `name_mot`, driven
     joints; `joint_name` and `joint_type`, joints other than hinges: SPHERICAL, UJOINT_XY, …
 
-    InputError: a file is not as described. TrueposeError: MuJoCo or PyYAML is not installed.
+    InputError: a file is not as described.
     """
-    mujoco = _mujoco()
     path, loops = Path(path), Path(loops)
     said = _loops(loops)
     root = _model(path)
@@ -76,7 +75,7 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
         _light(spec)
         return spec.compile()
 
-    m = Model(mujoco, _first(path, compiled))
+    m = Model(_first(path, compiled))
     model = m.model
     joints = {model.joint(k).name: k for k in range(model.njnt)}
     links = {model.body(k).name: k for k in range(model.nbody)}
@@ -95,13 +94,6 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
         closures.append(Closure(f"{one}-{other}", (a, b), m.data.xpos[[a, b]], held))
     motors = {_among(joints, name, "joint", loops) for name in said["name_mot"]}
     return Mechanism(m, path, closures, motors, retyped)
-
-
-def _mujoco() -> Any:
-    missing = 'models are read by MuJoCo, which is not installed: pip install "truepose[import]"'
-    mujoco = package("mujoco", missing)
-    mujoco.set_mju_user_warning(lambda _: None)
-    return mujoco
 
 
 def _text(path: Path) -> str:
@@ -157,8 +149,6 @@ def _size(path: Path, folder: Path, sizes: dict[Path, float]) -> tuple[ET.Elemen
 
 def _yaml(path: Path) -> Any:
     """Read YAML; refuse aliases, as a few lines of them can expand to gigabytes."""
-    missing = 'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
-    yaml = package("yaml", missing)
     text = _text(path)
     if len(text) > _YAML:
         raise InputError(
@@ -184,6 +174,7 @@ def _light(spec: Any) -> None:
 def _first(path: Path, *ways: Callable[[], Any]) -> Any:
     """Return the result of the first way that works, or raise the first way's error."""
     said: Exception | None = None
+    mujoco.set_mju_user_warning(lambda _: None)
     for way in ways:
         try:
             return way()

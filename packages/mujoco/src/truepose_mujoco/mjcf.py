@@ -12,10 +12,10 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.files import mark
-from truepose.integrations.mujoco.mechanism import Mechanism, axes, turn
 from truepose.robot.parts import COLOURS
 from truepose.robot.passive import passive_axes
 from truepose.robot.robot import Robot
+from truepose_mujoco.mechanism import Mechanism, axes, turn
 
 #: s; small enough for a 1500 rad/s tracking loop, large enough for hundreds of poses per minute.
 TIMESTEP = 2.5e-4
@@ -316,7 +316,7 @@ def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIME
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.mujoco.mjcf import to_mjcf
+    >>> from truepose_mujoco.mjcf import to_mjcf
     >>> to_mjcf(tp.load("h4")).count("<connect")
     8
     """
