@@ -37,7 +37,7 @@ class Watched(_Drive):
         return super().go(x_d, time)
 
     def _trace(self):
-        D, _ = self.body.nacelle()
+        D = self.body.frame()[:3, 3]
         self.seen.append(np.array([*D, np.degrees(self._theta())]))
         return super()._trace()
 

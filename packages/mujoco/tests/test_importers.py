@@ -348,6 +348,7 @@ def _rotation(roll, pitch, yaw):
         ("SPHERICAL", "SCREW", "neck.yaml: unknown joint_type 'SCREW'"),
         ("SPHERICAL", "UJOINT_ZX", "foot and top are both universal joints, which hold the rod's"),
         ("[motor]", "[moter]", "neck.yaml: unknown joint 'moter'; did you mean 'motor'?"),
+        ("[motor]", "[[motor]]", "neck.yaml: unknown joint"),
         ("[motor]", "[nod]", "head: nod is driven: an axis of a rotational platform is passive"),
         ("closed_loop", "\t: [", "neck.yaml: not YAML: "),
         (LOOPS, "7", "neck.yaml: must have the keys closed_loop, type, name_mot"),

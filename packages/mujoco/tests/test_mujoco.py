@@ -96,7 +96,7 @@ class Moving:
         """Base frame from MuJoCo's: a free body's turns are counted in its own frame."""
         T = np.eye(len(self.dof))
         if len(self.dof) == 6:
-            T[3:, 3:] = self.body.nacelle()[1]
+            T[3:, 3:] = self.body.frame()[:3, :3]
         return T
 
     def to_mujoco(self, rate):

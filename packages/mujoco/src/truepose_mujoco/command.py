@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option, Typer
 
@@ -14,9 +14,6 @@ from truepose.robot.robot import load
 from truepose.show.terminal import Format, say
 from truepose_mujoco import viewing
 from truepose_mujoco.mjcf import to_mjcf
-
-if TYPE_CHECKING:
-    from truepose_mujoco.importers import Mechanism
 
 imports = Typer(no_args_is_help=True, help="Make a robot file from another program's model.")
 Pivot = Annotated[
@@ -66,9 +63,7 @@ def import_mjcf(
 
     Example: **truepose import mjcf humanoid.xml --pivot left_foot -o ankle.toml**
     """
-    from truepose_mujoco.importers import from_mjcf
-
-    _put(from_mjcf(model), pivot, [model], out, force)
+    _import([model], pivot, out, force)
 
 
 @imports.command()
@@ -85,17 +80,16 @@ def urdf(
 
     Example: **truepose import urdf robot.urdf robot.yaml --pivot foot -o ankle.toml**
     """
-    from truepose_mujoco.importers import from_urdf
-
-    _put(from_urdf(model, loops), pivot, [model, loops], out, force)
+    _import([model, loops], pivot, out, force)
 
 
-def _put(mechanism: Mechanism, body: str, read: list[Path], out: Path | None, force: bool) -> None:
-    """Write the robot to a file, or to standard output."""
-    from truepose_mujoco.importers import pivot_of
+def _import(read: list[Path], body: str, out: Path | None, force: bool) -> None:
+    """Write the robot of a model to a file, or to standard output."""
+    from truepose_mujoco import importers
 
+    mechanism = importers.from_urdf(*read) if read[1:] else importers.from_mjcf(*read)
     output = out and robotfile.output(out, "-o")
-    spec, notes = pivot_of(mechanism, body)
+    spec, notes = importers.pivot_of(mechanism, body)
     text = robotfile.to_toml(spec, {})
     if output:
         files.write({output: text}, read, force)

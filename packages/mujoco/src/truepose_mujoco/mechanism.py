@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.robot.batches import require_answers
+from truepose.robot.batches import at_poses
 from truepose.robot.frames import frames, rotation
 from truepose.robot.robot import Robot
 
@@ -19,10 +19,11 @@ from truepose.robot.robot import Robot
 class Posture:
     """Poses of all bodies with all loops closed. SI units, base frame."""
 
+    x: Array  #: (n,) coordinates
     D: Array  #: (3,)
     R: Array  #: (3, 3)
-    position: Array  #: (n,) of the motors, without encoder offsets
-    joints: dict[str, float]  #: MuJoCo's joints by name, except the free nacelle's
+    psi: Array  #: (bars,) angles of the lateral bars
+    position: list[float]  #: (n,) of the motors, without encoder offsets
 
 
 class Mechanism:
@@ -39,14 +40,12 @@ class Mechanism:
         self.own_joints = [f"axis{j + 1}" for j in range(robot.core.axes)]
         if self.planar:
             self.own_joints = ["nacelle.x", "nacelle.y", "nacelle.theta"][: robot.n]
-        self._frames = [np.eye(3)] * robot.n
-        pose = self._pose(robot.home)
-        self._frames = [self._frame(i, pose) for i in range(robot.n)]
         self.home = self.posture(robot.home)
-        D, R, psi, position = pose
-        points = [D, *(chain.base for chain in self.chains)]
-        for i in range(robot.n):
-            points += [self.elbow(i, 0, position[i]), self.anchor(i, 0, D, R, psi)]
+        self._frames = [np.eye(3)] * robot.n
+        self._frames = [self._frame(i) for i in range(robot.n)]
+        points = [self.home.D]
+        for i, chain in enumerate(self.chains):
+            points += [chain.base, self.elbow(i, 0, self.home), self.anchor(i, 0, self.home)]
         self.outline = np.array(points)  #: points of base, arms and nacelle at home
         self.size = float(np.ptp(self.outline, axis=0).max())  #: m, which scales drawn thicknesses
 
@@ -57,79 +56,70 @@ class Mechanism:
         return [(f"rod{i + 1}", 0.0)]
 
     def posture(self, x: ArrayLike) -> Posture:
-        """Return all bodies' poses at x with closed loops, at the highest available level."""
-        x = np.asarray(x, dtype=float)
-        D, R, psi, position = self._pose(x)
-        joints = dict(zip(self.own_joints, map(float, x), strict=False))
-        joints |= {f"bar{k + 1}": float(angle) for k, angle in enumerate(psi)}
+        """Return all bodies' poses at x with closed loops, at the highest available level.
+
+        Motors may be beyond their stops.
+        """
+        robot, core = self.robot, self.robot.core
+        x, full = np.asarray(x, dtype=float), bool(robot.full)
+        (q,) = at_poses(
+            robot, x, "raise", lambda core, x: _core.ikm(core.without_limits(), x, full)
+        )
+        theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
+        rest = robot.residual_motion(x) if full else np.zeros(self.bars)
+        tilt, turns = np.split(rest, [len(rest) - self.bars])
+        frame = frames(robot, x, tilt)
+        position = [core.motor_position(i, value) for i, value in enumerate(q)]
+        return Posture(x, frame[:3, 3], frame[:3, :3], turns - theta, position)
+
+    def joints(self, at: Posture) -> dict[str, float]:
+        """Return the positions of MuJoCo's joints by name, except the free nacelle's."""
+        joints = dict(zip(self.own_joints, map(float, at.x), strict=False))
+        joints |= {f"bar{k + 1}": float(angle) for k, angle in enumerate(at.psi)}
         for i in range(self.robot.n):
-            joints[f"motor{i + 1}"] = position[i]
+            joints[f"motor{i + 1}"] = at.position[i]
             for rod, side in self.rods(i):
-                along = self.anchor(i, side, D, R, psi) - self.elbow(i, side, position[i])
-                a, b, c = self.mount(i, position[i]).T @ (along / np.linalg.norm(along))
+                along = self.anchor(i, side, at) - self.elbow(i, side, at)
+                a, b, c = self.mount(i, at).T @ (along / np.linalg.norm(along))
                 joints[f"{rod}.swing"] = float(np.arctan2(b, a))
                 joints[f"{rod}.lean"] = -float(np.arcsin(np.clip(c, -1, 1)))
-        return Posture(D, R, position, joints)
+        return joints
 
-    def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
-        """Return D, R, bars' angles and motors' positions at x, even beyond the motors' stops."""
-        robot, core, n = self.robot, self.robot.core, self.robot.n
-        full = bool(robot.full)
-        rows = np.ascontiguousarray(x[None], dtype=float)
-        q, status, chain = _core.ikm(core.without_limits(), rows, full)
-        require_answers(robot, "pose", rows, (), status, chain, "raise")
-        position = np.array([core.motor_position(i, q[0, i]) for i in range(n)])
-        theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
-        psi, tilt = np.full(self.bars, -theta), np.zeros(2)
-        if full and core.full.kind != _core.FullKind.same:
-            rest = robot.residual_motion(x)
-            tilt, turns = np.split(rest, [len(rest) - self.bars])
-            psi = turns - theta
-        frame = frames(robot, x, tilt)
-        return frame[:3, 3], frame[:3, :3], psi, position
-
-    def anchor(self, i: int, side: float, D: Array, R: Array, psi: Array) -> Array:
+    def anchor(self, i: int, side: float, at: Posture) -> Array:
         """Return a rod's end on the nacelle."""
         chain = self.chains[i]
-        body = R if chain.bar < 0 else R @ turn(2, psi[chain.bar])
-        return D + R @ chain.pivot + body @ self.on_bar(i, side)
+        body = at.R if chain.bar < 0 else at.R @ turn(2, at.psi[chain.bar])
+        return at.D + at.R @ chain.pivot + body @ self.on_bar(i, side)
 
     def on_bar(self, i: int, side: float) -> Array:
         """Return the vector from the bar's or the chain's pivot on the nacelle to a rod's end."""
         chain = self.chains[i]
         return chain.anchor + 0.5 * side * chain.rod_spacing * chain.pair_drawn
 
-    def elbow(self, i: int, side: float, position: float) -> Array:
+    def elbow(self, i: int, side: float, at: Posture) -> Array:
         """Return a rod's end at the motor."""
-        chain, mount = self.chains[i], self.mount(i, position)
-        B = np.array(chain.base)
+        chain, mount = self.chains[i], self.mount(i, at)
+        B = chain.base + 0.5 * side * chain.rod_spacing * mount[:, 2]
         if chain.actuator == _core.Actuator.revolute:
-            B = B + chain.arm * mount[:, 0]
+            return B + chain.arm * mount[:, 0]
         if chain.actuator == _core.Actuator.prismatic:
-            B = B + position * np.array(chain.axis)
-        return B + 0.5 * side * chain.rod_spacing * mount[:, 2]
+            return B + at.position[i] * np.array(chain.axis)
+        return B
 
-    def mount(self, i: int, position: float) -> Array:
+    def mount(self, i: int, at: Posture) -> Array:
         """Return the frame of the rods' carrier: x along the arm, z along their first hinge."""
         turned = self.chains[i].actuator == _core.Actuator.revolute
-        return self._frames[i] @ turn(2, position) if turned else self._frames[i]
+        return self._frames[i] @ turn(2, at.position[i]) if turned else self._frames[i]
 
-    def _frame(self, i: int, pose: tuple) -> Array:
+    def _frame(self, i: int) -> Array:
         """Return the mount at position 0; without an arm, x is near the rods' direction at home."""
         chain = self.chains[i]
         if chain.actuator == _core.Actuator.revolute:
             return axes(chain.zero, chain.axis)
-        D, R, psi, position = pose
-        along = self.anchor(i, 0, D, R, psi) - self.elbow(i, 0, position[i])
+        along = self.anchor(i, 0, self.home) - self.elbow(i, 0, self.home)
         if chain.rod_spacing > 0:
-            z = np.array(chain.pair_axis)
-        elif self.planar:
-            z = np.array([0.0, 0.0, 1.0])
-        else:
-            z = np.cross(chain.axis, along)
-            if np.linalg.norm(z) < 0.1 * np.linalg.norm(along):
-                z = np.cross(np.eye(3)[np.abs(along).argmin()], along)
-        return axes(along, z)
+            return axes(along, chain.pair_axis)
+        return axes(along, [0, 0, 1] if self.planar else across(along))
 
 
 def turn(axis: int, angle: float) -> Array:
@@ -137,10 +127,14 @@ def turn(axis: int, angle: float) -> Array:
     return rotation(angle * np.eye(3)[axis])
 
 
+def across(along: Array) -> Array:
+    """Return a vector perpendicular to the given one."""
+    return np.cross(along, np.eye(3)[np.abs(along).argmin()])
+
+
 def axes(x: ArrayLike, z: ArrayLike) -> Array:
     """Return columns x, y, z with this z, and x as near as possible to the given one."""
-    up, near = np.asarray(z, dtype=float), np.asarray(x, dtype=float)
-    up = up / np.linalg.norm(up)
-    near = near - (near @ up) * up
+    up = np.array(z) / np.linalg.norm(z)
+    near = x - (x @ up) * up
     near = near / np.linalg.norm(near)
     return np.column_stack([near, np.cross(up, near), up])

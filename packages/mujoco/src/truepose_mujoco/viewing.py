@@ -13,7 +13,6 @@ from truepose.files import Output, check, mark, replace_file, unfinished
 from truepose.robot.robot import Robot
 from truepose_mujoco.mjcf import Model
 
-_WIDTH, _HEIGHT = 1600, 1200
 _PATIENCE = 120  # timeout of one picture, s
 
 
@@ -43,8 +42,7 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: must end in .png")
     check([Output(path, "picture")], force=force)
-    given = os.environ.get("MUJOCO_GL")
-    drivers = (given,) if given else ("egl", "osmesa", "glfw")  # the last one needs a screen
+    drivers = (os.environ.get("MUJOCO_GL") or "egl osmesa glfw").split()  # the last needs a screen
     with unfinished(Path(tempfile.mkdtemp())) as folder:
         model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Model(robot).xml(), encoding="utf-8")
@@ -76,8 +74,8 @@ def _draw(model_file: str, png: str) -> None:
     model = mujoco.MjModel.from_xml_path(model_file)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    with mujoco.Renderer(model, _HEIGHT, _WIDTH) as renderer:
-        renderer.update_scene(data, camera="view")
+    with mujoco.Renderer(model, 1200, 1600) as renderer:
+        renderer.update_scene(data)
         imsave(png, renderer.render(), metadata={"Software": mark("picture")})
 
 
