@@ -20,6 +20,7 @@ ROOT = Path(tp.__file__).parent
 SOURCES = sorted(ROOT.rglob("*.py"))
 ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
+
 def test_no_room_hides_a_public_function():
     names = {path.stem for path in ROOT.iterdir() if not path.name.startswith("_")}
     functions = {name for name in tp.__all__ if not inspect.ismodule(getattr(tp, name))}
