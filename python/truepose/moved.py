@@ -10,10 +10,11 @@ from types import ModuleType
 
 from truepose.exceptions import InputError
 
-#: Package of each command that moved; a point separates groups.
+#: Package of each command that is in one; a point separates groups.
 COMMANDS = {
     "export.mjcf": "mujoco",
     "import": "mujoco",
+    "life": "life",
     "maslow": "sleds",
     "view": "mujoco",
     "workbench": "workbench",
