@@ -3,7 +3,7 @@
 #define TRUEPOSE_VECTORS_H
 
 /* five-bar, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.1; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_FIVE_BAR_H
 #define TRUEPOSE_TABLES_FIVE_BAR_H
@@ -119,7 +119,7 @@ static const truepose_control_settings five_bar_control = {
 #endif
 
 /* 3rrr, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.1; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_ROBOT_3RRR_H
 #define TRUEPOSE_TABLES_ROBOT_3RRR_H
@@ -265,7 +265,7 @@ static const truepose_control_settings robot_3rrr_control = {
 #endif
 
 /* linear-delta, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.1; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_LINEAR_DELTA_H
 #define TRUEPOSE_TABLES_LINEAR_DELTA_H
@@ -410,7 +410,7 @@ static const truepose_control_settings linear_delta_control = {
 #endif
 
 /* h4, for truepose/truepose.h; weighted laws and the fault monitor need &h4.
- * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.1; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_H4_H
 #define TRUEPOSE_TABLES_H4_H
@@ -1133,7 +1133,7 @@ static const truepose_fault_monitor_settings h4_fault_monitor = {
 #endif
 
 /* stewart, for truepose/truepose.h; no sensors.
- * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.1; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_STEWART_H
 #define TRUEPOSE_TABLES_STEWART_H
@@ -1366,7 +1366,7 @@ static const truepose_control_settings stewart_control = {
 #endif
 
 /* g1-ankle, for truepose/truepose.h; weighted laws and the fault monitor need &g1_ankle.
- * By `truepose export c` of truepose 0.5.0; written by truepose: C tables.
+ * By `truepose export c` of truepose 0.5.1; written by truepose: C tables.
  * m, rad, kg, s, N, N·m. */
 #ifndef TRUEPOSE_TABLES_G1_ANKLE_H
 #define TRUEPOSE_TABLES_G1_ANKLE_H
