@@ -7,7 +7,7 @@ execute_process(
 execute_process(COMMAND "${NM}" --undefined-only --format=posix "${OBJECT}"
                 OUTPUT_VARIABLE table COMMAND_ERROR_IS_FATAL ANY)
 string(REGEX MATCHALL "[^\n]+" lines "${table}")
-set(allowed sin cos sincos tan atan atan2 exp erfc tanh sqrt remainder nearbyint lround pow memcpy memset memmove
+set(allowed sin cos sincos tan atan atan2 exp erfc tanh sqrt remainder nearbyint lround memcpy memset memmove
             _GLOBAL_OFFSET_TABLE_)
 set(needed "")
 set(foreign "")

@@ -30,10 +30,13 @@ inline constexpr Real kUnmodelled =
 inline constexpr Real kLeastShare = 0.02, kMostShare = 0.7, kSampledShare = 0.3;
 
 /// Largest σ of a noise that a smoothed reading leaves below `left`: σ √(5/4 T √(a/σ)), see
-/// smooth().
+/// smooth(). It is a fixed point: each pass takes three quarters off the logarithm's error.
 /// @param acceleration  a, largest unmodelled one
 inline Real noisiest(Real period, Real acceleration, Real left) {
-  return std::pow(left * left / (1.25 * period * std::sqrt(acceleration)), Real{2} / 3);
+  Real sigma = left;
+  for (int pass = 0; pass < 30; ++pass)
+    sigma = left / std::sqrt(Real{1.25} * period * std::sqrt(acceleration / sigma));
+  return sigma;
 }
 
 /// State of one reading's noise.
