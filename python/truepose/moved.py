@@ -11,13 +11,14 @@ from types import ModuleType
 from truepose.exceptions import InputError
 
 #: Package of each command that moved; a point separates groups.
-COMMANDS = {"maslow": "sleds", "workbench": "workbench"}
+COMMANDS = {"maslow": "sleds", "reproduce": "paper", "workbench": "workbench"}
 #: Package of each function of a study that moved.
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
+    "truepose.paper": "truepose_paper",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",

@@ -13,7 +13,6 @@ from truepose.integrations.mujoco.body import Body
 from truepose.integrations.mujoco.mechanism import Mechanism
 from truepose.integrations.mujoco.mjcf import to_mjcf
 from truepose.integrations.mujoco.plant import MujocoPlant
-from truepose.paper import experiment, with_paper_errors
 
 FREE = {
     "planar_translation": [0, 1],
@@ -35,11 +34,10 @@ def padded(values):
 
 
 def imperfect(robot, rng, turned):
-    """Errors of every length; axes turned where every rod can follow."""
-    if robot.spec.passive_axis:  # of centimetres, not of the paper's size
-        robot = robot.sample(int(rng.integers(2**32)))
-    elif all(chain.actuator == "revolute" for chain in robot.spec.chain):
-        robot = with_paper_errors(robot, int(rng.integers(2**32)))
+    """Errors of arms and rods, of every part of a pivot; axes turned where every rod can follow."""
+    sampled = robot.sample(int(rng.integers(2**32)))
+    lengths = {k: p.value for k, p in sampled.parameters.items() if k.endswith((".rod", ".arm"))}
+    robot = sampled if robot.spec.passive_axis else robot.replace(lengths)
     sigma = {".yaw": np.radians(0.1), ".tilt": np.radians(0.1), ".rod_difference": 2e-5}
     turns = {
         name: rng.normal(0, s)
@@ -438,7 +436,8 @@ def test_a_real_robot_on_its_own_calibration_rests_where_the_exact_statics_say(h
     """Under the law of the estimate, every rod by itself in robot, calibration and controller."""
     robot, poses = h4.with_sensors("theta", "z_telemeter"), table2[::200]
     true = robot.sample(11).with_level("full")
-    believed = experiment.self_calibrated(robot, true, table2)
+    readings = true.read(tp.steady_state(robot, true, table2, "joint"))
+    believed = tp.calibrate(robot, readings, cause="ignore").robot
     expected = tp.steady_state(believed, true, poses, "estimated")
     controller = tp.Controller(law="estimated", integral=20.0)
     visit = MujocoPlant(true).visit(believed, poses, controller)
