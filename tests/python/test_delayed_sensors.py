@@ -228,7 +228,7 @@ def test_the_plant_in_mujoco_has_late_sensors_too(camera):
 
 def test_learning_goes_on_with_late_readings(camera):
     online = tp.OnlineCalibrator(camera)
-    truth = with_length_errors(camera, seed=1)
+    truth = with_length_errors(camera, seed=3)
     usual = tp.simulate(camera, truth, "joint")
     run = tp.simulate(camera, truth, "estimated", learn=online)
     assert online.lines > 50

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from fixtures import with_length_errors
 
 import truepose as tp
 from truepose import _core
@@ -142,11 +141,11 @@ def test_any_frame_is_found_within_its_stated_sigma(name, anywhere):
 
 @pytest.mark.parametrize("turn", [[0, 0, 0], [np.pi, 0, 0], [0, 3.1, 0], [2, -2, 1]])
 def test_any_rotation_is_a_good_start(h4, anywhere, rng, turn):
-    """An H4 with the paper's errors, 10 mm off its drawing; one measurement grossly wrong."""
+    """An H4 whose rods are millimetres off their drawing; one measurement grossly wrong."""
     robot, base = h4.with_sensors(), placed([4, -1, 2], turn)
     marker = placed([0.02, -0.03, 0.05], [0, 0, 1.0])
     x = anywhere(robot, 80, rng)
-    true = with_length_errors(robot, seed=1)
+    true = robot.sample(1)
     seen = measured(robot, base, marker, x, rng)
     seen[7] += 0.5
     fit = tp.calibrate(
