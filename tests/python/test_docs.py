@@ -95,7 +95,7 @@ def shell(page: Path) -> list[str]:
 ELSEWHERE = {
     r"\btruepose workbench": "a server: packages/workbench",
     r"\btruepose view": "a screen: integrations/mujoco",
-    r"\btruepose reproduce": "minutes: a stage of .ci/run",
+    r"\btruepose reproduce": "minutes: packages/paper",
     r"--install-completion": "changes the user's shell",
     r"--cluster tcp": "needs a cluster: test_study.py",
     r"…": "not written out",
