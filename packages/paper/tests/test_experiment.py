@@ -85,16 +85,6 @@ def test_errors_of_arms_need_arms(stewart):
         with_paper_errors(stewart, seed=1)
 
 
-def test_the_dynamics_end_where_the_statics_say(h4, truth, table2):
-    """Exactly without counts; within a few counts of the encoders as built."""
-    poses = table2[[0, 312, 500]]
-    result = experiment.dynamics_check(h4, truth, poses)
-    for law in ("joint", "tej", "cartesian"):
-        assert np.abs(result["ideal"][law]).max() < 1e-3  # 1 µm
-        assert np.abs(result["loaded"][law]).max() < 1e-3
-        assert np.abs(result["as built"][law][:, :3]).max() < 0.5  # mm
-
-
 def test_progress_is_reported_once_a_robot(h4, truth, table2):
     calls = []
     experiment.run(h4, [truth, truth], table2[:5], progress=lambda *step: calls.append(step))

@@ -79,7 +79,6 @@ def with_experiment(tmp_path_factory, reproduction):
         patch.setattr(forgotten, "cases", lambda: cases)
         patch.setattr(forgotten, "LEARN", 3 * forgotten.LEARN)
         patch.setattr(forgotten, "JUDGE", 3 * forgotten.JUDGE)
-        patch.setattr(experiment, "dynamics_check", lambda *_, **__: reproduction.check)
         patch.setattr(sensor_sets, "compare", lambda *_, **__: reproduction.sensing)
         patch.setattr(following, "study", lambda *_, **__: reproduction.following)
         patch.setattr(faulty, "study", lambda *_, **__: reproduction.faults)
@@ -215,7 +214,7 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "faults",
     ]
     numbers = ["claims", "table3", "sensors", "errata", "figures-11-13"]
-    numbers += ["table3_robots", "gains", "moves", "dynamics_check"]
+    numbers += ["table3_robots", "gains", "moves"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
     numbers += ["self-calibrated", "sensing", "following_circle", "faults"]
     numbers += ["ratios", "rest", "following"]

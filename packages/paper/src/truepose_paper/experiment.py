@@ -15,10 +15,9 @@ from scipy.stats import t
 from truepose.arguments import Array, numbers_of
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError
-from truepose.robot.laws import LAWS, Law
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
-from truepose.simulation.simulate import simulate
 from truepose.threads import each
 from truepose_paper import article
 from truepose_paper.article import QUANTITIES, STATISTICS, with_paper_errors
@@ -215,38 +214,6 @@ def of_every_kind(
     found = list(each(lambda task: work(*task), tasks, progress))
     count = len(robots)
     return [(tasks[k][0], found[k : k + count]) for k in range(0, len(tasks), count)]
-
-
-def dynamics_check(
-    robot: Robot, truth: Robot, poses: Array, progress: Progress = lambda done, total: None
-) -> dict[str, dict[Law, Array]]:
-    """Return final poses of simulated dynamics minus those of exact statics, at some of the poses.
-
-    Each run moves from home to the pose in 0.4 s and holds it for 0.4 s. The result is {case: {law:
-    (P, 4) in mm and degrees}}. "ideal": unquantized, gravity off; "loaded": unquantized, with
-    gravity, against statics that include the error of the nominal feed-forward; "as built": with
-    gravity and encoder counts, against the same statics.
-    """
-    exact = [one.without_quantization() for one in (robot, truth)]
-    cases = {
-        "ideal": [one.with_gravity((0.0, 0.0, 0.0)) for one in exact],
-        "loaded": exact,
-        "as built": [robot, truth],
-    }
-
-    def end(kind: tuple[str, Law], x: Array) -> Array:
-        (nominal, real), controller = cases[kind[0]], article.control(kind[1])
-        start = robot.home
-        run = simulate(nominal, real, controller, start=start, end=x, duration=0.4, hold=0.4)
-        return run.x[-1]
-
-    result: dict[str, dict[Law, Array]] = {case: {} for case in cases}
-    kinds = itertools.product(cases, LAWS)
-    for (case, law), ends in of_every_kind(end, kinds, list(poses), progress):
-        (nominal, real), controller = cases[case], article.control(law)
-        loaded = steady_state(nominal, real, poses, controller, gravity=case != "ideal")
-        result[case][law] = in_print_units(np.array(ends) - loaded)
-    return result
 
 
 def theta_law(robot: Robot, poses: Array) -> Array:

@@ -77,7 +77,6 @@ def write(
         tables.many_robots(result),
         tables.gains(result),
         tables.moves(result),
-        tables.check(result),
         tables.sensing(result.sensing),
         *([tables.warm_up(result.warm_up)] if result.warm_up else []),
         *tables.following(result.following),

@@ -207,22 +207,6 @@ def warm_up(lines: list[WarmUp]) -> Table:
     return Table("warm_up", title, header, rows)
 
 
-def check(result: Reproduction) -> Table:
-    """Return the largest difference between final simulated poses and the exact statics."""
-    names = {
-        "ideal": "unquantized, gravity off",
-        "loaded": "unquantized, gravity on",
-        "as built": "quantized encoders, gravity on",
-    }
-    rows = []
-    for case, laws in result.check.items():
-        for law, difference in laws.items():
-            worst = np.abs(difference).max(axis=0)
-            rows.append([names[case], law, *(Cell(f"{v:.2g}", float(v)) for v in worst)])
-    header = ["dynamics − statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
-    return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
-
-
 #: Quantities of path accuracy: attribute, column and SI unit.
 FOLLOWED = (
     ("AT", "AT", "m"),
