@@ -208,8 +208,6 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "robot",
         "figures-11-13",
         "poses",
-        "ratios",
-        "rest",
         "following",
         "faults",
     ]
@@ -217,7 +215,7 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
     numbers += ["table3_robots", "gains", "moves"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
     numbers += ["self-calibrated", "sensing", "following_circle", "faults"]
-    numbers += ["ratios", "rest", "following"]
+    numbers += ["following"]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}
     expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
     assert {file.name for file in out.iterdir()} == expected
@@ -227,7 +225,7 @@ def test_the_page_stands_alone(made):
     _, out = made
     page = (out / "report.html").read_text(encoding="utf-8")
     assert len(page) < 1_200_000
-    assert page.count("data:image/svg+xml;base64,") == len(list(out.glob("*.svg"))) == 7
+    assert page.count("data:image/svg+xml;base64,") == len(list(out.glob("*.svg"))) == 5
     assert not re.search(r'(src|href)="(?!data:|#)', page)
     for text in ("Figures 11 to 13", "seed 3", "8 robots", "assumed", "0.517", "0.452"):
         assert text in page

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose.arguments import Array
-from truepose.robot.robot import Robot
 from truepose.show.charts import lines
 from truepose.show.results import figure_of
 from truepose.simulation.simulate import Simulation
@@ -18,7 +17,6 @@ from truepose_paper import faulty as lying
 from truepose_paper import following as paths
 from truepose_paper.experiment import LABELS, Control, Experiment
 from truepose_paper.virtual_experiment import Run
-from truepose_paper.warm_up import NAMES, WarmUp
 
 COLOURS: dict[Control, str] = {
     "joint": "#b2182b",
@@ -68,65 +66,6 @@ def _poses(errors: Mapping[Control, Array], what: str) -> Figure:
     count, colours = len(next(iter(named.values()))), {LABELS[c]: COLOURS[c] for c in COLOURS}
     where = "pose (number in Table 2)"
     return figure_of(lambda figure: lines(figure, range(count), panels, where, ".", colours))
-
-
-def ratios(result: Experiment) -> Figure:
-    """Plot histograms over the robots of the TEJ's statistics divided by joint control's."""
-    figure = Figure(figsize=(8.4, 3.1), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    colour = COLOURS["tej"]
-    theta = 100 * result.ratio("theta", "sum_sq")
-    norm = np.sqrt(result.ratio("norm_xyz", "sum_sq"))
-    for axes, values, label in (
-        (left, theta, "θ: sum of squares, TEJ / usual (%)"),
-        (right, norm, "position: rms of the norm, TEJ / usual"),
-    ):
-        axes.hist(values, bins=min(30, max(5, len(values) // 4)), color=colour, alpha=0.75)
-        median = np.median(values)
-        axes.axvline(median, color="k", lw=1)
-        axes.set(xlabel=label, ylabel="robots")
-        axes.set_title(f"median {median:.3g}", size=10)
-    return figure
-
-
-def rest(robot: Robot, result: Experiment) -> Figure:
-    """Plot the θ error left by the TEJ at rest against the first-order law 1/(1+|j|²)."""
-    figure = Figure(figsize=(5.4, 3.6), layout="constrained")
-    axes = figure.subplots()
-    law = experiment.theta_law(robot, result.poses)
-    usual, left = result.errors["joint"][0][:, 3], result.errors["tej"][0][:, 3]
-    clear = np.abs(usual) > 0.1  # degrees; smaller errors make the quotient meaningless
-    label = "one robot, poses of Table 2 with |e| > 0.1°"
-    law_left, found = 100 * law[clear], 100 * left[clear] / usual[clear]
-    colour = COLOURS["tej"]
-    axes.plot(law_left, found, ".", ms=3, color=colour, rasterized=True, label=label)
-    ends = 100 * np.array([law.min(), law.max()])
-    axes.plot(ends, ends, color="k", lw=1, label="1 / (1 + |j|²)")
-    axes.set(xlabel="1 / (1 + |j|²), first order (%)", ylabel="θ error left by the TEJ (%)")
-    axes.legend(fontsize=8, frameon=False)
-    return figure
-
-
-def warm_up(results: list[WarmUp]) -> Figure:
-    """Plot the steady-state position error over time, from cold to warm, under each method."""
-    figure = Figure(figsize=(8.4, 3.6), layout="constrained")
-    colours = {
-        "frozen": COLOURS["joint"],
-        "tej": COLOURS["tej"],
-        "weighted": COLOURS["weighted"],
-        "online": COLOURS["self-calibrated"],
-    }
-    for axes, result in zip(
-        figure.subplots(1, len(results), sharey=True, squeeze=False)[0], results, strict=True
-    ):
-        for method, values in result.rms.items():
-            rms = np.sqrt((values**2).mean(axis=0))
-            axes.plot(result.hours, rms, color=colours[method], label=NAMES[method])
-        axes.axvline(result.hours[-1] / 1.5, color="0.6", lw=0.8, ls=":")
-        axes.set(xlabel="time since switched on (h)", xlim=(0, result.hours[-1]))
-        axes.set_title(result.sensors, size=10)
-    figure.axes[0].set(ylabel="position rms (mm)", ylim=(0, None))
-    return _with_legend(figure, 4)
 
 
 MAGNIFIED = 3  #: scale of the deviations in a plan view

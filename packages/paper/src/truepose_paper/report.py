@@ -135,10 +135,6 @@ def _figures(result: Reproduction) -> dict[str, Callable[[], Figure]]:
     drawn: dict[str, Callable[[], Figure]] = {"robot": result.robot.plot}
     drawn["figures-11-13"] = partial(figures.moves, [moves[f"figure-{k}"] for k in (11, 12, 13)])
     drawn["poses"] = partial(figures.poses, found)
-    drawn["ratios"] = partial(figures.ratios, found)
-    drawn["rest"] = partial(figures.rest, result.robot, found)
-    if result.warm_up:
-        drawn["warm_up_curves"] = partial(figures.warm_up, result.warm_up)
     drawn["following"] = partial(figures.following, result.following)
     drawn["faults"] = partial(figures.faults, result.faults)
     for plant, runs in section.runs.items() if section else ():
