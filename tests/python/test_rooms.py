@@ -19,9 +19,6 @@ ROOT = Path(tp.__file__).parent
 SOURCES = sorted(ROOT.rglob("*.py"))
 ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
-#: Needs what is not installed everywhere.
-OPTIONAL = ("mujoco",)
-
 
 def test_no_room_hides_a_public_function():
     names = {path.stem for path in ROOT.iterdir() if not path.name.startswith("_")}
@@ -31,11 +28,7 @@ def test_no_room_hides_a_public_function():
 
 def test_the_api_works_once_every_module_is_imported():
     for module in pkgutil.walk_packages(tp.__path__, "truepose."):
-        try:
-            importlib.import_module(module.name)
-        except ImportError as error:
-            if error.name not in OPTIONAL:
-                raise
+        importlib.import_module(module.name)
     assert "h4" in tp.list_robots()
     robot = tp.load("h4")
     truth = robot.sample(1)
