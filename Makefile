@@ -1,5 +1,5 @@
 # make reproduce   the paper, run end to end; report in truepose-report/
-# make test        pytest, the C++ tests under ASan and UBSan, the examples
+# make test        pytest, the C++ tests under ASan and UBSan, the examples, the tests of the paper
 # make deployments what others build with it: C library, C and C++ projects, Cortex-M7, WebAssembly
 #
 # make dev T=fkm   the C++ tests that ask about fkm.hpp (or T=control, …), quickly; P=tests/python/test_….py:
@@ -18,18 +18,21 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers page \
+.PHONY: help paper reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers page \
         random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
 	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench random-mutants coverage pictures docs page twin linuxcnc clean"
 
-reproduce: $(VENV)/installed
+paper:
+	@$(MAKE) --no-print-directory -C packages/paper CORE=installed installed
+
+reproduce: paper
 	@truepose reproduce --force $(ARGS)
 
 # The same, and what takes statistics: sets of sensors over 100 real robots, a warm-up. Some minutes more.
-report: $(VENV)/installed
+report: paper
 	@truepose reproduce --full --force $(ARGS)
 
 # Published results of others against truepose's (reference/); a failed verdict is an error. Some seconds.
@@ -42,6 +45,7 @@ pkm-calibration: $(VENV)/installed
 	@PYTHONPATH=pkm-calibration python -m pkm.baselines $(ARGS)
 
 test: test-python test-cpp
+	@$(MAKE) --no-print-directory -C packages/paper test
 
 test-python: $(VENV)/developing
 	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal \
@@ -173,7 +177,7 @@ ifdef P
 	PYTHONPATH=$(abspath build/quick/package) python -m pytest -q $(P)
 endif
 
-pictures: $(VENV)/tools
+pictures: $(VENV)/tools paper
 	python tools/rooms.py
 	python -c "import truepose as tp; [tp.load(name).plot().savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.list_robots()]"
 	python docs/site/figures.py
@@ -183,8 +187,8 @@ docs: $(VENV)/documenting
 	python docs/site/make.py
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
-twin: $(VENV)/installed
-	python tools/twin_folder.py robots/h4-lirmm-twin
+twin: paper
+	python packages/paper/tools/twin_folder.py robots/h4-lirmm-twin
 
 # Under the sanitizers clang compiles in half the time of g++: it does where it and they are installed.
 COMPILER_asan = $(shell echo 'int main() {}' | clang++-22 -fsanitize=address,undefined -x c++ -o /dev/null - 2>/dev/null && \

@@ -1,16 +1,19 @@
-"""Tables of docs/effects.md: loss of self-calibration's gain by each effect.
+"""Tables of docs/effects.md: loss of self-calibration's gain by each effect, of packages/paper.
 
 effects.py [--robots 16] [--seed 0]      # a minute per robot on one core
 """
 
+from __future__ import annotations
+
 import argparse
+from typing import TYPE_CHECKING
 
 import truepose as tp
 from truepose.control.effects import Effects
-from truepose.paper import forgotten, tables
-from truepose.paper.experiment import over_robots
-from truepose.paper.forgotten import Line
 from truepose.show.table import markdown
+
+if TYPE_CHECKING:
+    from truepose_paper.forgotten import Line
 
 
 def ranked(lines: list[Line]) -> str:
@@ -31,6 +34,8 @@ def ranked(lines: list[Line]) -> str:
 
 def takes(line: Line, less: Line) -> tuple[float, float, float]:
     """Return the difference of two rms, mm, and its 90 % interval."""
+    from truepose_paper.experiment import over_robots
+
     more = over_robots(line.calibrated) - over_robots(less.calibrated)
     return float(more), *line.interval(less)
 
@@ -40,6 +45,8 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
+    from truepose_paper import forgotten, tables
+
     lines = forgotten.study(tp.load("h4"), chosen.robots, chosen.seed)
     print(markdown(tables.effects(lines)), ranked(lines), sep="\n\n")
 

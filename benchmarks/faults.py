@@ -1,6 +1,6 @@
 """Simulated sensor faults: docs/fault-consequences.md and the campaign of docs/safety-shell.md.
 
-faults.py consequences [--moves 30] [--seed 0] [--calibrated]   # the paper's H4, minutes
+faults.py consequences [--moves 30] [--seed 0] [--calibrated]   # of packages/paper, minutes
 faults.py campaign [--plant own] [--robots 8] [--jobs 2] [--out FILE]  # every kind, in the shell
 faults.py frozen [--robots 8]                                   # all readings at once
 faults.py healthy [--robots 200] [--seconds 10] [--out FILE]    # false alarms, all effects
@@ -38,7 +38,7 @@ from truepose import _core
 from truepose.control.safety import CAUSES, SafetyLimits
 from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
-from truepose.paper import article, faulty, tables
+from truepose.robot.workspace import workspace_grid
 from truepose.show.table import markdown
 
 SETS = fm.SETS | fm.MORE
@@ -402,9 +402,11 @@ def print_healthy(
 
 def consequences(moves: int, seed: int, calibrated: bool) -> None:
     """Print the table of docs/fault-consequences.md."""
+    from truepose_paper import faulty, tables
+
     robot = truth = tp.load("h4")
     if calibrated:
-        robot = tp.calibrate(truth, truth.read(article.table2())).robot
+        robot = tp.calibrate(truth, truth.read(workspace_grid(truth))).robot
     print(markdown(tables.faults(faulty.study(robot, moves, seed, truth=truth))))
 
 

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 import numpy as np
 
 import truepose as tp
-from truepose.paper import article
 from truepose.robot import knowledge
+from truepose.robot.workspace import workspace_grid
 
 START, LINES = 50, 200
 POSITIONS = {"h4": 3, "delta": 3, "stewart": 3, "3rrr": 2}
@@ -33,7 +33,7 @@ CASES = {
 def poses(robot: tp.Robot, count: int, rng: np.random.Generator) -> np.ndarray:
     """Return Table 2's poses for the H4, offset by up to 5 mm, 5 mrad; else central poses."""
     if robot.name == "h4":
-        table = article.table2()
+        table = workspace_grid(robot)
         return table[rng.choice(len(table), count)] + rng.uniform(-5e-3, 5e-3, (count, 4))
     box = robot.spec.workspace
     low, high = np.array(box.minimum), np.array(box.maximum)

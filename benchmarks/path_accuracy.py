@@ -15,10 +15,10 @@ from functools import partial
 import numpy as np
 
 import truepose as tp
-from truepose.paper import following, tables
 from truepose.robot.laws import LAWS
 from truepose.show.table import markdown
 from truepose.simulation.plants.dynamic import visit
+from truepose_paper import following, tables
 
 RUNS = 3  #: of each robot at 2 Hz
 PLACES = 24  #: poses at rest on the circle

@@ -17,9 +17,11 @@ from truepose.arguments import Array, Level
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fitting import Loss, ModelError
-from truepose.paper.article import JITTER
 from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
+
+#: Largest offset of a pose, m and rad: rounding errors do not recur.
+JITTER = 5e-4
 
 
 @dataclass(frozen=True)

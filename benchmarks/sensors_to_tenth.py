@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 import truepose as tp
-from truepose.paper import article
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import workspace_grid
 from truepose.robotfile.schema import RobotFile
 
 #: Assumed prices, any currency: of a sensor by the beginning of its name.
@@ -101,7 +101,7 @@ def choose() -> None:
     names = [s.name for s in h4().spec.sensor if s.name not in ("pivot1", "wire2")]
     names = [name for name in names if not name.endswith(("2", "4")) or name == "pivot2"]
     names.append("wire2")
-    poses = article.table2()
+    poses = workspace_grid(h4())
     for dowel in (True, False):
         known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if dowel else {}
         for finer, more in FINER.items():
@@ -136,7 +136,7 @@ def nominal(setup: Setup) -> Robot:
     """Return the robot of a setup, its sensors placed."""
     robot = h4(setup.finer).with_sensors(*setup.sensors)
     if setup.placed:
-        poses = article.table2()[::25]
+        poses = workspace_grid(robot)[::25]
         known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if setup.dowel else {}
         robot = tp.design.place_sensors(robot, setup.placed, calibrated_on=poses, **known).robot
     return robot
@@ -145,7 +145,8 @@ def nominal(setup: Setup) -> Robot:
 def verify(task: tuple[Setup, int, int]) -> np.ndarray:
     """Return errors of robots, mm: (robots, poses, 3): usual, in closed loop, and with counts."""
     setup, first, last = task
-    robot, table = nominal(setup), article.table2()
+    robot = nominal(setup)
+    table = workspace_grid(robot)
     box = robot.spec.workspace
     found = []
     for source in np.random.SeedSequence(5).spawn(last)[first:]:

@@ -11,10 +11,10 @@ import argparse
 import numpy as np
 
 import truepose as tp
-from truepose.paper.article import table2
-from truepose.paper.experiment import draw_robots
 from truepose_mujoco.mjcf import TIMESTEP
 from truepose_mujoco.plant import MujocoPlant, _Drive
+from truepose_paper.article import table2
+from truepose_paper.experiment import draw_robots
 
 LOOPS = ((150, 1500), (60, 1500), (80, 300), (40, 300))  # poles and velocity filter, rad/s
 CASES = {

@@ -13,7 +13,7 @@ import numpy as np
 import robot_trials as trials
 
 import truepose as tp
-from truepose.paper import article
+from truepose.robot.workspace import workspace_grid
 
 SETS = {
     "θ": ["theta"],
@@ -70,8 +70,8 @@ COVERED = tuple(f"{poses} poses: x, y, z, θ" for poses in POSES)
 def one(task: tuple[str, str, int, int]) -> trials.Trials:
     """Run the trials of one kind of robot with one sensor set."""
     kind, sensors, poses, robots = task
-    h4, table, rng = tp.load("h4"), article.table2(), np.random.default_rng(5)
-    box = h4.spec.workspace
+    h4, rng = tp.load("h4"), np.random.default_rng(5)
+    table, box = workspace_grid(h4), h4.spec.workspace
     others = rng.uniform(box.minimum, box.maximum, (200, 4))
     visited = table if poses == len(table) else table[rng.permutation(len(table))[:poses]]
     robot = h4.with_sensors(*SETS[sensors])

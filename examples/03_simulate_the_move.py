@@ -3,10 +3,9 @@
 import numpy as np
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 
 nominal = tp.load("h4")
-true = with_paper_errors(nominal, seed=1)  # with the paper's geometric errors
+true = nominal.sample(seed=1)  # every part within its tolerances
 
 
 def show(name, run):

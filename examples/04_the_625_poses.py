@@ -1,22 +1,21 @@
-"""Table 3 for one robot: 625 poses, at steady state under joint and TEJ control."""
+"""The 625 poses of the paper's Table 2 under joint and TEJ control: errors at steady state."""
+
+import numpy as np
 
 import truepose as tp
-from truepose.paper import article, experiment
+from truepose.robot.workspace import workspace_grid
 
 nominal = tp.load("h4")
-robots = experiment.draw_robots(nominal, 1, seed=0)  # one robot with the paper's errors
-result = experiment.run(nominal, robots)
-printed = article.table3()
+true = nominal.sample(seed=0)  # every part within its tolerances
+poses = workspace_grid(nominal)
 
-print(f"{len(result.poses)} poses; mm and degrees, squares of them; (the paper's robot)")
-for row, quantity in enumerate(article.QUANTITIES):
-    for column, statistic in enumerate(article.STATISTICS):
-        line = f"{quantity:9} {statistic:13}"
-        for law, paper in (("joint", "usual"), ("tej", "redundant")):
-            value = result.tables[law][0, row, column]
-            theirs = printed[paper].get((quantity, statistic), "")
-            line += f" {law} {value:10.3f} ({theirs:>7})"
-        print(line)
+squares = {}
+print(f"{len(poses)} poses: rms of x, y, z (mm) and θ (degrees)")
+for law in ("joint", "tej"):
+    error = (tp.steady_state(nominal, true, poses, law) - poses) * [1e3, 1e3, 1e3, 180 / np.pi]
+    squares[law] = (error**2).sum(axis=0)
+    print(f"{law:6}", *(f"{rms:8.3f}" for rms in np.sqrt(squares[law] / len(poses))))
 
-ratio = result.ratio("theta", "sum_sq")[0]
+ratio = squares["tej"][3] / squares["joint"][3]
 print(f"the TEJ leaves {ratio:.4f} of θ's sum of squares with a perfect sensor")
+print("the paper's Table 3: truepose reproduce, of packages/paper")

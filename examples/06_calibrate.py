@@ -3,10 +3,9 @@
 import numpy as np
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 
 drawn = tp.load("h4").with_sensors("theta", "z_telemeter")
-real = with_paper_errors(drawn, seed=2)  # a robot of unknown geometry
+real = drawn.sample(seed=2)  # a robot of unknown geometry
 box = drawn.spec.workspace
 x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (60, 4))
 

@@ -4,14 +4,17 @@ NAME := $(notdir $(CURDIR))
 STAMP := $(ROOT)/.venv/package-$(NAME)
 export PATH := $(ROOT)/.venv/bin:$(PATH)
 
-.PHONY: test core
+CORE := developing
+.PHONY: test core installed
 test: $(STAMP)
 	@cp -p $(ROOT)/.venv/lib/python3*/site-packages/truepose/_core.pyi $(ROOT)/python/truepose # as make lint
 	cd $(ROOT) && mypy -p truepose_$(subst -,_,$(NAME))
 	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal $(TESTS) --pyargs truepose_$(subst -,_,$(NAME)) tests docs README.md
 
+installed: $(STAMP)
+
 core:
-	@$(MAKE) --no-print-directory -C $(ROOT) .venv/developing
+	@$(MAKE) --no-print-directory -C $(ROOT) .venv/$(CORE)
 
 # The core is there: pip compares its version with the one that the package is pinned to.
 $(STAMP): pyproject.toml $(shell find src -type f -not -name '*.pyc') | core

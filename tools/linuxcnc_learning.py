@@ -29,7 +29,7 @@ from linuxcnc_trial import (
 )
 from truepose.arguments import Array
 from truepose.integrations.linuxcnc.configuration import corrections
-from truepose.paper import article
+from truepose.robot.workspace import workspace_grid
 
 SEED, ASKED, LEARNT_AT = 0, 12, 60  # seed of the machine; poses for errors, and for calibration
 LAWS = ("tej", "estimated")
@@ -80,7 +80,7 @@ def learning() -> bool:
     """Calibrate in one session, continue in the next, and print the errors."""
     robot = tp.load("h4")
     true = robot.sample(SEED)
-    table2 = np.random.default_rng(0).permutation(article.table2())
+    table2 = np.random.default_rng(0).permutation(workspace_grid(robot))
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("tej", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]

@@ -23,7 +23,7 @@ import numpy as np
 import truepose as tp
 from truepose.arguments import Array
 from truepose.integrations.linuxcnc.configuration import to_configuration
-from truepose.paper import article
+from truepose.robot.workspace import workspace_grid
 from truepose.simulation.paths import MOVE_FROM, MOVE_TO
 
 LAWS = ("joint", "tej", "weighted", "estimated")
@@ -130,7 +130,7 @@ def machines() -> tuple[tp.Robot, tp.Robot]:
 def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
     """Run all laws; return the errors of each, and LinuxCNC's messages."""
     robot, true = machines()
-    table2 = article.table2()
+    table2 = workspace_grid(robot)
     some = table2[np.random.default_rng(0).choice(len(table2), poses, replace=False)]
     x_d = np.vstack([some, MOVE_FROM, MOVE_TO])
     results = {}

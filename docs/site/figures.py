@@ -1,4 +1,4 @@
-"""Pictures of results on the pages. `make docs-pictures` draws them anew."""
+"""Pictures of results on the pages. `make pictures` draws them anew."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
 import truepose as tp
-from truepose.paper import article, faulty, figures, following, with_paper_errors
 from truepose.robot.parts import COLOURS
+from truepose.robot.workspace import workspace_grid
 from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
+from truepose_paper import faulty, figures, following
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
@@ -82,9 +83,9 @@ def rest() -> Figure:
 
 
 def over_table_2() -> Figure:
-    """One robot with the paper's errors at the 625 poses: θ and position under three laws."""
-    h4, poses = tp.load("h4"), article.table2()
-    true = with_paper_errors(h4, seed=1)
+    """One robot sampled from its tolerances at the 625 poses: θ and position under three laws."""
+    h4 = tp.load("h4")
+    poses, true = workspace_grid(h4), h4.sample(seed=1)
     usual, tej = (tp.steady_state(h4, true, poses, law) for law in ("joint", "tej"))
     learnt = tp.calibrate(h4, true.extended_positions(usual)).robot
     found = tp.steady_state(learnt, true, poses, "cartesian")

@@ -16,6 +16,7 @@ COMMANDS = {
     "import": "mujoco",
     "life": "life",
     "maslow": "sleds",
+    "reproduce": "paper",
     "view": "mujoco",
     "workbench": "workbench",
 }
@@ -27,6 +28,7 @@ MODULES = {
     "truepose.integrations.mujoco": "truepose_mujoco",
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
+    "truepose.paper": "truepose_paper",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",

@@ -9,7 +9,7 @@ import pytest
 import truepose as tp
 from truepose import files
 from truepose.commands import calibration_figures, cli
-from truepose.paper import article, with_paper_errors
+from truepose.robot.workspace import workspace_grid
 from truepose.show import terminal
 
 
@@ -57,15 +57,22 @@ def h4() -> tp.Robot:
     return tp.load("h4")
 
 
+def with_length_errors(robot: tp.Robot, seed: int) -> tp.Robot:
+    """Return a true robot whose rods and arms alone are sampled from their tolerances."""
+    sampled = robot.sample(seed).parameters.items()
+    return robot.replace({k: p.value for k, p in sampled if k.endswith((".rod", ".arm"))})
+
+
 @pytest.fixture(scope="session")
 def truth(h4) -> tp.Robot:
-    """Return an H4 with geometric errors from the paper's ranges."""
-    return with_paper_errors(h4, seed=1)
+    """Return an H4 with errors of its rods and arms."""
+    return with_length_errors(h4, seed=1)
 
 
 @pytest.fixture(scope="session")
-def table2() -> np.ndarray:
-    return article.table2()
+def table2(h4) -> np.ndarray:
+    """Return the 625 poses of the paper's Table 2, the grid of the H4's workspace."""
+    return workspace_grid(h4)
 
 
 @pytest.fixture(scope="session")
@@ -134,14 +141,6 @@ def kept(file_regression):
     from answers import masked, same  # not where the wheel is tried: few of the tests are there
 
     return lambda text: file_regression.check(masked(text), check_fn=same)
-
-
-@pytest.fixture(scope="session")
-def reproduction():
-    """Return the paper, run end to end with one robot."""
-    from truepose.paper.reproduce import reproduce
-
-    return reproduce(1, seed=3)
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper.sensor_sets import SETS
 
 CALIBRATED_ON = 60
 
@@ -13,9 +12,11 @@ def sets(name: str) -> list[tuple[str, ...]]:
     """Return the sensor sets of a robot: each alone, all, its own, those of the pages."""
     robot = tp.load(name)
     known = tuple(sensor.name for sensor in robot.spec.sensor)
-    pages = list(SETS.values()) if name == "h4" else []
+    pages: list[tuple[str, ...]] = []
     if name == "h4":
-        pages += [("theta", "pivot2"), ("theta", "pivot2", "z_telemeter")]
+        elbows, wires = (tuple(k for k in known if k.startswith(s)) for s in ("elbow", "wire"))
+        others = (("z_telemeter",), elbows, wires, ("pivot2",), ("pivot2", "z_telemeter"))
+        pages = [("theta", *more) for more in others]
     return sorted({s for s in [*((k,) for k in known), known, robot.sensors, *pages] if s})
 
 

@@ -13,10 +13,12 @@ ROOT = Path(__file__).parents[2]
 GEOMETRY = {"bar", "gear", "origin", "chain", "axis", "kind", "target", "anchor"}
 CLAIMS = [
     *ROOT.glob("benchmarks/*.py"),
-    *ROOT.glob("python/truepose/paper/*.py"),
     *ROOT.glob("tools/*.py"),
+    *ROOT.glob("packages/*/src/*/*.py"),
+    *ROOT.glob("packages/*/tools/*.py"),
     *ROOT.glob("examples/*.py"),
-    *(ROOT / f"tests/python/test_{of}.py" for of in ("bound", "twin", "errata", "reproduce")),
+    *ROOT.glob("packages/paper/tests/*.py"),
+    ROOT / "tests/python/test_bound.py",
 ]
 
 

@@ -5,12 +5,12 @@ import re
 
 import numpy as np
 import pytest
+from fixtures import with_length_errors
 
 import truepose as tp
 from truepose import files, logs
 from truepose.calibration import log_checks, review
 from truepose.commands import cli, options
-from truepose.paper import with_paper_errors
 
 
 @pytest.fixture
@@ -30,11 +30,11 @@ def run(monkeypatch, capsys, tmp_path):
 
 @pytest.fixture(scope="module")
 def readings(h4, table2):
-    """Columns of a log of an H4 with the paper's errors, its θ once read wrong."""
+    """Columns of a log of an H4 with errors of its rods and arms, its θ once read wrong."""
     robot = h4.with_sensors("theta", "z_telemeter")
     rng = np.random.default_rng(0)
     poses = rng.permutation(table2)[:120] + rng.uniform(-1e-3, 1e-3, (120, 4))
-    true = with_paper_errors(robot, seed=1)
+    true = with_length_errors(robot, seed=1)
     columns = dict(zip(robot.readings, true.extended_positions(poses).T.copy(), strict=True))
     columns["theta"][40] += 0.05
     return columns
@@ -240,7 +240,7 @@ def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
 def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run, log, tmp_path):
     """What the first page promises of a robot once referenced is what the second says of it."""
     robot = tp.load("h4").with_sensors("theta", "z_telemeter")
-    home = with_paper_errors(robot, seed=1).extended_positions(robot.home)
+    home = with_length_errors(robot, seed=1).extended_positions(robot.home)
     columns = [*robot.readings, *(f"measured_{name}" for name, _ in robot.coordinates)]
     values = [[value] for value in (*home, *robot.home)]
     write(tmp_path / "dowel.csv", dict(zip(columns, values, strict=True)))

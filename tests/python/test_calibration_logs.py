@@ -7,12 +7,12 @@ import pandas
 import polars
 import pyarrow
 import pytest
+from fixtures import with_length_errors
 from pyarrow import parquet
 
 import truepose as tp
 from truepose import logs
 from truepose.calibration import log_checks
-from truepose.paper import with_paper_errors
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +22,10 @@ def robot(h4):
 
 @pytest.fixture(scope="module")
 def q_e(robot, table2):
-    """Readings of an H4 with the paper's errors at 150 poses about those of Table 2."""
+    """Readings of an H4 with errors of its rods and arms at 150 poses about those of Table 2."""
     rng = np.random.default_rng(0)
     poses = rng.permutation(table2)[:150] + rng.uniform(-1e-3, 1e-3, (150, 4))
-    true = with_paper_errors(robot, seed=1)
+    true = with_length_errors(robot, seed=1)
     return quantized(true, true.extended_positions(poses))
 
 
@@ -318,7 +318,7 @@ def test_a_table_gives_the_fit_of_its_columns(robot, q_e):
 
 def test_measured_columns_are_measurements(h4, table2):
     blind = h4.with_sensors()
-    true = with_paper_errors(blind, seed=1)
+    true = with_length_errors(blind, seed=1)
     rng = np.random.default_rng(0)
     x = rng.permutation(table2)[:100]
     columns = table(blind, true.extended_positions(x))

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from fixtures import with_length_errors
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 
 LARGEST = {"student": 0.1, "huber": 0.3}  #: shift of any parameter, in units of its σ
 
@@ -14,7 +14,7 @@ def spoilt(request, h4, table2):
     """Return robot, readings, the lines that were spoilt: degrees and centimetres off."""
     rng = np.random.default_rng(request.param)
     robot = h4.with_sensors("theta", "z_telemeter")
-    true = with_paper_errors(robot, seed=request.param)
+    true = with_length_errors(robot, seed=request.param)
     poses = table2 + rng.uniform(-5e-4, 5e-4, table2.shape)
     q_e = np.round(true.extended_positions(poses) / true.resolution) * true.resolution
     lines = rng.choice(len(q_e), len(q_e) // 100, replace=False)

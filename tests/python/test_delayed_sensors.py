@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fixtures import with_length_errors
 
 import truepose as tp
 from truepose.control import delays
 from truepose.control.effects import Effects
 from truepose.control.linear import plants
-from truepose.paper import with_paper_errors
 
 PERIOD, AGE = 0.01, 0.008
 LENGTH = np.array([1, 1, 1, 0.1])  #: m, by which an angle counts as a way
@@ -213,7 +213,7 @@ def test_a_recorded_run_is_monitored_as_it_was_driven(camera):
 
 def test_learning_goes_on_with_late_readings(camera):
     online = tp.OnlineCalibrator(camera)
-    truth = with_paper_errors(camera, seed=1)
+    truth = with_length_errors(camera, seed=3)
     usual = tp.simulate(camera, truth, "joint")
     run = tp.simulate(camera, truth, "estimated", learn=online)
     assert online.lines > 50

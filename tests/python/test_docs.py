@@ -94,7 +94,7 @@ def shell(page: Path) -> list[str]:
 #: Commands of truepose that are run elsewhere, or that no test can run.
 ELSEWHERE = {
     r"\btruepose workbench": "a server: packages/workbench",
-    r"\btruepose reproduce": "minutes: a stage of .ci/run",
+    r"\btruepose reproduce": "minutes: packages/paper",
     r"--install-completion": "changes the user's shell",
     r"--cluster tcp": "needs a cluster: test_study.py",
     r"…": "not written out",

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixtures import with_length_errors
 
 import truepose as tp
 from truepose import _core
 from truepose.control.controller import Controller
-from truepose.paper import with_paper_errors
 from truepose.simulation.plants.dynamic import visit
 
 SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0, gains="diagonal")
@@ -217,7 +217,7 @@ def test_the_table_of_the_documentation_is_the_codes():
 
 @pytest.mark.parametrize("law", ["joint", "tej", "weighted", "cartesian", "estimated"])
 def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, table2, law):
-    true = with_paper_errors(h4, seed=1)
+    true = with_length_errors(h4, seed=1)
     online = tp.OnlineCalibrator(h4)
     poses = table2[np.random.default_rng(4).permutation(len(table2))[:120]]
     x, _, status = visit(h4, true, poses, law, learn=online)

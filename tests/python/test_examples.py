@@ -17,7 +17,7 @@ SHOWN = {
         "cartesian  position",
     ],
     "03_simulate_the_move.py": ["ideal robot        end:  0.000 mm", "cartesian", "(401, 5)"],
-    "04_the_625_poses.py": ["625 poses", "norm_xyz  sum_sq", "231", "of θ's sum of squares"],
+    "04_the_625_poses.py": ["625 poses", "joint  ", "tej  ", "of θ's sum of squares"],
     "05_your_own_robot.py": ["my-delta: translation", "unknown key 'rd'", "round trip", "e-1"],
     "07_stability_margin.py": ["comes to rest", "compliance", "tej", "swings by"],
     "06_calibrate.py": ["row 18: 1 outlier", "chain1.rod ", "identified", "calibrated position"],

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 from truepose.simulation.plants.dynamic import visit
 from truepose.threads import each
 
@@ -42,7 +41,7 @@ def poses(robot, count):
 
 
 H4 = tp.load("h4")
-TRUE = with_paper_errors(H4, seed=1)
+TRUE = H4.sample(1)
 X = poses(H4, 20_000)
 Q_E = TRUE.extended_positions(X)
 MANY, MANY_Q_E = np.tile(X, (100, 1)), np.tile(Q_E, (100, 1))

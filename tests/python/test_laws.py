@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import experiment, sensor_sets, tables
 from truepose.robot.laws import LAWS
 
 UNMEASURED = "needs a redundant sensor, and none is in use"
@@ -144,6 +143,13 @@ def quantized_at_rest(robot: tp.Robot, rng: np.random.Generator) -> tp.Robot:
     return robot
 
 
+def self_calibrated(robot, true, poses, seed):
+    """Return the robot calibrated on readings near these poses, where usual control goes."""
+    near = poses + np.random.default_rng(seed).uniform(-5e-4, 5e-4, poses.shape)
+    readings = true.read(tp.steady_state(robot, true, near, "joint"))
+    return tp.calibrate(robot, readings, cause="ignore").robot
+
+
 @pytest.mark.parametrize(("sensors", "gain"), [(["theta"], 7), (["theta", "z_telemeter"], 12)])
 def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, sensors, gain):
     """Every rod by itself: its true errors are as small as its estimates' were foretold to be."""
@@ -152,7 +158,7 @@ def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, s
     for number, source in enumerate(np.random.SeedSequence(7).spawn(ROBOTS)):
         draw, counts = source.spawn(2)
         true = robot.sample(draw).with_level("full")
-        believed = experiment.self_calibrated(robot, true, table2, number)
+        believed = self_calibrated(robot, true, table2, number)
         real = quantized_at_rest(true, np.random.default_rng(counts))
         usual.append(tp.steady_state(robot, real, poses, "joint") - poses)
         learnt.append(tp.steady_state(believed, real, poses, "estimated") - poses)
@@ -163,24 +169,9 @@ def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, s
 
 
 def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h4, truth, table2):
-    believed = experiment.self_calibrated(h4, truth, table2)
+    believed = self_calibrated(h4, truth, table2, 0)
     run = tp.simulate(believed, truth, "estimated")
     rest = tp.steady_state(believed, truth, run.x_d[-1], "estimated")
     usual = tp.simulate(h4, truth, "joint")
     assert np.abs(run.x[-100:] - rest)[:, :3].max() < 2e-4
     assert np.linalg.norm(run.error[-1, :3]) < np.linalg.norm(usual.error[-1, :3]) / 4
-
-
-def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
-    lines = sensor_sets.compare(sensor_sets.tolerances(h4), robots=2, seed=1)
-    assert len(lines) == 2 * len(sensor_sets.SETS)
-    for line in lines:
-        rms = line.rms
-        assert rms["weighted"] < rms["joint"]
-        if "wires" not in line.sensors:  # which say so much that few robots show no difference
-            assert rms["self-calibrated"] < rms["weighted"]
-        assert line.interval[0] <= rms["self-calibrated"] <= line.interval[1]
-    papers = [line for line in lines if line.tolerances == "paper"]
-    assert len({line.rms["joint"] for line in papers}) == 1
-    assert papers[0].bound > papers[1].bound
-    assert tables.sensing(lines).rows[0][0] == "paper: θ"

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from fixtures import with_length_errors
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 from truepose.robot import knowledge
 
 
@@ -202,7 +202,7 @@ def test_one_that_stopped_stays_with_what_it_knew_and_names_the_reading(h4, tabl
 
 def test_a_controller_sees_that_its_learner_gave_up(h4):
     """All effects that the model omits at once: more than the readings' σ allows for."""
-    true, online = with_paper_errors(h4, 1), tp.OnlineCalibrator(h4)
+    true, online = with_length_errors(h4, 1), tp.OnlineCalibrator(h4)
     run = tp.simulate(h4, true, "estimated", learn=online)
     assert not run.gave_up.any() and online.stopped is None
     prompt = tp.Controller(law="estimated")  # unstable with compliant arms

@@ -5,9 +5,7 @@ import json
 import os
 import re
 import signal
-import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ import pytest
 import truepose as tp
 from truepose import files, logs
 from truepose.commands import cli
-from truepose.paper import report, with_paper_errors
 
 #: Words of a command that writes one file, and the file's name.
 WRITERS = {
@@ -40,7 +37,7 @@ def out_of(words) -> str:
 def log(h4, table2):
     """Return a good log as text."""
     poses = np.random.default_rng(1).permutation(table2)[:80] + 1e-4
-    rows = with_paper_errors(h4, seed=2).extended_positions(poses)
+    rows = h4.sample(2).extended_positions(poses)
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
     return "\n".join([",".join(h4.readings), *lines]) + "\n"
 
@@ -93,27 +90,6 @@ def test_a_signal_while_writing_leaves_what_was_there(run, folder, monkeypatch, 
     signal.signal(signal.SIGINT, heard)
     assert (status, out) == (128 + number, "")
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
-
-
-def test_a_stopped_reproduction_leaves_no_folder(tmp_path):
-    words = [
-        sys.executable,
-        "-m",
-        "truepose.commands.cli",
-        "reproduce",
-        "--robots",
-        "500",
-        "--out",
-        "new",
-    ]
-    with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
-        while not list(tmp_path.glob(".truepose-*")):
-            assert running.poll() is None
-            time.sleep(0.05)
-        running.terminate()
-        assert running.stderr.read().splitlines()[-1] == "truepose: stopped"
-    assert running.returncode == 128 + signal.SIGTERM
-    assert os.listdir(tmp_path) == []
 
 
 INPUTS = {
@@ -218,32 +194,6 @@ def test_a_log_replaces_a_file_by_force_only(h4, tmp_path, ending):
     with pytest.raises(tp.InputError, match="exists; --force"):
         logs.write(run, path)
     logs.write(run, path, force=True)
-
-
-def _in_folder(out, name="poses.csv", text="a,b\n1,2\n", force=False):
-    with report.folder(out, force) as work:
-        page = f"<!doctype html><!-- {files.mark('report')} -->"
-        (work / report.PAGE).write_text(page, encoding="utf-8")
-        (work / name).write_text(text, encoding="utf-8")
-
-
-def test_a_report_replaces_a_report_by_force(tmp_path):
-    _in_folder(tmp_path / "out")
-    with pytest.raises(tp.InputError, match="--out"):
-        _in_folder(tmp_path / "out", text="a,b\n3,4\n")
-    assert (tmp_path / "out" / "poses.csv").read_text(encoding="utf-8") == "a,b\n1,2\n"
-    _in_folder(tmp_path / "out", text="a,b\n3,4\n", force=True)
-    assert (tmp_path / "out" / "poses.csv").read_text(encoding="utf-8") == "a,b\n3,4\n"
-    assert sorted(os.listdir(tmp_path / "out")) == ["poses.csv", "report.html"]
-
-
-@pytest.mark.parametrize("own", ["poses.csv", "report.html", "robot.png", "run.mcap"])
-def test_a_report_does_not_go_among_others_files(tmp_path, own):
-    (tmp_path / own).write_bytes(b"mine")
-    with pytest.raises(tp.InputError, match="--out"), report.folder(tmp_path):
-        pytest.fail("began to work")
-    assert os.listdir(tmp_path) == [own] and (tmp_path / own).read_bytes() == b"mine"
-    _in_folder(tmp_path, force=True)
 
 
 @pytest.mark.parametrize("what", ["log", "poses", "robot"])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 
 
 def by_tej(robot, x_d, q_e):
@@ -25,7 +24,7 @@ PAIRS = [(by_tej, "tej"), (by_joints, "joint")]
 @pytest.mark.parametrize(("own", "built_in"), PAIRS)
 def test_it_comes_to_rest_where_the_same_built_in_law_does(h4, own, built_in, gravity):
     true, x_d = (
-        with_paper_errors(h4, seed=1),
+        h4.sample(1),
         np.add(h4.home, [[0.05, -0.03, 0.02, 0.2], [0, 0, 0, 0]]),
     )
     mine, core = (tp.steady_state(h4, true, x_d, law, gravity=gravity) for law in (own, built_in))
@@ -36,7 +35,7 @@ def test_it_comes_to_rest_where_the_same_built_in_law_does(h4, own, built_in, gr
 @pytest.mark.parametrize("gains", ["inertia", "diagonal"])
 def test_it_moves_as_the_same_built_in_law_does(h4, own, built_in, gains):
     h4 = h4.without_quantization()
-    true = with_paper_errors(h4, seed=1)
+    true = h4.sample(1)
     mine, core = (
         tp.simulate(h4, true, tp.Controller(law=law, gains=gains), hold=0.4)
         for law in (own, built_in)

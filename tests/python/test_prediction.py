@@ -10,11 +10,6 @@ from truepose.commands import accuracy
 from truepose.design import prediction
 from truepose.robot.maps import workspace_slice
 from truepose.robot.units import summed
-from truepose.robot.workspace import workspace_grid
-
-
-def test_table_2_is_the_grid_of_the_h4s_workspace(h4, table2):
-    assert workspace_grid(h4) == pytest.approx(table2)
 
 
 def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):

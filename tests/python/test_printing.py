@@ -14,7 +14,6 @@ import pytest
 import truepose as tp
 from truepose.commands import cli, info, options
 from truepose.design import prediction
-from truepose.paper import with_paper_errors
 from truepose.robot.units import label
 from truepose.show import terminal
 from truepose.show.table import Table, fixed, number
@@ -164,7 +163,7 @@ def test_a_group_is_named_as_it_may_be_asked_for(h4):
 
 def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     poses = np.random.default_rng(0).permutation(table2)[:80] + 1e-4
-    rows = with_paper_errors(h4, seed=1).extended_positions(poses)
+    rows = h4.sample(1).extended_positions(poses)
     readings = dict(zip(h4.readings, rows.T, strict=True))
     text = "\n".join(",".join(map(repr, row)) for row in rows.tolist())
     (tmp_path / "log.csv").write_text(f"{','.join(readings)}\n{text}\n", encoding="utf-8")
@@ -181,20 +180,6 @@ def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     assert [row["table"] for row in listed] == [name for name, rows in tables.items() for _ in rows]
     values = [float(row["value"]) for row in listed if row["table"] == "parameters"]
     assert values == [row["value"] for row in tables["parameters"]]
-
-
-def test_a_reproduction_gives_programs_one_number_for_each_name(run, reproduction, monkeypatch):
-    monkeypatch.setattr("truepose.paper.reproduce.reproduce", lambda *_, **__: reproduction)
-    monkeypatch.setattr("truepose.paper.report.write", lambda *_: None)
-    status, data, said = run("reproduce", "--robots", "1", "--format", "json", "--out", "new")
-    tables = json.loads(data)
-    assert status == 0 and "report: " in said
-    for row in tables["table3_robots"]:
-        assert row["unit"] in ("mm", "mm²", "°", "°²")
-        assert all(type(v) is float for k, v in row.items() if k not in ("error", "unit") and v)
-        assert row["usual"] == row["usual 5 %"]  # of a single robot
-    names = {name for table in tables.values() for row in table for name in row}
-    assert {"max |x| (mm)", "final θ (°)"} <= names
 
 
 def test_words_that_hold_a_number_are_one_for_programs():

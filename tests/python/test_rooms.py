@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 from truepose.plugins import plugins
 
 ROOT = Path(tp.__file__).parent
@@ -32,7 +31,7 @@ def test_the_api_works_once_every_module_is_imported():
         importlib.import_module(module.name)
     assert "h4" in tp.list_robots()
     robot = tp.load("h4")
-    truth = with_paper_errors(robot, seed=1)
+    truth = robot.sample(1)
     run = tp.simulate(robot, truth, tp.Controller(law="tej"), effects=tp.Effects.none())
     assert run.status == "ok"
     poses = [robot.home, tp.steady_state(robot, truth, robot.home)]
@@ -70,33 +69,9 @@ def command(*words: str) -> str:
     )
 
 
-def of_the_paper(modules: set[str]) -> list[str]:
-    return sorted(name for name in modules if name.startswith("truepose.paper"))
-
-
-def test_the_package_loads_without_the_paper():
-    assert of_the_paper(loaded("import truepose")) == []
-
-
-@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "klipper", "reproduce"])
-def test_help_loads_nothing_of_the_paper_and_no_plots(name):
-    modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
-    few = {"truepose.paper"} | {f"truepose.paper.{m}" for m in ("article", "command")}
-    assert set(of_the_paper(modules)) <= few
-    assert "matplotlib" not in modules
-
-
-def test_a_calibration_loads_nothing_of_the_paper(tmp_path, h4, rng):
-    box = h4.spec.workspace
-    poses = rng.uniform(box.minimum, box.maximum, (40, h4.n))
-    table = h4.expected().read(poses)
-    lines = [",".join(h4.readings), *(",".join(map(repr, row)) for row in table.tolist())]
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    out = tmp_path / "calibrated.toml"
-    modules = loaded(command("calibrate", "h4", str(tmp_path / "log.csv"), "-o", str(out)))
-    assert out.exists()
-    assert "truepose.commands.calibration_figures" in modules
-    assert "truepose.paper.report" not in modules
+@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "klipper"])
+def test_help_loads_no_plots(name):
+    assert not loaded(command(*filter(None, (name, "--help"))), keep=("matplotlib",))
 
 
 INTEGRATIONS = sorted(path.parent.name for path in (ROOT / "integrations").glob("*/__init__.py"))
@@ -108,7 +83,7 @@ from truepose.plugins import plugins
 from truepose import logs
 from truepose.commands import cli
 for module in pkgutil.walk_packages(tp.__path__, "truepose."):
-    if not module.name.startswith(("truepose.integrations", "truepose.paper")):
+    if not module.name.startswith("truepose.integrations"):
         importlib.import_module(module.name)
 h4 = tp.load("h4")
 run = tp.simulate(h4, h4.sample(1))

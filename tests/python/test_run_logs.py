@@ -8,8 +8,6 @@ import pytest
 
 import truepose as tp
 from truepose import logs
-from truepose.paper import virtual_experiment
-from truepose.paper.vision import Setup, Vision
 from truepose.simulation.plants.exact import ExactPlant
 
 FORMATS = ["csv", "parquet", "mcap"]
@@ -20,12 +18,6 @@ def move(h4):
     return tp.simulate(h4, duration=0.1, hold=0.02)
 
 
-@pytest.fixture(scope="module")
-def measured(h4, truth, table2):
-    poses = np.vstack([table2[::25], [[-0.3, 0, -0.55, 0.0]]])  # the last one is out of reach
-    return virtual_experiment.run(ExactPlant(truth), h4, Vision(Setup()), poses)["joint"]
-
-
 @pytest.mark.parametrize("ending", FORMATS)
 def test_a_move_comes_back_bit_for_bit(h4, move, tmp_path, ending):
     path = tmp_path / f"move.{ending}"
@@ -34,16 +26,6 @@ def test_a_move_comes_back_bit_for_bit(h4, move, tmp_path, ending):
     assert (log.readings == move.q_e).all()
     assert log.measured is None
     assert {"time", "torque1", "true_x"} <= set(log.unused)
-
-
-@pytest.mark.parametrize("ending", FORMATS)
-def test_an_experiment_comes_back_with_what_vision_measured(h4, measured, tmp_path, ending):
-    path = tmp_path / f"experiment.{ending}"
-    logs.write(measured, path)
-    log = logs.read(h4, path)
-    for found, written in ((log.readings, measured.q_e), (log.measured, measured.measured)):
-        assert np.array_equal(found, written, equal_nan=True)
-    assert np.isnan(log.readings[-1]).all()
 
 
 @pytest.mark.usefixtures("plain_page")
@@ -60,13 +42,9 @@ def test_truepose_calibrate_reads_what_was_written(run, h4, truth, table2, tmp_p
     assert "Wrote" in out and (tmp_path / "calibrated.toml").exists()
 
 
-def test_every_column_says_its_unit_and_what_it_is(h4, move, measured, truth):
+def test_every_column_says_its_unit_and_what_it_is(h4, move, truth):
     visit = ExactPlant(truth).visit(h4, np.array([h4.home]), tp.Controller())
-    for listed in (
-        logs.columns(move),
-        logs.columns(measured),
-        logs.columns(visit, h4),
-    ):
+    for listed in (logs.columns(move), logs.columns(visit, h4)):
         names = [column.name for column in listed]
         assert len(set(names)) == len(names)
         assert set(h4.readings) <= set(names)
@@ -74,11 +52,11 @@ def test_every_column_says_its_unit_and_what_it_is(h4, move, measured, truth):
         assert len({len(c.values) for c in listed}) == 1
 
 
-def test_parquet_holds_units_and_descriptions(measured, tmp_path):
+def test_parquet_holds_units_and_descriptions(move, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
-    logs.write(measured, tmp_path / "a.parquet")
-    field = parquet.read_schema(tmp_path / "a.parquet").field("measured_x")
-    assert field.metadata[b"unit"] == b"m" and b"vision" in field.metadata[b"description"]
+    logs.write(move, tmp_path / "a.parquet")
+    field = parquet.read_schema(tmp_path / "a.parquet").field("torque1")
+    assert field.metadata[b"unit"] == "N·m".encode() and field.metadata[b"description"]
 
 
 def test_mcap_channels_have_json_schemas_with_units(move, tmp_path):

@@ -155,37 +155,6 @@ def test_studies(kept):
     kept(answer([[study.columns, study.table()] for study in found]))
 
 
-def test_paper(kept, h4, truth, table2):
-    from truepose.paper import article, experiment, twin, virtual_experiment
-    from truepose.paper.vision import Setup, Vision
-
-    x = table2[::40]
-    found = experiment.run(h4, experiment.draw_robots(h4, 2, seed=3), x)
-    held = twin.shipped()
-    seen = virtual_experiment.run(held.plant(), h4, Vision(Setup()), x[:4])
-    printed = [
-        article.table3(),
-        article.table3_as_printed(),
-        article.simulation_errors(),
-        twin.printed(),
-        held.truth,
-        held.setup,
-    ]
-    runs = [[run.measured, run.estimated, run.q_e] for run in seen.values()]
-    kept(
-        answer(
-            [
-                found.errors,
-                found.tables,
-                experiment.theta_law(h4, x),
-                runs,
-                printed,
-                [article.paper_directions(h4, k) for k in range(2)],
-            ]
-        )
-    )
-
-
 @pytest.mark.parametrize("case", ["plan", "zero", "design", "accuracy", "simulation", "faults"])
 def test_chart(kept, case):
     h4, ankle = tp.load("h4"), tp.load("x1-ankle")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import with_paper_errors
 from truepose.robot.laws import LAWS
 from truepose.simulation.paths import MOVE_FROM, MOVE_TO
 from truepose.simulation.plants.dynamic import visit
@@ -115,10 +114,10 @@ def test_integration_converges_with_the_fourth_order(h4, truth):
 
 
 def test_a_simulation_repeats_itself_bit_for_bit(h4):
-    runs = [tp.simulate(h4, with_paper_errors(h4, seed=5)) for _ in range(2)]
+    runs = [tp.simulate(h4, h4.sample(5)) for _ in range(2)]
     for name in ("x", "q_e", "motor_error", "torque"):
         assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes()
-    other = tp.simulate(h4, with_paper_errors(h4, seed=6))
+    other = tp.simulate(h4, h4.sample(6))
     assert other.x.tobytes() != runs[0].x.tobytes()
 
 

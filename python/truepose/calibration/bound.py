@@ -134,8 +134,9 @@ def accuracy(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import article
-    >>> h4, poses = tp.load("h4"), article.table2()
+    >>> from truepose.robot.workspace import workspace_grid
+    >>> h4 = tp.load("h4")
+    >>> poses = workspace_grid(h4)
     >>> for visited in (None, poses):
     ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
     ...     print(round(1e3 * P.rms, 2), round(1e3 * P.at(0.95), 2))  # mm

@@ -154,10 +154,10 @@ def calibrate(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import article
+    >>> from truepose.robot.workspace import workspace_grid
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.489})
-    >>> fit = tp.calibrate(robot, true.extended_positions(article.table2()))
+    >>> fit = tp.calibrate(robot, true.extended_positions(workspace_grid(robot)))
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
     >>> dowel = [0.0, 0.0, -0.4, 0.0]  # where the robot stands at a dowel

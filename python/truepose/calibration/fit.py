@@ -32,13 +32,12 @@ class Calibration(Shown):
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
-    >>> from truepose.paper import article
+    >>> from truepose.robot.workspace import workspace_grid
     >>> h4 = tp.load("h4")
-    >>> tp.calibrate(h4, with_paper_errors(h4, seed=1).read(article.table2()))
-    h4 calibrated on 625 of 625 lines of theta, full level, 6 iterations
+    >>> tp.calibrate(h4, h4.sample(seed=1).read(workspace_grid(h4)))
+    h4 calibrated on 625 of 625 lines of theta, full level, 5 iterations
     55 uncertain parameters: 4 identified, 22 barely, 29 not identified
-    residuals with the poses fitted, rms: 0.94 of their σ
+    residuals with the poses fitted, rms: 1 of their σ
     """
 
     robot: Robot  #: calibrated; its file keeps the covariance

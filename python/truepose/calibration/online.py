@@ -50,11 +50,11 @@ class OnlineCalibrator:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import article
+    >>> from truepose.robot.workspace import workspace_grid
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.486})
     >>> online = tp.OnlineCalibrator(robot)
-    >>> x = online.observe(true.extended_positions(article.table2()))
+    >>> x = online.observe(true.extended_positions(workspace_grid(robot)))
     >>> sigma = online.parameters["chain1.rod"].sigma
     >>> bool(sigma < 0.3 * robot.parameters["chain1.rod"].sigma)
     True
@@ -173,9 +173,9 @@ class OnlineCalibrator:
         Examples
         --------
         >>> import truepose as tp
-        >>> from truepose.paper import article
+        >>> from truepose.robot.workspace import workspace_grid
         >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter", "elbow1")
-        >>> readings = robot.expected().extended_positions(article.table2()[:60])
+        >>> readings = robot.expected().extended_positions(workspace_grid(robot)[:60])
         >>> readings[50:, 4] += 0.1  # θ's encoder slips
         >>> online = tp.OnlineCalibrator(robot)
         >>> x = online.observe(readings)

@@ -98,7 +98,7 @@ for _group, _commands in _GROUPS.items():
         app.command(_name, rich_help_panel=_group)(_limited(_command))
 app.add_typer(export.app, name="export", rich_help_panel="Robots")
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-_registered = plugins("commands")  # of packages, integrations and the paper
+_registered = plugins("commands")  # of packages and integrations
 for _path in sorted(_registered.keys() | moved.COMMANDS):
     _under, _, _name = _path.rpartition(".")
     _parent = {"": app, "export": export.app}[_under]

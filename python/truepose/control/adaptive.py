@@ -70,13 +70,13 @@ class AdaptiveCalibrator:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import article
+    >>> from truepose.robot.workspace import workspace_grid
     >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter")
-    >>> known = tp.calibrate(robot, robot.expected().read(article.table2())).robot
+    >>> known = tp.calibrate(robot, robot.expected().read(workspace_grid(robot))).robot
     >>> true = robot.expected()
     >>> bent = true.replace({"chain2.rod": true.parameters["chain2.rod"].value - 1e-3})
     >>> adaptive = tp.control.AdaptiveCalibrator(known)
-    >>> adaptive.observe(bent.read(article.table2()[::12], seed=1))
+    >>> adaptive.observe(bent.read(workspace_grid(robot)[::12], seed=1))
     >>> adaptive.windows[0].changed
     ('chain2.rod',)
     """
@@ -137,9 +137,9 @@ class AdaptiveCalibrator:
         Examples
         --------
         >>> import truepose as tp
-        >>> from truepose.paper import article
+        >>> from truepose.robot.workspace import workspace_grid
         >>> h4 = tp.load("h4")
-        >>> known = tp.calibrate(h4, h4.expected().read(article.table2())).robot
+        >>> known = tp.calibrate(h4, h4.expected().read(workspace_grid(h4))).robot
         >>> adaptive = tp.control.AdaptiveCalibrator(known)
         >>> adaptive.exchanged("theta")
         >>> new, old = (robot.parameters["theta.offset"].sigma for robot in (adaptive.robot, known))

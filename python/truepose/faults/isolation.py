@@ -143,9 +143,9 @@ def isolate(
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import article
+    >>> from truepose.robot.workspace import workspace_grid
     >>> h4 = tp.load("h4")  # one redundant sensor
-    >>> there = h4.read(article.table2()[::6], seed=1)
+    >>> there = h4.read(workspace_grid(h4)[::6], seed=1)
     >>> learnt = tp.calibrate(h4, there).robot
     >>> tp.faults.isolate(learnt, there).faulty
     False

@@ -220,8 +220,9 @@ def detectability(
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import article
-    >>> h4, poses = tp.load("h4"), article.table2()
+    >>> from truepose.robot.workspace import workspace_grid
+    >>> h4 = tp.load("h4")
+    >>> poses = workspace_grid(h4)
     >>> for visited in (None, poses):
     ...     found = tp.faults.detectability(h4, poses, visited, false_alarm=1e-6)
     ...     print(np.degrees(np.median(found.detected, axis=0)).round(2))

@@ -17,9 +17,12 @@ _HEADING = re.compile(r"<h2>(.*?)</h2>", re.DOTALL)
 _FEWEST = 3
 
 
-def render(template: str, **values: object) -> str:
-    """Render one of the package's templates with a list of sections and zoomable figures."""
-    page = _with_contents(_template(template).render(**values))
+def render(template: str, package: str = "", **values: object) -> str:
+    """Render a template with a list of sections and zoomable figures.
+
+    `package` has the template in its folder `templates`, which may use those of the core.
+    """
+    page = _with_contents(_template(template, package).render(**values))
     folder = resources.files("truepose") / _TEMPLATES
     # Panzoom (Timmy Willison and others, MIT) is embedded: the page needs no network.
     scripts = [
@@ -34,11 +37,13 @@ def table_html(table: Table) -> str:
     return str(_template("page.html.j2").module.show(table))  # type: ignore[attr-defined]
 
 
-def _template(name: str) -> "Template":
+def _template(name: str, package: str = "") -> "Template":
     import jinja2
 
+    loaders = [jinja2.PackageLoader(package)] if package else []
+    loaders.append(jinja2.PackageLoader("truepose", _TEMPLATES))
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("truepose", _TEMPLATES),
+        loader=jinja2.ChoiceLoader(loaders),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -228,16 +228,15 @@ def path_accuracy(
 
     Examples
     --------
-    A robot with the paper's errors on a circle, at half the speed that its motors allow:
+    A robot sampled from its tolerances on a circle, at half the speed that its motors allow:
 
     >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
     >>> h4 = tp.load("h4")
-    >>> true = with_paper_errors(h4, seed=1)
+    >>> true = h4.sample(seed=1)
     >>> circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
     >>> found = tp.simulation.path_accuracy(h4, circle, true, speed=0.5)
     >>> f"{found.speed:.2f} m/s, AT {1e3 * found.AT:.1f} mm", bool(found.RT < 2e-4)
-    ('0.97 m/s, AT 11.8 mm', True)
+    ('0.97 m/s, AT 9.4 mm', True)
     """
     truth = robot if truth is None else truth
     whole("runs", runs, 1)

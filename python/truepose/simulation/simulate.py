@@ -287,15 +287,14 @@ def simulate(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import with_paper_errors
     >>> run = tp.simulate(tp.load("h4").without_quantization())
     >>> bool(abs(run.error[-1, :3]).max() < 1e-6)
     True
 
-    A robot with the paper's errors, calibrated online:
+    A robot sampled from its tolerances, calibrated online:
 
     >>> h4 = tp.load("h4")
-    >>> true, online = with_paper_errors(h4, seed=1), tp.OnlineCalibrator(h4)
+    >>> true, online = h4.sample(seed=1), tp.OnlineCalibrator(h4)
     >>> usual = tp.simulate(h4, true, "joint")
     >>> run = tp.simulate(h4, true, "estimated", learn=online)
     >>> bool(abs(run.error[-1, 3]) < abs(usual.error[-1, 3]) / 10), online.lines > 100
