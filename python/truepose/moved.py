@@ -11,11 +11,12 @@ from types import ModuleType
 from truepose.exceptions import InputError
 
 #: Package of each command that moved; a point separates groups.
-COMMANDS = {"maslow": "sleds", "workbench": "workbench"}
+COMMANDS = {"export.linuxcnc": "linuxcnc", "maslow": "sleds", "workbench": "workbench"}
 #: Package of each function of a study that moved.
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
+    "truepose.integrations.linuxcnc": "truepose_linuxcnc",
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
     "truepose.studies.life": "truepose_life.cycle",

@@ -1,5 +1,5 @@
 /* Simulated machine for LinuxCNC's HAL, the counterpart of truepose_tej. The model is in
- * plant_core.c, the guide in docs/linuxcnc.md. MIT.
+ * plant_core.c, the guide in ../docs/linuxcnc.md. MIT.
  *
  *   loadrt truepose_plant table=FILE [unit=mm|inch|m] [period_us=1000]
  *   addf truepose_plant servo-thread    # last

@@ -1,6 +1,6 @@
 """Online calibration inside LinuxCNC: an H4 sampled from its file's tolerances calibrates itself.
 
-Run as ``python tools/linuxcnc_learning.py``; `make linuxcnc` does. Prints tables of
+Run as ``python tools/learning.py``; `make test` does. Prints tables of
 docs/linuxcnc.md: errors before and after, in the session that calibrates and in the next; time of
 its cycles; steps of the drives' commands meanwhile, and when one of two sensors fails.
 """
@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-import truepose as tp
-from linuxcnc_trial import (
+from trial import (
     CLOCKS,
     LAWS_OF,
+    TABLE2,
     configured,
     g0,
     headless,
@@ -27,9 +26,10 @@ from linuxcnc_trial import (
     stepped,
     tell_steps,
 )
+
+import truepose as tp
 from truepose.arguments import Array
-from truepose.integrations.linuxcnc.configuration import corrections
-from truepose.paper import article
+from truepose_linuxcnc.configuration import corrections
 
 SEED, ASKED, LEARNT_AT = 0, 12, 60  # seed of the machine; poses for errors, and for calibration
 LAWS = ("tej", "estimated")
@@ -80,7 +80,7 @@ def learning() -> bool:
     """Calibrate in one session, continue in the next, and print the errors."""
     robot = tp.load("h4")
     true = robot.sample(SEED)
-    table2 = np.random.default_rng(0).permutation(article.table2())
+    table2 = np.random.default_rng(0).permutation(TABLE2)
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("tej", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.integrations.linuxcnc.configuration import (
+from truepose_linuxcnc.configuration import (
     SPEEDS,
     corrections,
     to_configuration,
     to_table,
 )
 
-SOURCES = Path(__file__).parents[4] / "deploy/linuxcnc"
+SOURCES = Path(__file__).parents[1] / "hal"
 NAMES = ["machine.table", "robot.hal", "robot.ini", "robot.table"]
 
 

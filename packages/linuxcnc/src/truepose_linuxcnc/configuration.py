@@ -24,7 +24,7 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.simulation.equilibrium import steady_state
 
-#: Largest number of uncertain parameters in the components (deploy/linuxcnc/table.h).
+#: Largest number of uncertain parameters in the components (hal/table.h).
 _PARAMETERS = 256
 #: Sampled robots, sampled poses, and accepted quantile, for the prediction of corrections.
 _DRAWN, _POSES, _ACCEPTED = 40, 40, 0.999
@@ -46,7 +46,7 @@ _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
 
 
 def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> bytes:
-    """Return a robot as deploy/linuxcnc/table.h reads it: the C interface's structs, by name.
+    """Return a robot as hal/table.h reads it: the C interface's structs, by name.
 
     The table is valid on the kind of machine that wrote it; others refuse it.
 
@@ -56,7 +56,7 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.linuxcnc.configuration import to_table
+    >>> from truepose_linuxcnc.configuration import to_table
     >>> table = to_table(tp.load("five-bar"), tp.Controller(law="joint"), tp.FaultMonitor())
     >>> table[:12]
     b'trueposerobt'
@@ -105,7 +105,7 @@ def to_configuration(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.linuxcnc.configuration import to_configuration
+    >>> from truepose_linuxcnc.configuration import to_configuration
     >>> files = to_configuration(tp.load("h4"), tp.Controller(), tp.FaultMonitor())
     >>> sorted(files)
     ['machine.table', 'robot.hal', 'robot.ini', 'robot.table']
@@ -144,7 +144,7 @@ def to_configuration(
     import jinja2
 
     templates = jinja2.Environment(
-        loader=jinja2.PackageLoader("truepose", "_data/templates/linuxcnc"),
+        loader=jinja2.PackageLoader("truepose_linuxcnc"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
         finalize=lambda value: f"{value:.6g}" if isinstance(value, float) else value,
@@ -171,7 +171,7 @@ def corrections(robot: Robot, controller: Controller) -> tuple[Array, Array]:
     --------
     >>> import numpy as np
     >>> import truepose as tp
-    >>> from truepose.integrations.linuxcnc.configuration import corrections
+    >>> from truepose_linuxcnc.configuration import corrections
     >>> exported, learnt = corrections(tp.load("h4"), tp.Controller())
     >>> bool(1 < np.degrees(exported).max() < 4 < np.degrees(learnt).max() < 8)
     True
@@ -194,7 +194,7 @@ def rates(robot: Robot, controller: Controller) -> Array:
     --------
     >>> import numpy as np
     >>> import truepose as tp
-    >>> from truepose.integrations.linuxcnc.configuration import rates
+    >>> from truepose_linuxcnc.configuration import rates
     >>> bool(20 < np.degrees(rates(tp.load("h4"), tp.Controller())).max() < 50)
     True
     """

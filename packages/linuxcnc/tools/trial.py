@@ -1,12 +1,13 @@
 """The paper inside LinuxCNC: the H4 homes and runs G-code under four laws.
 
-Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. In the simulated machine one rod is
+Run as ``python tools/trial.py``; `make test` does. In the simulated machine one rod is
 3 mm longer than in the controller's model. Prints the table of docs/linuxcnc.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import shutil
@@ -22,9 +23,8 @@ import numpy as np
 
 import truepose as tp
 from truepose.arguments import Array
-from truepose.integrations.linuxcnc.configuration import to_configuration
-from truepose.paper import article
 from truepose.simulation.paths import MOVE_FROM, MOVE_TO
+from truepose_linuxcnc.configuration import to_configuration
 
 LAWS = ("joint", "tej", "weighted", "estimated")
 CYCLES, LASTS = 5000, 30  # cycles of a median; least time of each law, s
@@ -32,7 +32,17 @@ CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # error of a rod, m
 RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
 TURN = 3.0  # motion of theta past its index, degrees
-INTERFACE = Path(__file__).with_name("linuxcnc_ui.py")
+INTERFACE = Path(__file__).with_name("ui.py")
+#: The 625 poses of the paper's Table 2: x, y, z in m, the nacelle's θ in rad.
+TABLE2 = np.array(
+    list(
+        itertools.product(
+            *[np.linspace(-0.1, 0.1, 5)] * 2,
+            np.linspace(-0.45, -0.35, 5),
+            np.linspace(-2.0943951, 2.0943951, 5) / 4,
+        )
+    )
+)
 
 
 def g0(x: Array) -> str:
@@ -130,8 +140,7 @@ def machines() -> tuple[tp.Robot, tp.Robot]:
 def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
     """Run all laws; return the errors of each, and LinuxCNC's messages."""
     robot, true = machines()
-    table2 = article.table2()
-    some = table2[np.random.default_rng(0).choice(len(table2), poses, replace=False)]
+    some = TABLE2[np.random.default_rng(0).choice(len(TABLE2), poses, replace=False)]
     x_d = np.vstack([some, MOVE_FROM, MOVE_TO])
     results = {}
     with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:

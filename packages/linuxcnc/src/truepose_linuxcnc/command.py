@@ -13,11 +13,11 @@ from truepose.commands.options import Force, RobotName, SensorsOption, load_with
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
-from truepose.integrations.linuxcnc.configuration import to_configuration
 from truepose.robot.laws import Law, usual
 from truepose.robot.robot import load
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format
+from truepose_linuxcnc.configuration import to_configuration
 
 
 def command(

@@ -1,11 +1,11 @@
 // LinuxCNC's start-up test: miswired machines that are off are named, and hardly move.
 #include <memory>
 
-#include "../../src/c/description.hpp"
-#include "start_bench.hpp"
+#include "src/c/description.hpp"
+#include "tests/cpp/start_bench.hpp"
 
 extern "C" {
-#include "../../deploy/linuxcnc/start_core.h"
+#include "../../hal/start_core.h"
 }
 
 using namespace mechanisms;

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.integrations.linuxcnc.configuration import to_table
+from truepose_linuxcnc.configuration import to_table
 
 PINS = {"lines": ctypes.c_uint, "law": ctypes.c_int, "law-in-effect": ctypes.c_int}
 PINS |= {"status": ctypes.c_int, "part": ctypes.c_int}

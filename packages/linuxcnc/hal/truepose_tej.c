@@ -1,4 +1,4 @@
-/* HAL component of the redundant sensors' law, between motion and pid. Guide: docs/linuxcnc.md;
+/* HAL component of the redundant sensors' law, between motion and pid. Guide: ../docs/linuxcnc.md;
  * mathematics: tej_core.c. MIT.
  *
  *   loadrt truepose_tej table=FILE [unit=mm|inch|m] [period_us=1000] [keep=FILE]

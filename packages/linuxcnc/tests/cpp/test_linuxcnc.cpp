@@ -2,13 +2,13 @@
 #include <limits>
 #include <memory>
 
-#include "../../src/c/description.hpp"
-#include "mechanisms.hpp"
+#include "src/c/description.hpp"
+#include "tests/cpp/mechanisms.hpp"
 
 extern "C" {
-#include "../../deploy/linuxcnc/geometry.h"
-#include "../../deploy/linuxcnc/plant_core.h"
-#include "../../deploy/linuxcnc/tej_core.h"
+#include "../../hal/geometry.h"
+#include "../../hal/plant_core.h"
+#include "../../hal/tej_core.h"
 }
 
 using namespace mechanisms;

@@ -1,4 +1,4 @@
-/* LinuxCNC kinematics module for any parallel robot. Guide: docs/linuxcnc.md.
+/* LinuxCNC kinematics module for any parallel robot. Guide: ../docs/linuxcnc.md.
  *
  *   loadrt truepose_kins table=FILE [unit=mm|inch|m] [extra=uv]
  *   loadrt truepose_kins pins=genhexkins|lineardeltakins|rotarydeltakins [extra=…]
