@@ -1,6 +1,7 @@
 /* Common code of the LinuxCNC components truepose_kins, truepose_tej and truepose_plant: loading,
  * parameters, pins with an initial value. Include it once per component, after
- * `#define COMPONENT "name"`; the component defines begin() and rtapi_app_exit(). */
+ * `#define COMPONENT "name"`; the component defines begin() and rtapi_app_exit(). Those with a
+ * function for a thread include pins.h as well. */
 #ifndef TRUEPOSE_LINUXCNC_COMPONENT_H
 #define TRUEPOSE_LINUXCNC_COMPONENT_H
 
@@ -42,24 +43,27 @@ static inline int read_parameters(truepose_table* read) {
   return truepose_unit(unit) == 0 ? wrong("unit", unit, "choose mm, inch or m") : 0;
 }
 
-/** new_float, new_bit, new_s32, new_u32: creates a pin named by format, with initial `value`.
- * @return 0: created */
-#define TRUEPOSE_NEW(kind)                                                                    \
-  static inline __attribute__((format(printf, 4, 5))) int new_##kind(                         \
-      hal_##kind##_t** pin, hal_pin_dir_t direction, double value, const char* format, ...) { \
-    char name[HAL_NAME_LEN + 1];                                                              \
-    va_list arguments;                                                                        \
-    va_start(arguments, format);                                                              \
-    rtapi_vsnprintf(name, sizeof name, format, arguments);                                    \
-    va_end(arguments);                                                                        \
-    const int result = hal_pin_##kind##_newf(direction, pin, id, "%s", name);                 \
-    if (result == 0) **pin = value;                                                           \
-    return result;                                                                            \
-  }
-TRUEPOSE_NEW(float)
-TRUEPOSE_NEW(bit)
-TRUEPOSE_NEW(s32)
-TRUEPOSE_NEW(u32)
+/** Creates a pin named by format, with initial `value`. @param pin  its pointer @return 0: created
+ */
+static inline __attribute__((format(printf, 5, 6))) int new_pin(hal_type_t type, void* pin,
+                                                                hal_pin_dir_t direction,
+                                                                double value, const char* format,
+                                                                ...) {
+  char name[HAL_NAME_LEN + 1];
+  va_list arguments;
+  va_start(arguments, format);
+  rtapi_vsnprintf(name, sizeof name, format, arguments);
+  va_end(arguments);
+  if (hal_pin_new(name, type, direction, pin, id) != 0) return -1;
+  void* const at = *(void**)pin;
+  if (type == HAL_FLOAT)
+    *(hal_float_t*)at = value;
+  else if (type == HAL_BIT)
+    *(hal_bit_t*)at = value != 0;
+  else
+    *(hal_s32_t*)at = value;
+  return 0;
+}
 
 /** Reads the parameters, creates pins and functions. @return 0, or nonzero: not loaded */
 static int begin(void);

@@ -210,7 +210,6 @@ int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TR
     if (!isfinite(joints[kins->motors + k])) outcome.status = TRUEPOSE_NOT_FINITE;
   if (outcome.status <= TRUEPOSE_OK) outcome = axes_of(kins, x, axes);
   kins->outcome = outcome;
-  kins->forward_status = outcome.status;
   if (outcome.status > TRUEPOSE_OK) {
     kins->refusal = outcome;
     memcpy(kins->screw.correction, kept, sizeof kept);

@@ -36,7 +36,6 @@ typedef struct truepose_kins {
   truepose_outcome refusal;                  /**< of the last refused call; stays */
   truepose_real refused[TRUEPOSE_KINS_AXES]; /**< axes of a refused inverse */
   truepose_real conditioning;                /**< of the last inverse, 0 to 1 */
-  int32_t forward_status;                    /**< of the last forward */
   int32_t iterations, most_iterations;       /**< of the forward model */
   truepose_real residual;                    /**< of the forward model, m */
 } truepose_kins;

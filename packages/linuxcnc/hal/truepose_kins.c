@@ -35,81 +35,48 @@ static struct says {
 static truepose_outcome told; /* refusal in the log, */
 static int since;             /* and number of calls since */
 
-/* Pins of genhexkins and switchkins, by the names that configurations use. */
+/* Pins of genhexkins and switchkins besides those that describe the robot. */
 static struct hexapod_pins {
-  hal_float_t *base[6][3], *platform[6][3], *base_n[6][3], *platform_n[6][3];
   hal_float_t *correction[6], *gui[6], *shown[6];
-  hal_float_t *screw_lead, *spindle_offset, *tool_offset, *criterion, *max_error;
+  hal_float_t *criterion, *max_error;
   hal_u32_t *last_iterations, *max_iterations, *limit_iterations;
   hal_bit_t *failed, *is[3];
 }* hexapod_pins;
 
-static struct delta_pins {
-  hal_float_t* number[4];
-}* delta_pins;
-
-static truepose_hexapod hexapod;
-static truepose_real delta[4];
+/* Numbers that describe the robot, and their pins, by the names that configurations use. */
+enum { NUMBERS = sizeof(truepose_hexapod) / sizeof(truepose_real) };
+typedef union geometry {
+  truepose_real number[NUMBERS];
+  truepose_hexapod hexapod;
+  truepose_linear_delta linear_delta;
+  truepose_rotary_delta rotary_delta;
+} geometry;
+static geometry described;
+static hal_float_t** number;
+static int numbers;
 static int loaded;      /* the model matches the pins */
 static int switched;    /* 0: the robot's kinematics; 1, 2: identity */
 static int identity[9]; /* axis of each joint */
 
-static double* axis_of(EmcPose* pose, int axis) {
-  double* axes[] = {&pose->tran.x, &pose->tran.y, &pose->tran.z, &pose->a, &pose->b,
-                    &pose->c,      &pose->u,      &pose->v,      &pose->w};
-  return axes[axis];
-}
-static void to_axes(const EmcPose* pose, double axes[9]) {
-  const double of[] = {pose->tran.x, pose->tran.y, pose->tran.z, pose->a, pose->b,
-                       pose->c,      pose->u,      pose->v,      pose->w};
-  memcpy(axes, of, sizeof of);
-}
-static void to_pose(const double axes[9], EmcPose* pose) {
-  for (int k = 0; k < 9; ++k) *axis_of(pose, k) = axes[k];
-}
-
-static void read_hexapod(truepose_hexapod* to) {
-  for (int i = 0; i < 6; ++i)
-    for (int k = 0; k < 3; ++k) {
-      to->base[i][k] = *hexapod_pins->base[i][k];
-      to->platform[i][k] = *hexapod_pins->platform[i][k];
-      to->base_n[i][k] = *hexapod_pins->base_n[i][k];
-      to->platform_n[i][k] = *hexapod_pins->platform_n[i][k];
-    }
-  to->spindle_offset = *hexapod_pins->spindle_offset;
-  to->tool_offset = *hexapod_pins->tool_offset;
-  to->screw_lead = *hexapod_pins->screw_lead;
-}
-
-static void extras(void) {
-  const int passes = from == FROM_LINEAR_DELTA || from == FROM_ROTARY_DELTA;
-  truepose_kins_extras(&kins, *extra != '\0' || !passes ? extra : "abcuvw");
-}
+_Static_assert(sizeof(EmcPose) == 9 * sizeof(double), "x, y, z, a, b, c, u, v, w");
 
 /* Updates the robot from the pins: cheap while they are constant. The last pose is kept. */
 static int refresh(void) {
-  if (from == FROM_HEXAPOD) {
-    truepose_hexapod now;
-    read_hexapod(&now);
-    if (memcmp(&now, &hexapod, sizeof now) != 0) {
-      hexapod = now;
-      loaded = truepose_kins_hexapod(&kins, &now).status <= TRUEPOSE_OK;
-      extras();
+  if (from != FROM_TABLE) {
+    geometry now = {{0}};
+    for (int k = 0; k < numbers; ++k) now.number[k] = *number[k];
+    if (memcmp(&now, &described, sizeof now) != 0) {
+      described = now;
+      loaded = (from == FROM_HEXAPOD        ? truepose_kins_hexapod(&kins, &now.hexapod)
+                : from == FROM_LINEAR_DELTA ? truepose_kins_linear_delta(&kins, &now.linear_delta)
+                                            : truepose_kins_rotary_delta(&kins, &now.rotary_delta))
+                   .status <= TRUEPOSE_OK;
+      truepose_kins_extras(&kins, *extra != '\0' || from == FROM_HEXAPOD ? extra : "abcuvw");
     }
+  }
+  if (from == FROM_HEXAPOD) {
     kins.cap = *hexapod_pins->limit_iterations;
     if (kins.cap > 60) kins.cap = 60;
-  } else if (from != FROM_TABLE) {
-    truepose_real now[4] = {0};
-    for (int k = 0; k < (from == FROM_LINEAR_DELTA ? 2 : 4); ++k) now[k] = *delta_pins->number[k];
-    if (memcmp(now, delta, sizeof now) != 0) {
-      const truepose_linear_delta linear = {now[0], now[1]};
-      const truepose_rotary_delta rotary = {now[0], now[1], now[2], now[3]};
-      memcpy(delta, now, sizeof now);
-      loaded = (from == FROM_LINEAR_DELTA ? truepose_kins_linear_delta(&kins, &linear)
-                                          : truepose_kins_rotary_delta(&kins, &rotary))
-                   .status <= TRUEPOSE_OK;
-      extras();
-    }
   }
   kins.least_conditioning = *says->least_conditioning;
   return loaded;
@@ -140,35 +107,34 @@ static void say(int forward) {
   if (from != FROM_HEXAPOD) return;
   for (int i = 0; i < 6; ++i) *hexapod_pins->correction[i] = kins.screw.correction[i];
   if (!forward) return;
-  *hexapod_pins->failed = kins.forward_status > TRUEPOSE_OK;
+  *hexapod_pins->failed = refused;
   *hexapod_pins->last_iterations = kins.iterations;
   *hexapod_pins->max_iterations = kins.most_iterations;
 }
 
 int kinematicsForward(const double* joints, EmcPose* pose, const KINEMATICS_FORWARD_FLAGS* fflags,
                       KINEMATICS_INVERSE_FLAGS* iflags) {
-  double axes[9], q[9];
-  int failed;
+  double axes[9], q[9] = {0};
   (void)fflags;
   (void)iflags;
   if (!refresh()) return -1;
-  to_axes(pose, axes);
+  memcpy(axes, pose, sizeof axes);
   if (from == FROM_HEXAPOD && switched) { /* the pose for a visualisation */
     for (int k = 0; k < 6; ++k) axes[k] = *hexapod_pins->gui[k];
   }
-  for (int i = 0; i < 9; ++i) q[i] = i < kins.motors + kins.extras ? joints[i] : 0;
-  failed = truepose_kins_forward(&kins, q, axes) > TRUEPOSE_OK;
+  memcpy(q, joints, (kins.motors + kins.extras) * sizeof *q);
+  const int failed = truepose_kins_forward(&kins, q, axes) > TRUEPOSE_OK;
   say(1);
   if (from == FROM_HEXAPOD) {
     for (int k = 0; k < 6 && !failed; ++k) *hexapod_pins->gui[k] = axes[k];
     if (switched) {
       for (int i = 0; i < 6; ++i)
-        if (identity[i] >= 0) *axis_of(pose, identity[i]) = joints[i];
+        if (identity[i] >= 0) ((double*)pose)[identity[i]] = joints[i];
       return 0;
     }
   }
   if (failed) return -1;
-  to_pose(axes, pose);
+  memcpy(pose, axes, sizeof axes);
   return 0;
 }
 
@@ -180,16 +146,14 @@ int kinematicsInverse(const EmcPose* pose, double* joints, const KINEMATICS_INVE
   if (!refresh()) return -1;
   if (switched) {
     for (int i = 0; i < 6; ++i)
-      if (identity[i] >= 0) joints[i] = *axis_of((EmcPose*)pose, identity[i]);
+      if (identity[i] >= 0) joints[i] = ((const double*)pose)[identity[i]];
     return 0;
   }
-  to_axes(pose, axes);
-  if (truepose_kins_inverse(&kins, axes, q) > TRUEPOSE_OK) {
-    say(0);
-    return -1;
-  }
+  memcpy(axes, pose, sizeof axes);
+  const int failed = truepose_kins_inverse(&kins, axes, q) > TRUEPOSE_OK;
   say(0);
-  for (int i = 0; i < kins.motors + kins.extras; ++i) joints[i] = q[i];
+  if (failed) return -1;
+  memcpy(joints, q, (kins.motors + kins.extras) * sizeof *q);
   return 0;
 }
 
@@ -211,62 +175,66 @@ static int say_pins(void) {
   int bad = 0;
   says = hal_malloc(sizeof *says);
   if (says == NULL) return -1;
-  bad |= new_s32(&says->status, HAL_OUT, 0, "truepose_kins.status");
-  bad |= new_s32(&says->part, HAL_OUT, 0, "truepose_kins.part");
-  bad |= new_u32(&says->refused, HAL_OUT, 0, "truepose_kins.refused");
+  bad |= new_pin(HAL_S32, &says->status, HAL_OUT, 0, "truepose_kins.status");
+  bad |= new_pin(HAL_S32, &says->part, HAL_OUT, 0, "truepose_kins.part");
+  bad |= new_pin(HAL_U32, &says->refused, HAL_OUT, 0, "truepose_kins.refused");
   for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k)
-    bad |=
-        new_float(&says->refused_at[k], HAL_OUT, 0, "truepose_kins.refused-at.%c", "xyzabcuvw"[k]);
-  bad |= new_s32(&says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
-  bad |= new_s32(&says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
-  bad |= new_float(&says->residual, HAL_OUT, 0, "truepose_kins.residual");
-  bad |= new_float(&says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
-  bad |= new_float(&says->least_conditioning, HAL_IN, 0.01, "truepose_kins.least-conditioning");
+    bad |= new_pin(HAL_FLOAT, &says->refused_at[k], HAL_OUT, 0, "truepose_kins.refused-at.%c",
+                   "xyzabcuvw"[k]);
+  bad |= new_pin(HAL_S32, &says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
+  bad |= new_pin(HAL_S32, &says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
+  bad |= new_pin(HAL_FLOAT, &says->residual, HAL_OUT, 0, "truepose_kins.residual");
+  bad |= new_pin(HAL_FLOAT, &says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
+  bad |= new_pin(HAL_FLOAT, &says->least_conditioning, HAL_IN, 0.01,
+                 "truepose_kins.least-conditioning");
   return bad;
 }
 
 static int hexapod_new(void) {
-  static const double base[6][3] = {{-22.95, 13.25, 0}, {22.95, 13.25, 0}, {22.95, 13.25, 0},
-                                    {0, -26.5, 0},      {0, -26.5, 0},     {-22.95, 13.25, 0}};
-  static const double platform[6][3] = {{-1, 11.5, 0},       {1, 11.5, 0},
-                                        {10.459, -4.884, 0}, {9.459, -6.616, 0},
-                                        {-9.459, -6.616, 0}, {-10.459, -4.884, 0}};
-  static const double s = 0.707107, c = 0.866025;
-  const double base_n[6][3] = {{s, 0, s}, {0, -s, s}, {-s, 0, s}, {-s, 0, s}, {0, s, s}, {s, 0, s}};
-  const double platform_n[6][3] = {{-1, 0, 0},   {c, 0.5, 0},  {c, 0.5, 0},
-                                   {c, -0.5, 0}, {c, -0.5, 0}, {-1, 0, 0}};
+  static const char* const offsets[] = {"spindle-offset", "tool-offset", "screw-lead"};
+  const double s = 0.707107, c = 0.866025;
+  const struct {
+    const char* name;
+    double value[6][3];
+  } points[] = {{"base",
+                 {{-22.95, 13.25, 0},
+                  {22.95, 13.25, 0},
+                  {22.95, 13.25, 0},
+                  {0, -26.5, 0},
+                  {0, -26.5, 0},
+                  {-22.95, 13.25, 0}}},
+                {"platform",
+                 {{-1, 11.5, 0},
+                  {1, 11.5, 0},
+                  {10.459, -4.884, 0},
+                  {9.459, -6.616, 0},
+                  {-9.459, -6.616, 0},
+                  {-10.459, -4.884, 0}}},
+                {"base-n", {{s, 0, s}, {0, -s, s}, {-s, 0, s}, {-s, 0, s}, {0, s, s}, {s, 0, s}}},
+                {"platform-n",
+                 {{-1, 0, 0}, {c, 0.5, 0}, {c, 0.5, 0}, {c, -0.5, 0}, {c, -0.5, 0}, {-1, 0, 0}}}};
   int bad = 0;
   struct hexapod_pins* p = hexapod_pins = hal_malloc(sizeof *p);
   if (p == NULL) return -1;
-  const struct {
-    const char* name;
-    hal_float_t* (*pin)[3];
-    const double (*value)[3];
-  } points[] = {{"base", p->base, base},
-                {"platform", p->platform, platform},
-                {"base-n", p->base_n, base_n},
-                {"platform-n", p->platform_n, platform_n}};
   for (int w = 0; w < 4; ++w)
     for (int i = 0; i < 6; ++i)
-      for (int k = 0; k < 3; ++k) {
-        bad |= new_float(&points[w].pin[i][k], HAL_IN, points[w].value[i][k], "genhexkins.%s.%d.%c",
-                         points[w].name, i, "xyz"[k]);
-      }
+      for (int k = 0; k < 3; ++k)
+        bad |= new_pin(HAL_FLOAT, &number[numbers++], HAL_IN, points[w].value[i][k],
+                       "genhexkins.%s.%d.%c", points[w].name, i, "xyz"[k]);
+  for (int k = 0; k < 3; ++k)
+    bad |= new_pin(HAL_FLOAT, &number[numbers++], HAL_IN, 0, "genhexkins.%s", offsets[k]);
   for (int i = 0; i < 6; ++i) {
-    bad |= new_float(&p->correction[i], HAL_OUT, 0, "genhexkins.correction.%d", i);
-    bad |= new_float(&p->gui[i], HAL_IN, 0, "skgui.%c", "xyzabc"[i]);
-    bad |= new_float(&p->shown[i], HAL_IN, 0, "genhexkins.%c", "xyzabc"[i]);
+    bad |= new_pin(HAL_FLOAT, &p->correction[i], HAL_OUT, 0, "genhexkins.correction.%d", i);
+    bad |= new_pin(HAL_FLOAT, &p->gui[i], HAL_IN, 0, "skgui.%c", "xyzabc"[i]);
+    bad |= new_pin(HAL_FLOAT, &p->shown[i], HAL_IN, 0, "genhexkins.%c", "xyzabc"[i]);
   }
-  bad |= new_float(&p->screw_lead, HAL_IN, 0, "genhexkins.screw-lead");
-  bad |= new_float(&p->spindle_offset, HAL_IN, 0, "genhexkins.spindle-offset");
-  bad |= new_float(&p->tool_offset, HAL_IN, 0, "genhexkins.tool-offset");
-  bad |= new_float(&p->criterion, HAL_IN, 1e-9, "genhexkins.convergence-criterion");
-  bad |= new_float(&p->max_error, HAL_IN, 500, "genhexkins.max-error");
-  bad |= new_u32(&p->last_iterations, HAL_OUT, 0, "genhexkins.last-iterations");
-  bad |= new_u32(&p->max_iterations, HAL_OUT, 0, "genhexkins.max-iterations");
-  bad |= new_u32(&p->limit_iterations, HAL_IN, 0, "genhexkins.limit-iterations");
-  bad |= new_bit(&p->failed, HAL_OUT, 0, "genhexkins.fwd-kins-fail");
-  for (int k = 0; k < 3; ++k) bad |= new_bit(&p->is[k], HAL_OUT, 0, "kinstype.is-%d", k);
+  bad |= new_pin(HAL_FLOAT, &p->criterion, HAL_IN, 1e-9, "genhexkins.convergence-criterion");
+  bad |= new_pin(HAL_FLOAT, &p->max_error, HAL_IN, 500, "genhexkins.max-error");
+  bad |= new_pin(HAL_U32, &p->last_iterations, HAL_OUT, 0, "genhexkins.last-iterations");
+  bad |= new_pin(HAL_U32, &p->max_iterations, HAL_OUT, 0, "genhexkins.max-iterations");
+  bad |= new_pin(HAL_U32, &p->limit_iterations, HAL_IN, 0, "genhexkins.limit-iterations");
+  bad |= new_pin(HAL_BIT, &p->failed, HAL_OUT, 0, "genhexkins.fwd-kins-fail");
+  for (int k = 0; k < 3; ++k) bad |= new_pin(HAL_BIT, &p->is[k], HAL_OUT, 0, "kinstype.is-%d", k);
   if (bad == 0) {
     *p->limit_iterations = 120;
     kinematicsSwitch(0);
@@ -275,15 +243,6 @@ static int hexapod_new(void) {
       for (int k = 0; k < 9; ++k)
         if ((coordinates[i] | 0x20) == "xyzabcuvw"[k]) identity[i] = k;
   }
-  return bad;
-}
-
-static int delta_new(const char* const* names, const double* values, int count) {
-  int bad = 0;
-  delta_pins = hal_malloc(sizeof *delta_pins);
-  if (delta_pins == NULL) return -1;
-  for (int k = 0; k < count; ++k)
-    bad |= new_float(&delta_pins->number[k], HAL_IN, values[k], "%s", names[k]);
   return bad;
 }
 
@@ -299,19 +258,27 @@ static int load_table(void) {
 }
 
 static int pins_of_source(void) {
-  static const char* const linear[] = {"lineardeltakins.R", "lineardeltakins.L"};
-  static const double linear_values[] = {131, 269}; /* a valid delta, until the pins are set */
-  static const char* const rotary[] = {"rotarydeltakins.platformradius",
-                                       "rotarydeltakins.thighlength", "rotarydeltakins.shinlength",
-                                       "rotarydeltakins.footradius"};
-  static const double rotary_values[] = {10, 10, 14, 6};
+  static const char* const names[] = {"genhexkins", "lineardeltakins", "rotarydeltakins"};
+  static const struct {
+    const char* name;
+    double value; /* of a valid delta, until the pins are set */
+  } delta[2][4] = {
+      {{"R", 131}, {"L", 269}},
+      {{"platformradius", 10}, {"thighlength", 10}, {"shinlength", 14}, {"footradius", 6}}};
+  int bad = 0;
   if (*table != '\0' && *pins == '\0') return load_table();
-  if (strcmp(pins, "genhexkins") == 0) return from = FROM_HEXAPOD, hexapod_new();
-  if (strcmp(pins, "lineardeltakins") == 0)
-    return from = FROM_LINEAR_DELTA, delta_new(linear, linear_values, 2);
-  if (strcmp(pins, "rotarydeltakins") == 0)
-    return from = FROM_ROTARY_DELTA, delta_new(rotary, rotary_values, 4);
-  return wrong("pins", pins, "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
+  for (from = FROM_HEXAPOD; strcmp(pins, names[from - FROM_HEXAPOD]) != 0; ++from)
+    if (from == FROM_ROTARY_DELTA)
+      return wrong("pins", pins,
+                   "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
+  number = hal_malloc(NUMBERS * sizeof *number);
+  if (number == NULL) return -1;
+  if (from == FROM_HEXAPOD) return hexapod_new();
+  for (; numbers < 4 && delta[from - FROM_LINEAR_DELTA][numbers].name != NULL; ++numbers)
+    bad |=
+        new_pin(HAL_FLOAT, &number[numbers], HAL_IN, delta[from - FROM_LINEAR_DELTA][numbers].value,
+                "%s.%s", pins, delta[from - FROM_LINEAR_DELTA][numbers].name);
+  return bad;
 }
 
 static int begin(void) { return say_pins() != 0 ? -1 : pins_of_source(); }

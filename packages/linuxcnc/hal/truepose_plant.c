@@ -6,28 +6,28 @@
  *
  * When the thread begins, its motors are at `start`, where their encoders count from. */
 #define COMPONENT "truepose_plant"
-#include "component.h"
+#define PINS(PIN)                                        \
+  PIN(MOTOR, float, IN, start, "start", 0)               \
+  PIN(MOTOR, float, IN, velocity, "velocity", 0)         \
+  PIN(POSE, float, OUT, pose, "pose", 0)                 \
+  PIN(READING, float, OUT, position, "position", 0)      \
+  PIN(READING, float, IN, index, "index-angle", 0)       \
+  PIN(READING, bit, IO, index_enable, "index-enable", 0) \
+  PIN(READING, bit, IN, absolute, "absolute", 0)         \
+  PIN(READING, s32, IN, fault, "fault", 0)               \
+  PIN(READING, float, IN, size, "fault-size", 0)         \
+  PIN(ONE, bit, IN, coarse, "counts", 1)                 \
+  PIN(ONE, bit, OUT, blocked, "blocked", 0)              \
+  PIN(ONE, s32, OUT, status, "status", 0)
+#include "pins.h"
 
 #include "plant_core.h"
 
 MODULE_DESCRIPTION("A parallel robot that is simulated, with its encoders and its faults");
 
-static int period_us = 1000;
-RTAPI_MP_INT(period_us, "of the thread, microseconds");
-
-static struct plant_pins {
-  hal_float_t *start[6], *velocity[6], *pose[6];
-  hal_float_t *position[TRUEPOSE_READINGS], *index[TRUEPOSE_READINGS], *size[TRUEPOSE_READINGS];
-  hal_bit_t *index_enable[TRUEPOSE_READINGS], *absolute[TRUEPOSE_READINGS];
-  hal_s32_t* fault[TRUEPOSE_READINGS];
-  hal_bit_t *coarse, *blocked;
-  hal_s32_t* status;
-}* pins;
-
 static truepose_plant plant;
 static truepose_description robot;
-static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
-static int motors, readings, begun;
+static int begun;
 
 static void begin_here(void) {
   truepose_real q[6] = {0};
@@ -62,47 +62,13 @@ static void cycle(void* unused, long period) {
   *pins->blocked = plant.blocked;
 }
 
-static int make_pins(void) {
-  int bad = 0;
-  pins = hal_malloc(sizeof *pins);
-  if (pins == NULL) return -1;
-  for (int i = 0; i < motors; ++i) {
-    bad |= new_float(&pins->start[i], HAL_IN, 0, "truepose_plant.%d.start", i);
-    bad |= new_float(&pins->velocity[i], HAL_IN, 0, "truepose_plant.%d.velocity", i);
-    bad |= new_float(&pins->pose[i], HAL_OUT, 0, "truepose_plant.pose.%d", i);
-  }
-  for (int c = 0; c < readings; ++c) {
-    char name[HAL_NAME_LEN + 1];
-    if (c < motors)
-      rtapi_snprintf(name, sizeof name, "truepose_plant.%d", c);
-    else
-      rtapi_snprintf(name, sizeof name, "truepose_plant.sensor.%d", c - motors);
-    bad |= new_float(&pins->position[c], HAL_OUT, 0, "%s.position", name);
-    bad |= new_float(&pins->index[c], HAL_IN, 0, "%s.index-angle", name);
-    bad |= new_bit(&pins->index_enable[c], HAL_IO, 0, "%s.index-enable", name);
-    bad |= new_bit(&pins->absolute[c], HAL_IN, 0, "%s.absolute", name);
-    bad |= new_s32(&pins->fault[c], HAL_IN, 0, "%s.fault", name);
-    bad |= new_float(&pins->size[c], HAL_IN, 0, "%s.fault-size", name);
-  }
-  bad |= new_bit(&pins->coarse, HAL_IN, 1, "truepose_plant.counts");
-  bad |= new_bit(&pins->blocked, HAL_OUT, 0, "truepose_plant.blocked");
-  bad |= new_s32(&pins->status, HAL_OUT, 0, "truepose_plant.status");
-  return bad;
-}
-
 static int begin(void) {
   static truepose_table read;
   if (read_parameters(&read) != 0) return -1;
   robot = read.robot;
   if (refused("table", table, truepose_load(&plant.model, sizeof plant.model, &robot)) != 0)
     return -1;
-  motors = truepose_freedoms(&plant.model);
-  readings = motors + truepose_sensors(&plant.model);
-  for (int c = 0; c < readings; ++c)
-    scale[c] = truepose_reading_scale(&robot, c, truepose_unit(unit));
-  for (int k = 0; k < motors; ++k)
-    pose_scale[k] = truepose_freedom_scale(&robot, k, truepose_unit(unit));
-  return make_pins() != 0 ? -1 : hal_export_funct("truepose_plant", cycle, NULL, 1, 0, id);
+  return begin_cycles(&robot, cycle);
 }
 
 void rtapi_app_exit(void) { hal_exit(id); }

@@ -45,12 +45,15 @@ static int newf(void** pin, const char* f, ...) {
   va_end(arguments);
   return result;
 }
-int hal_pin_bit_new(const char* name, int direction, void** pin, int id) {
-  (void)direction, (void)id;
+int hal_pin_new(const char* name, int type, int direction, void** pin, int id) {
+  (void)type, (void)direction, (void)id;
   return newf(pin, "%s", name);
 }
+int hal_pin_bit_new(const char* name, int direction, void** pin, int id) {
+  return hal_pin_new(name, 0, direction, pin, id);
+}
 int hal_pin_s32_new(const char* name, int direction, void** pin, int id) {
-  return hal_pin_bit_new(name, direction, pin, id);
+  return hal_pin_new(name, 0, direction, pin, id);
 }
 static void (*function)(void*, long);
 int hal_export_funct(const char* name, void (*f)(void*, long), void* arg, int fp, int reent,

@@ -16,6 +16,9 @@ from truepose_linuxcnc.configuration import (
 )
 
 SOURCES = Path(__file__).parents[1] / "hal"
+#: Pins of a name, one in each row (hal/pins.h).
+ROWS = {"ONE": "{}.{}", "MOTOR": "{}.0.{}", "SENSOR": "{}.sensor.0.{}", "READING": "{}.0.{}"}
+ROWS |= {"POSE": "{}.{}.0"}
 NAMES = ["machine.table", "robot.hal", "robot.ini", "robot.table"]
 
 
@@ -62,11 +65,11 @@ def test_the_components_pins_in_the_hal_file_are_those_that_they_make(any_robot)
         return
     made = configuration(any_robot)["robot.hal"]
     used = set(re.findall(r"\btruepose_\w+\.[\w.-]+", made))
-    text = "".join(path.read_text() for path in SOURCES.glob("truepose_*.c"))
-    text = text.replace('"%s.', '"truepose_plant.%d.') + re.sub(
-        '"%s.', '"truepose_plant.sensor.%d.', text
-    )
-    there = {pin.replace("%d", "0") for pin in re.findall(r'"(truepose_\w+\.[\w.%-]+)"', text)}
+    there = {"truepose_kins.least-conditioning"}
+    for path in SOURCES.glob("truepose_*.c"):
+        for row, name in re.findall(r'PIN\((\w+), \w+, \w+, \w+, "([\w-]+)"', path.read_text()):
+            named = ROWS[row].format(path.stem, name)
+            there |= {named, named.replace(".0.", ".sensor.0.") if row == "READING" else named}
     assert {re.sub(r"\.\d+\b", ".0", pin) for pin in used} <= there
 
 
