@@ -7,6 +7,7 @@ Run as ``python tools/trial.py``; `make test` does. In the simulated machine one
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import json
 import os
@@ -14,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -30,7 +31,8 @@ LAWS = ("joint", "tej", "weighted", "estimated")
 CYCLES, LASTS = 5000, 30  # cycles of a median; least time of each law, s
 CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # error of a rod, m
-RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
+RADIUS = 0.05  # of the circle, m
+CIRCLE = np.array([RADIUS, 0.0, -0.4, 0.0])  # its start
 TURN = 3.0  # motion of theta past its index, degrees
 INTERFACE = Path(__file__).with_name("ui.py")
 #: The 625 poses of the paper's Table 2: x, y, z in m, the nacelle's θ in rad.
@@ -52,13 +54,11 @@ def g0(x: Array) -> str:
 
 
 def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
-    """Return the job of the headless user interface."""
+    """Return the job of the headless user interface: home, pass the index, go to poses."""
     home = tp.load("h4").home
     turned = [np.array([*home[:3], np.radians(turn)]) for turn in (TURN, -TURN, 0)]
-    start = np.array([RADIUS, 0.0, HEIGHT, 0.0])
     return {
         "joints": 4,
-        "true": True,
         "pins": {
             "truepose_tej.law": LAWS_OF[law],
             "truepose_tej.start-level": 1,  # before the index is passed
@@ -67,14 +67,6 @@ def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
         "start_test": True,
         "index": [g0(x) for x in turned],
         "poses": [g0(x) for x in poses],
-        "events": [],
-        "circle": [g0(start), f"G2 X{1e3 * start[0]} Y0 I{-1e3 * RADIUS} J0 F3000"],
-        "refused": ["G0 X0 Y0 Z-900", "G0 X0 Y0 Z-450 C85"],
-        "clocks": CLOCKS,
-        "cycles": CYCLES,
-        "lasts": LASTS,
-        "noted": [],
-        "asked": [f"truepose_tej.{name}" for name in ("referenced", "law-in-effect", "fault")],
     }
 
 
@@ -104,10 +96,21 @@ def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dic
             timeout=patience,
             check=False,
         )
-    found = folder / "found.json"
-    if not found.exists():
+    results = folder / "found.json"
+    if not results.exists():
         raise SystemExit(f"LinuxCNC did not start:\n{(folder / 'log').read_text()}")
-    return json.loads(found.read_text())
+    found = json.loads(results.read_text())
+    if "error" in found:
+        raise SystemExit(f"{folder.name}: {found['error']}; LinuxCNC said {found['said']}")
+    return found
+
+
+@contextlib.contextmanager
+def folder_for_all() -> Iterator[Path]:
+    """Yield a temporary folder that LinuxCNC's user can enter."""
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        yield Path(work)
 
 
 def configured(folder: Path, robot: tp.Robot, true: tp.Robot, law: str) -> Path:
@@ -143,14 +146,20 @@ def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
     some = TABLE2[np.random.default_rng(0).choice(len(TABLE2), poses, replace=False)]
     x_d = np.vstack([some, MOVE_FROM, MOVE_TO])
     results = {}
-    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
-        Path(work).chmod(0o755)
+    asked = ("referenced", "law-in-effect", "fault")
+    more = {
+        "circle": [g0(CIRCLE), f"G2 X{1e3 * RADIUS} Y0 I{-1e3 * RADIUS} J0 F3000"],
+        "refused": ["G0 X0 Y0 Z-900", "G0 X0 Y0 Z-450 C85"],
+        "clocks": CLOCKS,
+        "cycles": CYCLES,
+        "lasts": LASTS,
+        "asked": [f"truepose_tej.{name}" for name in asked],
+    }
+    with folder_for_all() as work:
         for law in LAWS:
-            folder = configured(Path(work) / law, robot, true, law)
+            folder = configured(work / law, robot, true, law)
             samples(folder, CYCLES, "ss", *(f"clock-{k} {name}" for k, name in enumerate(CLOCKS)))
-            found = headless(folder, job(law, x_d, counts))
-            if "error" in found:
-                raise SystemExit(f"{law}: {found['error']}; LinuxCNC said {found['said']}")
+            found = headless(folder, job(law, x_d, counts) | more)
             results[law] = judged(found, x_d, tp.steady_state(robot, true, x_d, law))
     return results
 
@@ -211,22 +220,12 @@ def stepped(
     """Apply events to a machine at rest under the TEJ law; return the results."""
     what = job("tej", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
     what["pins"] |= {"truepose_tej.monitor": 0} | dict(pins)
-    what |= {
-        "events": [["", [("truepose_tej.reset", 0)]], *events.items()],
-        "refused": [],
-        "circle": [],
-        "clocks": [],
-        "noted": noted,
-    }
-    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
-        Path(work).chmod(0o755)
-        folder = configured(Path(work) / "steps", robot, true, "tej")
+    what |= {"events": [["", [("truepose_tej.reset", 0)]], *events.items()], "noted": noted}
+    with folder_for_all() as work:
+        folder = configured(work / "steps", robot, true, "tej")
         event = "event truepose_plant.0.fault-size"
         samples(folder, 4000, "fffff", event, *(f"j{i}-velocity" for i in range(4)))
-        found = headless(folder, what)
-    if "error" in found:
-        raise SystemExit(f"steps: {found['error']}; LinuxCNC said {found['said']}")
-    return found
+        return headless(folder, what)
 
 
 def tell_steps(found: dict[str, float]) -> None:
@@ -246,16 +245,12 @@ def switching() -> bool:
     robot, true = machines()
     asked = [f"truepose_tej.{name}" for name in ("law-in-effect", "fault-code", "chi2")]
     what = job("tej", np.zeros((0, 4)), False)
-    what |= {"refused": [], "circle": [], "clocks": []}
     lines = [g0(np.array([0.05, 0.05, -0.42, np.radians(turn)])) for turn in (9, 10)]
     away = g0(np.array([0.05, 0.05, -0.42, np.radians(AWAY)]))
     what["switched"] = {"counts": [0, 1], "lines": lines, "times": SWITCHED, "asked": asked}
     what["switched"]["away"] = away
-    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
-        Path(work).chmod(0o755)
-        found = headless(configured(Path(work) / "switched", robot, true, "tej"), what)
-    if "error" in found:
-        raise SystemExit(f"switched: {found['error']}; LinuxCNC said {found['said']}")
+    with folder_for_all() as work:
+        found = headless(configured(work / "switched", robot, true, "tej"), what)
     counts = np.degrees(robot.resolution)
     walked, good = {}, True
     *trues, at_home, after_home = found["switched"]["true"]
@@ -301,10 +296,9 @@ def hexapod() -> bool:
         print("\nhexapod: SKIPPED, LinuxCNC's sample configurations are not installed")
         return True
     rows = {}
-    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
-        Path(work).chmod(0o755)
+    with folder_for_all() as work:
         for kinematics in ("genhexkins", "truepose_kins pins=genhexkins"):
-            folder = Path(work) / kinematics.split()[0]
+            folder = work / kinematics.split()[0]
             shutil.copytree(STOCK, folder)
             ini = (folder / "hexapod.ini").read_text()
             ini = ini.replace("KINEMATICS = genhexkins", f"KINEMATICS = {kinematics}")
@@ -313,23 +307,8 @@ def hexapod() -> bool:
             ini = "".join(line for line in ini.splitlines(True) if not line.startswith(pictures))
             (folder / "robot.ini").write_text(ini)
             turns = [*(f"G0 Z25 C{turn}" for turn in TURNS), *SWITCHES]
-            found = headless(
-                folder,
-                {
-                    "joints": 6,
-                    "true": False,
-                    "pins": {},
-                    "index": [],
-                    "poses": turns,
-                    "circle": [],
-                    "events": [],
-                    "refused": ["G0 Z25 C95"],
-                    "asked": ["genhexkins.max-iterations"],
-                    "noted": KINDS,
-                },
-            )
-            if "error" in found:
-                raise SystemExit(f"{kinematics}: {found['error']}; LinuxCNC said {found['said']}")
+            what = {"joints": 6, "true": False, "poses": turns, "noted": KINDS}
+            found = headless(folder, what | {"refused": ["G0 Z25 C95"]})
             shown = np.array(found["shown"])[:, :6]
             kinds = [kinds.index(True) for kinds in found["noted"]]
             said = [line for line in found["said"] if "fails" in line]
@@ -360,18 +339,14 @@ def hexapod() -> bool:
 def others() -> dict[str, float]:
     """Run exported robots of other kinds; return the largest error of each, mm."""
     off = {}
-    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
-        Path(work).chmod(0o755)
+    with folder_for_all() as work:
         for name in ("delta", "linear-delta", "stewart"):
             robot = tp.load(name)
-            folder = configured(Path(work) / name, robot, robot, "joint")
+            folder = configured(work / name, robot, robot, "joint")
             x = robot.home[:3] + np.array([[0.02, 0, 0], [0, 0.03, 0.01], [-0.02, 0, -0.01]])
             poses = ["G0 " + " ".join(map("{}{:.9f}".format, "XYZ", 1e3 * row)) for row in x]
-            what = {"joints": robot.n, "true": True, "pins": {"truepose_plant.counts": 0}}
-            nothing = ("index", "circle", "events", "refused", "asked", "noted")
-            found = headless(folder, what | {"poses": poses} | {key: [] for key in nothing})
-            if "error" in found:
-                raise SystemExit(f"{name}: {found['error']}; LinuxCNC said {found['said']}")
+            pins = {"truepose_plant.counts": 0}
+            found = headless(folder, {"joints": robot.n, "pins": pins, "poses": poses})
             for places in (found["rest"], found["shown"]):
                 far = np.linalg.norm(np.array(places)[:, :3] - 1e3 * x, axis=1).max()
                 off[name] = max(off.get(name, 0.0), float(far))

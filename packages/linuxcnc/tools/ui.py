@@ -17,6 +17,8 @@ import linuxcnc
 HERE = Path(__file__).resolve().parent
 SETTLES, PATIENCE = 0.4, 20.0  # s: settling in servo cycles, and timeout in wall time
 LOOKS = 1.2  # s, window for a step of a drive's command
+#: What a job leaves out.
+LISTS = ("index", "poses", "circle", "events", "refused", "clocks", "asked", "noted")
 
 
 class Machine:
@@ -226,7 +228,7 @@ def run(job, machine):
     for pin, wanted in job["pins"].items():
         setp(pin, wanted)
     machine.start()
-    if job.get("start_test"):
+    if job["start_test"]:
         machine.start_test()
     for line in job["index"]:
         machine.go(line)
@@ -246,7 +248,7 @@ def run(job, machine):
             if true:
                 found["rest"].append(truth(joints))
 
-    if job["circle"] or not job.get("clocks"):
+    if job["circle"] or not job["clocks"]:
         visit()
     else:
         found["times"] = clocks(job["cycles"], job["clocks"], visit)
@@ -277,7 +279,8 @@ def run(job, machine):
 
 def main():
     """Do the job of job.json, and write found.json."""
-    job = json.loads((HERE / "job.json").read_text())
+    job = {name: [] for name in LISTS} | {"true": True, "pins": {}, "start_test": False}
+    job |= json.loads((HERE / "job.json").read_text())
     own = hal.component("truepose_ui")  # only a component can read pins
     own.ready()
     halcmd("loadrt", "integ")  # integrates 1: time in servo cycles, s
