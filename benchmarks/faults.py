@@ -88,7 +88,7 @@ def own_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: in
 
 def mujoco_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: int) -> Plant:
     """Return rigid bodies in MuJoCo, in a move of half a second."""
-    from truepose.integrations.mujoco.plant import MujocoPlant, _Drive
+    from truepose_mujoco.plant import MujocoPlant, _Drive
 
     class Recorded(_Drive):
         def _trace(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Stability limit of the loop in MuJoCo: motion of the H4 after a move (docs/mujoco.md).
+"""Stability limit of the loop in MuJoCo: motion of the H4 after a move (docs of truepose-mujoco).
 
     swing.py [--seed 0]
 
@@ -11,10 +11,10 @@ import argparse
 import numpy as np
 
 import truepose as tp
-from truepose.integrations.mujoco.mjcf import TIMESTEP
-from truepose.integrations.mujoco.plant import MujocoPlant, _Drive
 from truepose.paper.article import table2
 from truepose.paper.experiment import draw_robots
+from truepose_mujoco.mjcf import TIMESTEP
+from truepose_mujoco.plant import MujocoPlant, _Drive
 
 LOOPS = ((150, 1500), (60, 1500), (80, 300), (40, 300))  # poles and velocity filter, rad/s
 CASES = {
@@ -37,7 +37,7 @@ class Watched(_Drive):
         return super().go(x_d, time)
 
     def _trace(self):
-        D, _ = self.body.nacelle()
+        D = self.body.frame()[:3, 3]
         self.seen.append(np.array([*D, np.degrees(self._theta())]))
         return super()._trace()
 

@@ -1,4 +1,4 @@
-# Each package's Makefile: `make test` runs its tests and the examples of its pages.
+# Each package's Makefile: `make test` checks its types, and runs its tests and the examples of its pages.
 ROOT := $(abspath $(dir $(lastword $(MAKEFILE_LIST)))..)
 NAME := $(notdir $(CURDIR))
 STAMP := $(ROOT)/.venv/package-$(NAME)
@@ -6,6 +6,8 @@ export PATH := $(ROOT)/.venv/bin:$(PATH)
 
 .PHONY: test core
 test: $(STAMP)
+	@cp -p $(ROOT)/.venv/lib/python3*/site-packages/truepose/_core.pyi $(ROOT)/python/truepose # as make lint
+	cd $(ROOT) && mypy -p truepose_$(subst -,_,$(NAME))
 	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal $(TESTS) --pyargs truepose_$(subst -,_,$(NAME)) tests docs README.md
 
 core:

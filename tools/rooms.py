@@ -21,7 +21,7 @@ from truepose import files
 ROOT = Path(__file__).parents[1]
 PACKAGE = "truepose"
 #: Modules available to every room, shown as one.
-BASE = ("files", "headers", "plugins", "threads", "arguments", "exceptions")
+BASE = ("files", "headers", "moved", "plugins", "threads", "arguments", "exceptions")
 
 
 def floors() -> list[list[str]]:

@@ -10,13 +10,23 @@ from types import ModuleType
 
 from truepose.exceptions import InputError
 
-#: Package of each command that moved; a point separates groups.
-COMMANDS = {"export.linuxcnc": "linuxcnc", "maslow": "sleds", "workbench": "workbench"}
+#: Package of each command that is in one; a point separates groups.
+COMMANDS = {
+    "export.linuxcnc": "linuxcnc",
+    "export.mjcf": "mujoco",
+    "import": "mujoco",
+    "life": "life",
+    "maslow": "sleds",
+    "view": "mujoco",
+    "workbench": "workbench",
+}
 #: Package of each function of a study that moved.
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
+    "truepose.integrations.importers": "truepose_mujoco.importers",
     "truepose.integrations.linuxcnc": "truepose_linuxcnc",
+    "truepose.integrations.mujoco": "truepose_mujoco",
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
     "truepose.studies.life": "truepose_life.cycle",

@@ -211,21 +211,6 @@ def test_a_recorded_run_is_monitored_as_it_was_driven(camera):
     assert tp.FaultMonitor().review(camera, stuck).health[-1, 4] > 0
 
 
-def test_the_plant_in_mujoco_has_late_sensors_too(camera):
-    pytest.importorskip("mujoco")
-    from truepose.integrations.mujoco.plant import MujocoPlant
-
-    robot, x = camera.without_quantization(), [[0.03, 0.02, -0.4, 0.1]]
-    controller = tp.Controller(law="estimated", frequency=60)
-    visit = MujocoPlant(robot).visit(robot, x, controller)
-    assert visit.status.tolist() == ["ok"]
-    believed = timed(robot, 0, 0)
-    other = MujocoPlant(robot).visit(believed, x, controller)
-    prompt = MujocoPlant(believed).visit(believed, x, controller)
-    assert abs(visit.x - prompt.x).max() < 1e-4
-    assert other.status[0] != "ok" or abs(other.x - prompt.x).max() > 1e-4
-
-
 def test_learning_goes_on_with_late_readings(camera):
     online = tp.OnlineCalibrator(camera)
     truth = with_paper_errors(camera, seed=1)

@@ -94,7 +94,6 @@ def shell(page: Path) -> list[str]:
 #: Commands of truepose that are run elsewhere, or that no test can run.
 ELSEWHERE = {
     r"\btruepose workbench": "a server: packages/workbench",
-    r"\btruepose view": "a screen: integrations/mujoco",
     r"\btruepose reproduce": "minutes: a stage of .ci/run",
     r"--install-completion": "changes the user's shell",
     r"--cluster tcp": "needs a cluster: test_study.py",

@@ -231,51 +231,6 @@ def test_a_visit_says_where_the_controller_had_no_answer(h4):
     ).status.tolist() == ["no answer in 4 cycles: not finite"]
 
 
-@pytest.mark.parametrize(("kind", "tolerance"), [("bias", 2e-5), ("gain", 2e-5), ("stuck", 0)])
-def test_in_mujoco_a_reading_lies_alike(h4, kind, tolerance):
-    pytest.importorskip("mujoco")
-    from truepose.integrations.mujoco.plant import MujocoPlant
-
-    lying, controller = [fault(kind, "q1", at=0)], tp.Controller(law="joint")
-    found = MujocoPlant(h4, faults=lying).visit(h4, MOVE, controller)
-    if kind == "stuck":  # at home's reading: the motor is driven to its limit
-        assert found.status[0] != "ok"
-        return
-    statics = ExactPlant(h4, level="ideal", faults=lying).visit(h4, MOVE, controller)
-    assert found.status.tolist() == ["ok"]
-    assert found.x == pytest.approx(statics.x, abs=tolerance)
-    assert found.q_e == pytest.approx(statics.q_e, abs=10 * tolerance)
-
-
-def test_in_mujoco_a_robot_without_an_answer_goes_on(h4):
-    pytest.importorskip("mujoco")
-    from truepose.integrations.mujoco.plant import MujocoPlant
-
-    lost = tp.faults.Fault("theta", "dropout", at=0.1, until=0.102)
-    plants = [MujocoPlant(h4, faults=faults) for faults in ((), [lost])]
-    usual, found = (
-        plant.visit(h4, np.repeat(MOVE, 2, axis=0), tp.Controller()) for plant in plants
-    )
-    assert found.status.tolist() == ["no answer in 2 cycles: not finite", "ok"]
-    assert found.x == pytest.approx(usual.x, abs=1e-4)
-
-
-def test_in_mujoco_what_is_stuck_stays_so_from_pose_to_pose(h4, monkeypatch):
-    """Without faults ranges of poses have a robot each, which begins at home: here one a pose."""
-    pytest.importorskip("mujoco")
-    from truepose.integrations.mujoco import plant as mujoco
-
-    monkeypatch.setattr(mujoco, "_RANGE", 1)
-    stuck = tp.faults.Fault("theta", "stuck", at=10.0)  # before the second pose
-    plant = mujoco.MujocoPlant(h4, faults=[stuck])
-    poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [1, 1, 1, -1], [1, 1, 1, 0]]
-    found = plant.visit(h4, poses, tp.Controller(law="joint"))
-    assert found.status.tolist() == ["ok"] * 3
-    assert found.x[:, 3] == pytest.approx(poses[:, 3], abs=1e-4)
-    assert found.q_e[:, 4] == pytest.approx(MOVE[0, 3], abs=1e-4)
-    assert found.q_e[1, 4] == found.q_e[2, 4]
-
-
 BAD = [
     (("theta", "stuk"), "unknown kind of fault 'stuk'; did you mean 'stuck'?"),
     (("theta", "bias"), "theta: bias: size = None: must be a finite number, rad or m"),

@@ -15,7 +15,6 @@ import pytest
 import truepose as tp
 from truepose import files, logs
 from truepose.commands import cli
-from truepose.integrations.mujoco import viewing
 from truepose.paper import report, with_paper_errors
 
 #: Words of a command that writes one file, and the file's name.
@@ -29,7 +28,7 @@ WRITERS = {
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
     "log": ("simulate", "h4", "-o", "out.csv"),
     "truth": ("simulate-log", "h4", "-o", "new.csv", "--truth", "out.toml", "--count", "20"),
-    "model": ("export", "mjcf", "h4", "-o", "out.xml"),
+    "model": ("export", "json", "h4", "-o", "out.json"),
 }
 
 
@@ -135,7 +134,7 @@ INPUTS = {
         (("calibrate", "h4", "log.csv", "--report"), "log.csv"),
         (("calibrate", "mine.toml", "log.csv", "-o"), "mine.toml"),
         (("calibrate", "mine.toml", "log.csv", "-o", "a.toml", "--report"), "mine.toml"),
-        (("export", "mjcf", "mine.toml", "-o"), "mine.toml"),
+        (("export", "json", "mine.toml", "-o"), "mine.toml"),
         (("simulate", "h4", "--true", "mine.toml", "--plot", "a.png", "-o"), "mine.toml"),
         (("simulate-log", "mine.toml", "--truth"), "mine.toml"),
     ],
@@ -219,13 +218,6 @@ def test_a_log_replaces_a_file_by_force_only(h4, tmp_path, ending):
     with pytest.raises(tp.InputError, match="exists; --force"):
         logs.write(run, path)
     logs.write(run, path, force=True)
-
-
-def test_a_picture_from_mujoco_is_a_file_like_others(h4, tmp_path, monkeypatch):
-    monkeypatch.setattr(viewing, "require", lambda: None)
-    (tmp_path / "out.png").write_bytes(b"mine")
-    with pytest.raises(tp.InputError, match="exists; --force"):
-        viewing.picture(h4, tmp_path / "out.png")
 
 
 def _in_folder(out, name="poses.csv", text="a,b\n1,2\n", force=False):

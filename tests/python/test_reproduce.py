@@ -54,7 +54,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def with_experiment(tmp_path_factory, reproduction):
-    """Return what is said and written with --experiment where MuJoCo is not installed.
+    """Return what is said and written with --experiment where truepose-mujoco is not installed.
 
     The studies and figures of every report are those of `reproduction`, which `made` tries.
     """
@@ -71,9 +71,7 @@ def with_experiment(tmp_path_factory, reproduction):
     ):
         patch.setattr(sys, "argv", words)
         patch.setenv("COLUMNS", "80")
-        patch.setitem(sys.modules, "mujoco", None)  # importing it fails
-        patch.delitem(sys.modules, "truepose.integrations.mujoco.plant", raising=False)
-        patch.delitem(sys.modules, "truepose.integrations.mujoco.body", raising=False)
+        patch.setitem(sys.modules, "truepose_mujoco.plant", None)  # importing it fails
         patch.setattr(forgotten, "cases", lambda: cases)
         patch.setattr(forgotten, "LEARN", 3 * forgotten.LEARN)
         patch.setattr(forgotten, "JUDGE", 3 * forgotten.JUDGE)
@@ -106,7 +104,7 @@ def test_the_virtual_experiment_joins_the_report(with_experiment):
 def test_without_mujoco_one_line_says_how_to_get_it(with_experiment):
     lines = [line for line in with_experiment[0].stderr.splitlines() if "MuJoCo" in line]
     assert len(lines) == 1
-    assert "truepose[mujoco]" in lines[0]
+    assert "pip install packages/mujoco" in lines[0]
 
 
 def rows(path):

@@ -20,9 +20,6 @@ ROOT = Path(tp.__file__).parent
 SOURCES = sorted(ROOT.rglob("*.py"))
 ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
-#: Needs what is not installed everywhere.
-OPTIONAL = ("mujoco",)
-
 
 def test_no_room_hides_a_public_function():
     names = {path.stem for path in ROOT.iterdir() if not path.name.startswith("_")}
@@ -32,11 +29,7 @@ def test_no_room_hides_a_public_function():
 
 def test_the_api_works_once_every_module_is_imported():
     for module in pkgutil.walk_packages(tp.__path__, "truepose."):
-        try:
-            importlib.import_module(module.name)
-        except ImportError as error:
-            if error.name not in OPTIONAL:
-                raise
+        importlib.import_module(module.name)
     assert "h4" in tp.list_robots()
     robot = tp.load("h4")
     truth = with_paper_errors(robot, seed=1)
@@ -85,9 +78,7 @@ def test_the_package_loads_without_the_paper():
     assert of_the_paper(loaded("import truepose")) == []
 
 
-@pytest.mark.parametrize(
-    "name", ["", "info", "accuracy", "calibrate", "klipper", "view", "reproduce"]
-)
+@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "klipper", "reproduce"])
 def test_help_loads_nothing_of_the_paper_and_no_plots(name):
     modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
     few = {"truepose.paper"} | {f"truepose.paper.{m}" for m in ("article", "command")}

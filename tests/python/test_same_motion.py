@@ -184,15 +184,3 @@ def test_detectability(kept):
     found = tp.faults.detectability(robot, some(robot, 6), false_alarm=1e-4, power=0.8, moving=30)
     after = tp.faults.detectability(robot, some(robot, 6), some(robot, 12, 5), level="ideal")
     kept(answer([found, found.table(), after]))
-
-
-@pytest.mark.parametrize("name", ["3rpr", "h4", "neck"])
-def test_mujoco(kept, name):
-    plant = pytest.importorskip("truepose.integrations.mujoco.plant").MujocoPlant
-    robot = tp.load(name)
-    truth = robot.sample(1)
-    x = some(robot, 2)
-    held = plant(truth).settle_at(truth.ikm(x))
-    brief = plant(truth, tp.Effects(), hold=0.05, longest=0.05, duration=0.1, seed=2)
-    found = brief.visit(robot, x[:1], tp.Controller.for_robot(robot, tp.Effects(), law="joint"))
-    kept(answer([held.frame, held.x, found.x, found.q_e]))

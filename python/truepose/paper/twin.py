@@ -100,7 +100,10 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-MUJOCO = "MuJoCo is not installed: pip install 'truepose[mujoco]'; only the exact plant was used"
+MUJOCO = (
+    "MuJoCo's plant is not installed: in a checkout of truepose, pip install packages/mujoco; "
+    "only the exact plant was used"
+)
 #: Controls of the twin on each plant; a simulated plant takes a minute per control.
 PLANTS: dict[str, tuple[Control, ...]] = {
     "exact": tuple(CONTROLS),
@@ -129,7 +132,7 @@ def run(progress: Callable[[str, int, int], None], robots: int, seed: int) -> Se
     plants: dict[str, Plant] = {"exact": of.plant()}
     notes = []
     try:
-        from truepose.integrations.mujoco.plant import MujocoPlant
+        from truepose_mujoco.plant import MujocoPlant
 
         plants["MuJoCo"] = MujocoPlant(of.truth, of.effects, seed=of.seed)
     except ImportError:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,8 +20,6 @@ from truepose.control.safety import SafetyShell, not_started, stop_text
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
-from truepose.integrations.mujoco.body import Body, Settled, require
-from truepose.integrations.mujoco.mjcf import TIMESTEP
 from truepose.robot import knowledge
 from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
@@ -28,6 +27,8 @@ from truepose.robotfile.to_core import padded
 from truepose.simulation.drive import unanswered
 from truepose.simulation.plants import Visit
 from truepose.threads import each
+from truepose_mujoco.body import Body, Settled
+from truepose_mujoco.mjcf import TIMESTEP
 
 _RIPPLES = 6  # periods of the torque ripple per turn of the motor
 _RANGE = 40  # poses per thread: fixed, so results do not depend on the number of cores
@@ -40,7 +41,7 @@ _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
 @dataclass(eq=False)
 class MujocoPlant:
-    """A true robot in MuJoCo, every rod on its own. TrueposeError: MuJoCo is not installed."""
+    """A true robot in MuJoCo, every rod on its own."""
 
     truth: Robot  #: cold
     effects: Effects = None  # type: ignore[assignment]  #: that the model omits; None: no effects
@@ -56,7 +57,6 @@ class MujocoPlant:
     faults: Sequence[Fault] = ()  #: in the warm-up's time: the k-th move begins at k · `pose_time`
 
     def __post_init__(self) -> None:
-        require()
         self.effects = self.effects or Effects.none()
         for name in ("duration", "timestep", "longest"):
             positive(name, getattr(self, name))
@@ -104,17 +104,16 @@ class MujocoPlant:
         shapes = (n + robot.r,), (4, 4), (n,)
         q_e, frame, x = (np.full((count, *shape), np.nan) for shape in shapes)
         result = Visit(q_e, frame, x, np.full(count, "", dtype=object))
-        length = len(x_d) if self.faults else _RANGE  # a stuck reading persists from pose to pose
-        starts = range(0, len(x_d), max(1, length))
+        length = count if self.faults else _RANGE  # a stuck reading persists from pose to pose
 
         def work(start: int) -> None:
             drive = _Drive(self, robot, controller, self.seed + start, start * self.pose_time)
-            for k in range(start, min(start + length, len(x_d))):
+            for k in range(start, min(start + length, count)):
                 for out, value in zip(result, drive.go(x_d[k], k * self.pose_time), strict=True):
                     out[k] = value
                 progress()
 
-        for _ in each(work, starts):
+        for _ in each(work, range(0, count, max(1, length))):
             pass
         return result._replace(status=result.status.astype(str))
 
@@ -126,70 +125,61 @@ class _Drive:
         self, plant: MujocoPlant, robot: Robot, controller: Controller, seed: int, time: float
     ):
         self.plant, self.robot, self.controller = plant, robot, controller
-        self.settings = controller.settings(robot, robot.home)
+        self.settings, self.period = controller.settings(robot, robot.home), controller.period
         self.believed, self.known = knowledge.for_law(robot, controller.built_in)
-        self.steps = max(1, round(controller.period / plant.timestep))
-        if abs(self.steps * plant.timestep / controller.period - 1) > 1e-9:
+        self.steps = max(1, round(self.period / plant.timestep))
+        if abs(self.steps * plant.timestep / self.period - 1) > 1e-9:
             raise InputError(
-                f"timestep = {plant.timestep}: the control period of {controller.period} s must be "
+                f"timestep = {plant.timestep}: the control period of {self.period} s must be "
                 "a whole number of them"
             )
-        self.slow = delays.lateness(robot, plant.truth, controller.period)
+        self.slow = delays.lateness(robot, plant.truth, self.period)
         self.seed, self.cycles = seed, 0
-        lying = in_core(plant.truth, plant.faults, controller.period)
-        self.faults = _core.FaultyReadings(lying, controller.period)
+        in_cycles = in_core(plant.truth, plant.faults, self.period)
+        self.faults = _core.FaultyReadings(in_cycles, self.period)
         # A geared encoder is on the tool's axis, so backlash is between it and the nacelle.
         gains = plant.truth.parameters
         geared = [gains[f"{s.name}.gain"].value if s.geared else 0.0 for s in robot.spec.used]
-        self.geared = np.array(geared)
-        self.time = time
-        self.body = plant.body(time)
-        self.shell: _core.Safety | None = None
-        if plant.safety is not None:
-            limits = plant.safety.limits(robot, controller)
-            self.shell = _core.Safety(limits.core, limits.counter)
-            self.longest_start = _START + limits.core.brake / controller.period
+        self.geared = np.array([0.0] * robot.n + geared)
+        self.time, self.body = time, plant.body(time)
+        self.limits = plant.safety and plant.safety.limits(robot, controller)
         setup = plant.monitor and plant.monitor.setup(robot, controller)
-        self.state: Any = None
-        self.monitored: dict = {} if setup is None else {"fault_setup": setup}
+        self.monitored = {"fault_setup": setup} if setup else {}
         self.restart()
 
     def restart(self) -> None:
         """Restart at home."""
         self.body.stand(self.body.mechanism.home)
         self.bus = _core.Slow(self.slow) if any(self.slow) else None
-        self.pending = np.zeros(self.robot.n)
+        self.pending = self.closing = np.zeros(self.robot.n)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
-        self.stopped, self.closing = "", np.zeros(self.robot.n)
-        self.state = _core.ControlState() if self.shell is None else _core.SafeControl(self.shell)
-        cycle = 0
-        while self.shell and not self.state.follows:  # the brakes hold the robot
-            if cycle > self.longest_start:
-                raise not_started(self.robot, self.state.cause)
-            began = cycle >= _WAITS, cycle > _WAITS
-            self._step(self._setpoint(self.at, self.at, 0.0), self._read()[0], {"begins": began})
-            cycle += 1
+        self.stopped = ""
+        self.state: Any = _core.ControlState()
+        if self.limits:
+            self.state = _core.SafeControl(_core.Safety(self.limits.core, self.limits.counter))
+            cycle = 0
+            while not self.state.follows:  # the brakes hold the robot
+                if cycle > _START + self.limits.core.brake / self.period:
+                    raise not_started(self.robot, self.state.cause)
+                began = cycle >= _WAITS, cycle > _WAITS
+                self._step(self.at, 0.0, self._read()[0], begins=began)
+                cycle += 1
 
-    def _setpoint(self, start: Array, end: Array, now: float) -> tuple:
-        ends = padded(start), padded(end)
-        return _core.setpoint(self.believed.core, *ends, self.plant.duration, now)
-
-    def _step(self, setpoint: tuple, sensed: Array, more: dict) -> int:
-        """Run the controller for one cycle and return its status."""
+    def _step(self, end: Array, now: float, sensed: Array, **more: Any) -> int:
+        """Run the controller for one cycle of a move to `end` and return its status."""
+        core, ends = self.believed.core, (padded(self.at), padded(end))
+        setpoint = _core.setpoint(core, *ends, self.plant.duration, now)
         q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.n, q_e)
-        if self.shell is not None:
-            more = more | self.monitored
-        status, _ = self.state.step(
-            self.believed.core, self.settings, *setpoint, q_e, self.known, self.bus, **more
-        )
+        cycle = core, self.settings, *setpoint, q_e, self.known, self.bus
+        status, _ = self.state.step(*cycle, **more, **self.monitored)
         return int(status)
 
     def _theta(self) -> float:
-        R = self.body.nacelle()[1]
-        return math.atan2(R[1, 0], R[0, 0])
+        frame = self.body.frame()
+        return math.atan2(frame[1, 0], frame[0, 0])
 
     def go(self, x_d: Array, time: float) -> tuple:
         """Move to a pose, wait for rest, and read: (q_e, frame, x, status)."""
@@ -199,32 +189,36 @@ class _Drive:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
         self._warm(time)
-        period, plant = self.controller.period, self.plant
-        ends, since = plant.duration + plant.longest, plant.duration + plant.hold
-        window = max(1, round(_WINDOW / period))
-        self.silent: list[int] = []  # status of each cycle without a control output
+        plant, window = self.plant, max(1, round(_WINDOW / self.period))
+        silent: list[int] = []  # status of each cycle without a control output
         trail: list[Array] = []
-        start, moved = self.at, np.inf
-        if self.shell is not None:
+        moved = np.inf
+        if self.limits:
             self.state.begin()
-        for cycle in range(round(ends / period) + 1):
-            now = cycle * period
-            if said := self._cycle(start, x_d, now, time):
+        for cycle in range(round((plant.duration + plant.longest) / self.period) + 1):
+            now = cycle * self.period
+            status = self._cycle(x_d, now, time + now)
+            if status > 0:
+                if not (plant.faults or self.limits):
+                    self.restart()
+                    return (*nothing, _core.describe(status))
+                silent.append(status)  # hold the last torque, like a machine
+            if not np.isfinite(self.body.data.qpos).all():
                 self.restart()
-                return (*nothing, said)
+                return (*nothing, "lost: the motion is no longer finite")
             trail.append(self._trace())
-            if now >= since and cycle % 10 == 0:
+            if now >= plant.duration + plant.hold and cycle % 10 == 0:
                 moved = float(np.ptp(trail[-window:], axis=0).max())
                 if moved < _STILL:
                     break
         self.at = x_d
         if self.stopped:
             return (*nothing, self.stopped)
-        said = unanswered(len(self.silent), self.silent[0]) if self.silent else "ok"
+        said = unanswered(len(silent), silent[0]) if silent else "ok"
         if moved > _SWINGS:
             restless = f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm"
-            return (*nothing, said if self.silent else restless)
-        q_e = self._faulty(time + now + period)
+            return (*nothing, said if silent else restless)
+        q_e = self._faulty(time + now + self.period)
         return q_e, self.body.frame(), self.body.coordinates(), said
 
     def _warm(self, time: float) -> None:
@@ -239,37 +233,30 @@ class _Drive:
 
     def _trace(self) -> Array:
         """Return D and R / 10, which must be constant at rest."""
-        D, R = self.body.nacelle()
-        return np.concatenate([D, 0.1 * R.ravel()])
+        frame = self.body.frame()
+        return np.append(frame[:3, 3], 0.1 * frame[:3, :3])
 
-    def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
-        """Run one control period of a move that began at `began`; return an error or ""."""
-        body, plant = self.body, self.plant
-        setpoint = self._setpoint(start, end, now if self.shell is None else self.state.time)
-        sensed = self._faulty(began + now)
-        more = {} if self.shell is None else {"frozen": self.faults.frozen(began + now)}
-        status = self._step(setpoint, sensed, more)
-        if status > 0:
-            if not (plant.faults or self.shell):
-                return _core.describe(status)
-            self.silent.append(status)  # hold the last torque, like a machine
-        if self.shell is not None:
-            self._brake(began + now)
+    def _cycle(self, end: Array, now: float, time: float) -> int:
+        """Run one control period of a move towards `end`; return the controller's status."""
+        body, effects, more = self.body, self.plant.effects, {}
+        if self.limits:
+            now, more = self.state.time, {"frozen": self.faults.frozen(time)}
+        status = self._step(end, now, self._faulty(time), **more)
+        if status > 0 and not (self.plant.faults or self.limits):
+            return status
+        if self.limits:
+            self._brake(time)
         torque = np.array(self.state.torque)[: self.robot.n]
-        applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
-        if plant.effects.torque_ripple:
-            ripple = np.sin(_RIPPLES * body.positions()[0] + plant.ripple_phase)
-            applied = applied * (1 + plant.effects.torque_ripple * ripple)
-        body.data.ctrl[:] = applied
-        body.mujoco.mj_step(body.model, body.data, self.steps)
-        if not np.isfinite(body.data.qpos).all():
-            return "lost: the motion is no longer finite"
-        return ""
+        applied, self.pending = (self.pending if effects.delay else torque), torque
+        ripple = np.sin(_RIPPLES * body.positions()[0] + self.plant.ripple_phase)
+        body.data.ctrl[:] = applied * (1 + effects.torque_ripple * ripple)
+        mujoco.mj_step(body.model, body.data, self.steps)
+        return status
 
     def _brake(self, time: float) -> None:
         """Close the brakes that the safety shell requests, and note why it has stopped."""
         closing = (self.state.brakes >> np.arange(self.robot.n) & 1) > 0
-        self.closing[closing] += self.controller.period
+        self.closing = self.closing + self.period * closing
         self.body.brake(self.closing > _CLOSES)
         if not self.stopped:
             report = time, self.state.brakes, self.state.cause, self.state.part
@@ -284,7 +271,7 @@ class _Drive:
         self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
         half = 0.5 * self.plant.effects.tool_backlash
         self.tool = min(max(self.tool, self.theta - half), self.theta + half)
-        exact[self.robot.n :] += self.geared * (self.tool - self.theta)
+        exact += self.geared * (self.tool - self.theta)
         self.cycles += 1
         seed = self.seed * 1_000_003 + self.cycles
         return np.asarray(_core.spoil(self.body.robot.core, exact[None], seed))

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
-from truepose.integrations.mujoco.mechanism import Posture
-from truepose.integrations.mujoco.mjcf import TIMESTEP, Model
-from truepose.plugins import package
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
+from truepose_mujoco.mechanism import Posture
+from truepose_mujoco.mjcf import TIMESTEP, Model
 
 _OPEN = 1e-4  # m, largest gap of a closed loop
 
@@ -28,11 +29,6 @@ class Settled(NamedTuple):
     gap: Array  #: (...) largest gap of a loop, m
 
 
-def require() -> Any:
-    """Return the module mujoco; raise InputError with the install command if missing."""
-    return package("mujoco", 'MuJoCo is not installed: pip install "truepose[mujoco]"')
-
-
 class Body:
     """MuJoCo's model and state of a robot, and the addresses of the robot's joints in it.
 
@@ -40,7 +36,6 @@ class Body:
     """
 
     def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
-        mujoco = self.mujoco = require()
         self.robot, self.mechanism = robot, Model(robot, effects)
         # MuJoCo writes warnings to a file by default; here they raise or become a status.
         mujoco.set_mju_user_warning(lambda _: None)
@@ -49,40 +44,36 @@ class Body:
         except ValueError as error:
             raise InputError(f"{robot.name}: MuJoCo: {' '.join(str(error).split())}") from None
         self.data = mujoco.MjData(self.model)
-        joints = [self.model.joint(j).name for j in range(self.model.njnt)]
-        at = self._at = dict(zip(joints, self.model.jnt_qposadr, strict=True))
-        self.motors = [at[f"motor{i + 1}"] for i in range(robot.n)]
-        self.roots = [at[name] for name in at if name.startswith("root")]
-        self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
-        self._own = [at[name] for name in self.mechanism.own_joints]
-        dofs = dict(zip(joints, self.model.jnt_dofadr, strict=True))
-        self._dofs = [dofs[f"motor{i + 1}"] for i in range(robot.n)]
+        self.motors, self._dofs = self._at(f"motor{i + 1}" for i in range(robot.n))
+        roots = (self.model.joint(j).name for j in range(self.model.njnt))
+        self.roots, _ = self._at(name for name in roots if name.startswith("root"))
+        self.bars, _ = self._at(f"bar{k + 1}" for k in range(self.mechanism.bars))
+        self._own, _ = self._at(self.mechanism.own_joints)
         self._rubs = self.model.dof_frictionloss[self._dofs].copy()
         self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
 
+    def _at(self, names: Iterable[str]) -> tuple[list[int], list[int]]:
+        """Return the addresses of joints' positions and velocities."""
+        joints = [self.model.joint(name) for name in names]
+        return [j.qposadr[0] for j in joints], [j.dofadr[0] for j in joints]
+
     def stand(self, posture: Posture) -> None:
         """Move every body to its pose in a posture, at rest."""
-        self.mujoco.mj_resetData(self.model, self.data)
-        qpos = self.data.qpos
-        for name, value in posture.joints.items():
-            qpos[self._at[name]] = value
+        mujoco.mj_resetData(self.model, self.data)
+        for name, value in self.mechanism.joints(posture).items():
+            self.data.joint(name).qpos = value
         if not self._own:
-            at = self._at["nacelle"]
-            qpos[at : at + 3] = posture.D
-            self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
-
-    def nacelle(self) -> tuple[Array, Array]:
-        """Return D and R of the nacelle."""
-        frame = self.frame()
-        return frame[:3, 3], frame[:3, :3]
+            qpos = self.data.joint("nacelle").qpos
+            qpos[:3] = posture.D
+            mujoco.mju_mat2Quat(qpos[3:], posture.R.ravel())
 
     def frame(self) -> Array:
         """Return the nacelle's frame, (4, 4)."""
         if self._own:
             return frames(self.robot, self.data.qpos[self._own])
-        at, flat, frame = self._at["nacelle"], np.empty(9), np.eye(4)
-        self.mujoco.mju_quat2Mat(flat, self.data.qpos[at + 3 : at + 7])
-        frame[:3, :3], frame[:3, 3] = flat.reshape(3, 3), self.data.qpos[at : at + 3]
+        qpos, flat, frame = self.data.joint("nacelle").qpos, np.empty(9), np.eye(4)
+        mujoco.mju_quat2Mat(flat, qpos[3:])
+        frame[:3, :3], frame[:3, 3] = flat.reshape(3, 3), qpos[:3]
         return frame
 
     def coordinates(self) -> Array:
@@ -96,11 +87,11 @@ class Body:
 
     def readings(self, theta: float = 0.0) -> Array:
         """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
-        motor, arm = self.positions()
-        psi = self.data.qpos[self.bars].tolist()
-        psi += [0.0] * (_core.max_bars - len(psi))
-        bodies = self.robot.core, *self.nacelle()
-        q_e, _ = _core.readings(*bodies, psi, theta, padded(motor), padded(arm))
+        motor, arm = map(padded, self.positions())
+        psi = padded(self.data.qpos[self.bars])[: _core.max_bars]
+        frame = self.frame()
+        bodies = self.robot.core, frame[:3, 3], frame[:3, :3]
+        q_e, _ = _core.readings(*bodies, psi, theta, motor, arm)
         return np.array(q_e)[: self.robot.n + self.robot.r]
 
     def hold(self) -> None:
@@ -116,14 +107,14 @@ class Body:
 
     def gap(self) -> float:
         """Return the largest gap of a loop, m."""
-        self.mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)
         rods = [rod for i in range(self.robot.n) for rod, _ in self.mechanism.rods(i)]
         gaps = [self.data.site(f"{k}.end").xpos - self.data.site(f"{k}.anchor").xpos for k in rods]
         return float(np.linalg.norm(gaps, axis=1).max())
 
     def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
         """Move the motors to readings q, hold them, and wait for the steady state."""
-        model, data, step = self.model, self.data, self.mujoco.mj_step
+        model, data, step = self.model, self.data, mujoco.mj_step
         start = self.positions()[0]
         core, home = self.robot.core, self.mechanism.home.position
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])

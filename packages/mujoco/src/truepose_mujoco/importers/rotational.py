@@ -12,10 +12,10 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.integrations.importers.home import standing, with_workspace
-from truepose.integrations.importers.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile.consistency import taken
 from truepose.robotfile.schema import RobotFile
+from truepose_mujoco.importers.home import standing, with_workspace
+from truepose_mujoco.importers.links import MEET, Link, Mechanism, meeting
 
 _HEAVY = 1e-6  # kg, or kg·m²; MuJoCo needs at least this of massless bodies
 
@@ -63,7 +63,7 @@ class _Pivot:
                 f"motors {self.rods[0].motor.name} and {rod.motor.name} stand on two bodies, "
                 f"{self.m.name_of(self.base)} and {self.m.name_of(rod.base)}: must be the same",
             )
-        self.axes = [*reversed(self.spine[: self.bodies.index(self.base)])]
+        self.axes = self.spine[: self.bodies.index(self.base)][::-1]
         self._check()
         put = self.m.data
         self._p, self._R = put.xpos[self.base], put.xmat[self.base].reshape(3, 3)
@@ -76,8 +76,7 @@ class _Pivot:
     def _spine(self) -> list[Link]:
         """Return the joints that carry the platform, its own first, towards the world."""
         body, spine = self.nacelle, list[Link]()
-        links = self.m.links
-        while up := [k for k in links if k.ids and k.bodies[1] == body and k not in spine]:
+        while up := [k for k in self.m.links if k.ids and k.bodies[1] == body and k not in spine]:
             spine.append(up[0])
             body = up[0].bodies[0]
         self._refuse(not spine, "no joint turns it; give the body on the passive axes")
@@ -90,24 +89,19 @@ class _Pivot:
             return False
         # One axis of each. If one has several axes, use the intersection of those about its point.
         axes = np.vstack([k.axes for k in links])
-        point = meeting(np.vstack([np.tile(k.point_on(body), (k.turns, 1)) for k in links]), axes)
+        ends = [k.point_on(body) for k in links]
+        point = meeting(np.repeat(ends, [k.turns for k in links], axis=0), axes)
         if point is None:
             return False
-        points = np.array([k.point_on(k.other(body)) + point - k.point_on(body) for k in links])
+        points = np.array([k.point_on(k.other(body)) for k in links]) + point - ends
         a, b = links
-        one = Link(
-            a.name if a.ids else b.name,
-            (a.other(body), b.other(body)),
-            points,
-            axes[:3],
-            np.tile(points[0], (min(len(axes), 3), 1)),
-            ids=a.ids + b.ids,
-        )
+        bodies, name = (a.other(body), b.other(body)), a.name if a.ids else b.name
+        one = Link(name, bodies, points, axes[:3], points[:1], ids=a.ids + b.ids)
         self.m.links = [k for k in self.m.links if k not in links] + [one]
         return True
 
     def _driven(self, link: Link) -> bool:
-        return bool({*link.ids} & self.m.motors)
+        return bool({*link.ids} & self.m.actuators.keys())
 
     def _returns(self, link: Link) -> bool:
         """Return whether a link leads back to the carrying bodies, not through the platform."""
@@ -193,7 +187,7 @@ class _Pivot:
         why = f"{many} passive axes, {len(self.rods)} rods with motors: must be equal"
         self._refuse(many != len(self.rods), why)
         for rod in self.rods:
-            passive = self.m.motors and not self._driven(rod.motor)
+            passive = self.m.actuators and not self._driven(rod.motor)
             self._refuse(passive, f"{rod.motor.name}, which moves a rod, is not driven")
             joints += (*rod.motor.ids, *rod.near.ids, *rod.far.ids)
         for joint in joints:
@@ -201,43 +195,40 @@ class _Pivot:
             self._refuse(by, f"{name} is coupled by {by}: motors must move independently")
         still = {self.base, self.nacelle, *(rod.moved for rod in self.rods if not rod.motor.slides)}
         for body in sorted(still & self.m.moved):
-            name = self.m.name_of(body)
-            self._refuse(True, f"{name} is welded from parts that are apart at zero")
+            why = "is welded from parts that are apart at zero"
+            self._refuse(True, f"{self.m.name_of(body)} {why}")
 
     def _at(self, point: Array) -> Array:
-        return self._R.T @ (point - self._p)
+        return (point - self._p) @ self._R
 
     def robot(self) -> tuple[RobotFile, list[str]]:
         """Return the robot file, and notes."""
-        axes, ids, last = [], [], np.zeros(3)
-        for link in self.axes:
-            for joint, direction, anchor in zip(link.ids, link.axes, link.anchors, strict=True):
-                at = self._at(anchor)
-                axes.append(
-                    {
-                        "name": _word(self.m.model.joint(joint).name or f"x{joint}"),
-                        "origin": _round(at - last),
-                        "direction": _round(self._R.T @ direction),
-                        **self._limits(joint),
-                    }
-                )
-                ids.append(joint)
-                last = at
-        model = self.m.model
+        m, model = self.m, self.m.model
+        joints = [joint for link in self.axes for joint in link.ids]
+        directions = np.vstack([link.axes for link in self.axes]) @ self._R
+        places = self._at(np.vstack([link.anchors for link in self.axes]))
+        origins = np.diff(places, axis=0, prepend=0)
+        nacelle, name = places[-1], m.name_of(self.nacelle)
         data: dict[str, Any] = {
-            "name": _word(self.m.name),
-            "source": f"{self.m.source}, body {self.m.name_of(self.nacelle)}; no tolerances: "
-            "not in the model",
+            "name": _word(m.name),
+            "source": f"{m.source}, body {name}; no tolerances: not in the model",
             "mobility": "rotational",
-            "gravity": _round(self._R.T @ model.opt.gravity),
-            "passive_axis": axes,
-            "chain": [self._chain(rod, last) for rod in self.rods],
-            **self._nacelle(last),
+            "gravity": _round(model.opt.gravity @ self._R),
+            "passive_axis": [
+                {
+                    "name": _word(model.joint(joint).name or f"x{joint}"),
+                    "origin": _round(origin),
+                    "direction": _round(direction),
+                    **self._limits(joint),
+                }
+                for joint, origin, direction in zip(joints, origins, directions, strict=True)
+            ],
+            "chain": [self._chain(rod, nacelle) for rod in self.rods],
+            **self._nacelle(nacelle),
         }
-        at = model.jnt_qposadr
-        motors = np.array([model.qpos0[at[rod.motor.ids[0]]] for rod in self.rods])
-        drawn = [float(model.qpos0[at[joint]]) for joint in ids]
-        robot, notes = standing(data, drawn, motors, self.m.source, self.m.name_of(self.nacelle))
+        qpos0 = model.qpos0[model.jnt_qposadr]
+        motors = qpos0[[rod.motor.ids[0] for rod in self.rods]]
+        robot, notes = standing(data, qpos0[joints].tolist(), motors, m.source, name)
         spec, more = with_workspace(robot)
         return spec, notes + more
 
@@ -247,7 +238,7 @@ class _Pivot:
         if len(rod.rods) == 2:
             P = self._at(rod.near.point_on(rod.base))
             return {**data, "actuator": "telescopic", "base": _round(P), **self._leg(rod)}
-        B, u = self._at(rod.near.point_on(rod.moved)), self._R.T @ rod.motor.axes[0]
+        B, u = self._at(rod.near.point_on(rod.moved)), rod.motor.axes[0] @ self._R
         length = np.linalg.norm(rod.near.point_on(rod.rods[0]) - rod.far.point_on(rod.rods[0]))
         data |= {"axis": _round(u), "rod": float(length)}
         if rod.motor.slides:
@@ -255,10 +246,9 @@ class _Pivot:
         at = self._at(rod.motor.anchors[0])
         P = at + u * (u @ (B - at))
         arm = float(np.linalg.norm(B - P))
-        why = f"{rod.motor.name}: its rod ends on its axis, which cannot move it"
-        self._refuse(arm < MEET, why)
-        shape = {"base": _round(P), "arm_zero": _round((B - P) / arm), "arm": arm}
-        return {**data, "actuator": "revolute", **shape}
+        self._refuse(arm < MEET, f"{rod.motor.name}: its rod ends on its axis: cannot move it")
+        data |= {"base": _round(P), "arm_zero": _round((B - P) / arm), "arm": arm}
+        return {**data, "actuator": "revolute"}
 
     def _leg(self, rod: _Rod) -> dict:
         """Return a leg's length from its slide: reading = gain · length - offset."""
@@ -283,42 +273,37 @@ class _Pivot:
         if np.isfinite(most := _torque_limit(model, joint, actuators)):
             data["torque_limit"] = most
         gear, rotor = model.actuator_gear[actuators, 0], model.actuator_armature[actuators]
-        inertia = float(model.dof_armature[model.jnt_dofadr[joint]] + np.sum(gear**2 * rotor))
+        inertia = model.dof_armature[model.jnt_dofadr[joint]] + gear**2 @ rotor
         mass, centre, I = self._inertia([rod.moved])
         if rod.motor.slides:
             inertia += mass
         else:
             u = rod.motor.axes[0]
-            across = np.cross(u, centre - rod.motor.anchors[0])
-            inertia += float(u @ I @ u + mass * across @ across)
-        if inertia > _HEAVY:
-            data["drive_inertia"] = inertia
-        weight = self._inertia([k for k in rod.rods if k != rod.moved])[0]
-        if weight > _HEAVY:
-            data["rod_mass"] = weight
-        return data
+            lever = np.cross(u, centre - rod.motor.anchors[0])
+            inertia += u @ I @ u + mass * lever @ lever
+        weight, *_ = self._inertia([k for k in rod.rods if k != rod.moved])
+        found = {"drive_inertia": float(inertia), "rod_mass": weight}
+        return data | {key: value for key, value in found.items() if value > _HEAVY}
 
     def _nacelle(self, at: Array) -> dict:
         mass, centre, I = self._inertia([self.nacelle])
         if mass < _HEAVY:
             return {}
-        platform = {"mass": mass, "centre": _round(self._at(centre) - at)}
-        for axis, inertia in zip("xyz", np.diag(self._R.T @ I @ self._R).tolist(), strict=True):
-            platform[f"inertia_{axis}"] = inertia
-        return {"platform": platform}
+        inertias = np.diag(self._R.T @ I @ self._R).tolist()
+        platform = dict(zip(("inertia_x", "inertia_y", "inertia_z"), inertias, strict=True))
+        return {"platform": {"mass": mass, "centre": _round(self._at(centre) - at)} | platform}
 
     def _inertia(self, bodies: Sequence[int]) -> tuple[float, Array, Array]:
         """Return mass, centre and inertia about it of rigid bodies, every joint at zero."""
         m, d = self.m.model, self.m.data
-        parts = [k for k, body in enumerate(self.m.body_of) if body in bodies and m.body_mass[k]]
-        mass, centre, I = float(m.body_mass[parts].sum()), np.zeros(3), np.zeros((3, 3))
-        if parts:
-            centre = m.body_mass[parts] @ d.xipos[parts] / mass
-        for k in parts:
-            R, r = d.ximat[k].reshape(3, 3), d.xipos[k] - centre
-            I += R @ np.diag(m.body_inertia[k]) @ R.T
-            I += m.body_mass[k] * (r @ r * np.eye(3) - np.outer(r, r))
-        return mass, centre, I
+        parts = np.flatnonzero(np.isin(self.m.body_of, bodies) & (m.body_mass > 0))
+        masses, R = m.body_mass[parts], d.ximat[parts].reshape(-1, 3, 3)
+        mass = masses.sum()
+        centre = masses @ d.xipos[parts] / (mass or 1)
+        r = d.xipos[parts] - centre
+        S = (masses * r.T) @ r
+        I = np.trace(S) * np.eye(3) - S + np.einsum("kij,kj,klj->il", R, m.body_inertia[parts], R)
+        return float(mass), centre, I
 
 
 def _word(name: str) -> str:

@@ -10,30 +10,28 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
+import yaml
 
 from truepose import files
 from truepose.exceptions import InputError, choose, one_line
-from truepose.integrations.importers.links import Closure, Mechanism, Model
-from truepose.plugins import package
+from truepose_mujoco.importers.links import Mechanism
 
 _MOST = 1 << 24  # largest number of bytes of a model
 #: Largest number of elements with all copies; MuJoCo compiles as many in some seconds.
 _ELEMENTS = 10_000
 #: Largest number of characters of a YAML file; PyYAML reads some ten thousand per second.
 _YAML = 1 << 18
-#: Joints of a URDF by their name in the YAML: the axes of rotation in their frame.
-_RETYPED = {"SPHERICAL": "XYZ", "FIXED": ""} | {
-    f"UJOINT_{a}{b}": a + b for a, b in itertools.permutations("XYZ", 2)
-}
+#: Types of joints in the YAML; the letters are axes of rotation in the joint's frame.
+_RETYPED = ("SPHERICAL", "FIXED", *(f"UJOINT_{a}{b}" for a, b in itertools.permutations("XYZ", 2)))
 
 
 def from_mjcf(path: str | Path) -> Mechanism:
     """Read an MJCF file with loops by equality/connect and equality/weld.
 
-    InputError: MuJoCo cannot read the file. TrueposeError: MuJoCo is not installed.
+    InputError: MuJoCo cannot read the file.
     """
-    mujoco = _mujoco()
     path = Path(path)
     _model(path)
 
@@ -47,8 +45,8 @@ def from_mjcf(path: str | Path) -> Mechanism:
             _light(spec)
         return spec.compile()
 
-    m = Model(mujoco, _first(path, lambda: compiled(True), lambda: compiled(False)))
-    return Mechanism(m, path, list(m.closures()), {*m.actuators()}, {})
+    model = _first(path, lambda: compiled(True), lambda: compiled(False))
+    return Mechanism(model, path)
 
 
 def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
@@ -58,9 +56,8 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     frames coincide; `type` of each, "3d" (origins) or "6d" (whole frames); `name_mot`, driven
     joints; `joint_name` and `joint_type`, joints other than hinges: SPHERICAL, UJOINT_XY, …
 
-    InputError: a file is not as described. TrueposeError: MuJoCo or PyYAML is not installed.
+    InputError: a file is not as described.
     """
-    mujoco = _mujoco()
     path, loops = Path(path), Path(loops)
     said = _loops(loops)
     root = _model(path)
@@ -70,38 +67,38 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
         for shape in [child for child in part if child.tag in ("visual", "collision")]:
             part.remove(shape)
 
-    def compiled() -> Any:
-        spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
-        spec.compiler.fusestatic = 0
-        _light(spec)
-        return spec.compile()
-
-    m = Model(mujoco, _first(path, compiled))
-    model = m.model
-    joints = {model.joint(k).name: k for k in range(model.njnt)}
-    links = {model.body(k).name: k for k in range(model.nbody)}
-    children = {child.get("link") for child in root.iterfind("joint/child")}
-    names = (link.get("name", "") for link in root.iterfind("link"))
-    base = next((name for name in names if name not in children), "")
-    links.setdefault(base, 0)  # no joint's child: MuJoCo welds it to the world
-    retyped = {
-        _among(joints, name, "joint", loops): _RETYPED[kind]
-        for name, kind in zip(said["joint_name"], said["joint_type"], strict=True)
-    }
-    closures = []
-    for (one, other), kind in zip(said["closed_loop"], said["type"], strict=True):
-        a, b = (_among(links, name, "link", loops) for name in (one, other))
-        held = np.eye(4) if kind == "6d" else None
-        closures.append(Closure(f"{one}-{other}", (a, b), m.data.xpos[[a, b]], held))
-    motors = {_among(joints, name, "joint", loops) for name in said["name_mot"]}
-    return Mechanism(m, path, closures, motors, retyped)
-
-
-def _mujoco() -> Any:
-    missing = 'models are read by MuJoCo, which is not installed: pip install "truepose[import]"'
-    mujoco = package("mujoco", missing)
-    mujoco.set_mju_user_warning(lambda _: None)
-    return mujoco
+    spec = _first(path, lambda: mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode")))
+    spec.compiler.fusestatic = 0
+    _light(spec)
+    joints = {joint.name: joint for joint in spec.joints}
+    links = {body.name: body for body in spec.bodies}
+    for name, kind in zip(said["joint_name"], said["joint_type"], strict=True):
+        joint = _among(joints, name, "joint", loops)
+        joint.limited = 0
+        if kind == "FIXED":
+            spec.delete(joint)
+        elif kind == "SPHERICAL":
+            joint.type = mujoco.mjtJoint.mjJNT_BALL
+        else:
+            joint.type = mujoco.mjtJoint.mjJNT_HINGE
+            joint.axis, second = (np.eye(3)["XYZ".index(axis)] for axis in kind[-2:])
+            joint.parent.add_joint(name=f"{name} {kind[-1]}", axis=second)
+    for pair, kind in zip(said["closed_loop"], said["type"], strict=True):
+        name, kinds = "-".join(map(str, pair)), mujoco.mjtEq
+        ends = [f"{name} {k}" for k in range(2)]
+        for link, end in zip(pair, ends, strict=True):
+            _among(links, link, "link", loops).add_site(name=end)
+        spec.add_equality(
+            name=name,
+            type=kinds.mjEQ_WELD if kind == "6d" else kinds.mjEQ_CONNECT,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=ends[0],
+            name2=ends[1],
+        )
+    for name in said["name_mot"]:
+        _among(joints, name, "joint", loops)
+        spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+    return Mechanism(_first(path, spec.compile), path)
 
 
 def _text(path: Path) -> str:
@@ -157,8 +154,6 @@ def _size(path: Path, folder: Path, sizes: dict[Path, float]) -> tuple[ET.Elemen
 
 def _yaml(path: Path) -> Any:
     """Read YAML; refuse aliases, as a few lines of them can expand to gigabytes."""
-    missing = 'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
-    yaml = package("yaml", missing)
     text = _text(path)
     if len(text) > _YAML:
         raise InputError(
@@ -184,6 +179,7 @@ def _light(spec: Any) -> None:
 def _first(path: Path, *ways: Callable[[], Any]) -> Any:
     """Return the result of the first way that works, or raise the first way's error."""
     said: Exception | None = None
+    mujoco.set_mju_user_warning(lambda _: None)
     for way in ways:
         try:
             return way()
@@ -192,8 +188,8 @@ def _first(path: Path, *ways: Callable[[], Any]) -> Any:
     raise InputError(f"{path}: MuJoCo: {one_line(' '.join(str(said).split()), 300)}")
 
 
-def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:
-    if name not in known:
+def _among(known: dict[str, Any], name: object, what: str, where: Path) -> Any:
+    if str(name) not in known:
         raise InputError(f"{where}: {choose(what, name, known)}")
     return known[str(name)]
 
@@ -218,7 +214,7 @@ def _loops(path: Path) -> dict[str, list]:
         if not (isinstance(pair, list) and len(pair) == 2):
             raise InputError(f"{path}: closed_loop: {one_line(pair, 80)}: must be two links")
     found["type"] = [str(kind).lower() for kind in found["type"]]
-    for key, choices in (("type", ("3d", "6d")), ("joint_type", tuple(_RETYPED))):
+    for key, choices in (("type", ("3d", "6d")), ("joint_type", _RETYPED)):
         for kind in found[key]:
             if kind not in choices:
                 raise InputError(f"{path}: {choose(key, kind, choices)}")

@@ -10,24 +10,23 @@ from pathlib import Path
 
 from truepose.exceptions import InputError, TrueposeError
 from truepose.files import Output, check, mark, replace_file, unfinished
-from truepose.integrations.mujoco.body import Body, require
-from truepose.integrations.mujoco.mjcf import Model
 from truepose.robot.robot import Robot
+from truepose_mujoco.mjcf import Model
 
-_WIDTH, _HEIGHT = 1600, 1200
 _PATIENCE = 120  # timeout of one picture, s
 
 
 def show(robot: Robot) -> None:
     """Open MuJoCo's viewer on the robot at home, motors held; return when it is closed.
 
-    TrueposeError: MuJoCo is not installed, or there is no screen.
+    TrueposeError: there is no screen.
     """
-    require()
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform.startswith("linux") and not screen:
         raise TrueposeError(f"{robot.name}: there is no screen here; --png FILE draws a picture")
     from mujoco import viewer
+
+    from truepose_mujoco.body import Body
 
     body = Body(robot)
     body.hold()
@@ -37,15 +36,13 @@ def show(robot: Robot) -> None:
 def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     """Draw the robot at home into a PNG file. Needs no screen.
 
-    InputError: the file exists (`force` replaces it) or cannot be written. TrueposeError: MuJoCo is
-    missing, or no OpenGL driver works.
+    InputError: the file exists (`force` replaces it) or cannot be written. TrueposeError:
+    no OpenGL driver works.
     """
-    require()
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: must end in .png")
     check([Output(path, "picture")], force=force)
-    given = os.environ.get("MUJOCO_GL")
-    drivers = (given,) if given else ("egl", "osmesa", "glfw")  # the last one needs a screen
+    drivers = (os.environ.get("MUJOCO_GL") or "egl osmesa glfw").split()  # the last needs a screen
     with unfinished(Path(tempfile.mkdtemp())) as folder:
         model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Model(robot).xml(), encoding="utf-8")
@@ -77,8 +74,8 @@ def _draw(model_file: str, png: str) -> None:
     model = mujoco.MjModel.from_xml_path(model_file)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    with mujoco.Renderer(model, _HEIGHT, _WIDTH) as renderer:
-        renderer.update_scene(data, camera="view")
+    with mujoco.Renderer(model, 1200, 1600) as renderer:
+        renderer.update_scene(data)
         imsave(png, renderer.render(), metadata={"Software": mark("picture")})
 
 

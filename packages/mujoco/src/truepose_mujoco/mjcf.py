@@ -12,10 +12,10 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.files import mark
-from truepose.integrations.mujoco.mechanism import Mechanism, axes, turn
 from truepose.robot.parts import COLOURS
 from truepose.robot.passive import passive_axes
 from truepose.robot.robot import Robot
+from truepose_mujoco.mechanism import Mechanism, across, axes, turn
 
 #: s; small enough for a 1500 rad/s tracking loop, large enough for hundreds of poses per minute.
 TIMESTEP = 2.5e-4
@@ -23,6 +23,7 @@ TIMESTEP = 2.5e-4
 MASSLESS = 1e-9  # kg: MuJoCo needs a mass of moving bodies
 _NEEDLE = 1e-9  # ratio of a slender rod's axial to transverse inertia
 _SPRING_DAMPING = 0.05  # share of critical damping of springs of arms and rods
+X, _, Z = np.eye(3)
 
 #: Options, defaults and colours of every model; solimp is MuJoCo's largest impedance.
 HEAD = """
@@ -32,6 +33,7 @@ HEAD = """
     tolerance="1e-14" iterations="30" jacobian="dense">
     <flag contact="disable" diagexact="enable" autoreset="disable"/>
   </option>
+  <statistic center="{centre}" extent="{extent}"/>
   <default>
     <equality solref="{solref}" solimp="0.9999 0.9999 0.001"/>
     <joint solreffriction="{solref}" solimpfriction="0.9999 0.9999 0.001"/>
@@ -39,7 +41,7 @@ HEAD = """
     <site size="{site}" group="4"/>
   </default>
   <visual>
-    <global offwidth="1600" offheight="1200"/>
+    <global offwidth="1600" offheight="1200" {view}/>
     <headlight ambient="0.4 0.4 0.4" diffuse="0.5 0.5 0.5" specular="0.1 0.1 0.1"/>
   </visual>
   <asset>
@@ -51,8 +53,7 @@ HEAD = """
   </asset>
   <worldbody>
     <geom name="floor" type="plane" material="floor" pos="{below}" size="{floor}"/>
-    <light pos="{above}" dir="0 0 -1" directional="true" diffuse="0.4 0.4 0.4" castshadow="true"/>
-    <camera name="view" pos="{camera}" fovy="40" xyaxes="{view}"/>
+    <light pos="0 0 3" dir="0 0 -1" directional="true" diffuse="0.4 0.4 0.4"/>
   </worldbody>
   <equality/>
   <actuator/>
@@ -65,7 +66,8 @@ class Model(Mechanism):
 
     def __init__(self, robot: Robot, effects: Effects | None = None):
         super().__init__(robot)
-        self.effects = Effects.none() if effects is None else effects
+        self.effects = effects or Effects.none()
+        self.drawn = self.joints(self.home)
 
     def xml(self, timestep: float = TIMESTEP) -> str:
         """Return the MJCF file; `timestep` in s."""
@@ -90,69 +92,67 @@ class Model(Mechanism):
     def _base(self, world: ET.Element) -> None:
         """Add the base as seen, and a body that makes MuJoCo apply the legs' gravcomp."""
         # MuJoCo applies gravcomp only if some body's is positive; a leg's is negative.
-        point(add(world, "body", name="gravcomp", gravcomp=1), MASSLESS)
-        bases = np.array([chain.base for chain in self.chains])
-        for i, chain in enumerate(self.chains):
+        point(add(world, "body", name="gravcomp", gravcomp=1), 0)
+        middle = np.mean([chain.base for chain in self.chains], axis=0)
+        for chain, position in zip(self.chains, self.home.position, strict=True):
             if chain.actuator == _core.Actuator.prismatic:
-                reach = self.home.position[i] + 0.5 * self.size * np.array([-1, 1])
-                low, high = bases[i] + np.outer(reach, chain.axis)
+                reach = position + 0.5 * self.size * np.array([-1, 1])
+                low, high = chain.base + np.outer(reach, chain.axis)
                 capsule(world, "rail", low, high, self.size / 90)
             else:
-                capsule(world, "base", bases.mean(axis=0), bases[i], self.size / 60)
+                capsule(world, "base", middle, chain.base, self.size / 60)
 
     def _chain(self, i: int, world: ET.Element) -> None:
         """Add the arm, carriage or leg of a chain, and its rods."""
-        chain, effects, p = self.chains[i], self.effects, self.home.position[i]
-        friction = chain.coulomb + effects.motor_friction
-        motor = {"name": f"motor{i + 1}", "ref": p, "damping": chain.viscous}
-        motor["frictionloss"] = friction
+        chain, effects, size, p = self.chains[i], self.effects, self.size, self.home.position[i]
+        motor: dict[str, Any] = {"name": f"motor{i + 1}", "ref": p, "damping": chain.viscous}
+        motor["frictionloss"] = chain.coulomb + effects.motor_friction
         if chain.actuator == _core.Actuator.telescopic:
             for rod, side in self.rods(i):
                 self._leg(i, rod, side, motor, world)
             return
-        part = "arm" if chain.actuator == _core.Actuator.revolute else "carriage"
-        mount, reach = self.mount(i, p), [chain.arm if part == "arm" else 0.0, 0, 0]
-        place = chain.base if part == "arm" else self.elbow(i, 0, p)
-        body = add(world, "body", name=f"{part}{i + 1}", pos=place, xyaxes=xy(mount))
+        arm = chain.actuator == _core.Actuator.revolute
+        part = "arm" if arm else "carriage"
+        mount, reach = self.mount(i, self.home), np.array([chain.arm if arm else 0.0, 0, 0])
+        place = chain.base if arm else self.elbow(i, 0, self.home)
+        body = add_body(world, f"{part}{i + 1}", place, mount)
         # The reduced model's single inertia with the weight in the arm's middle: slender arm plus
         # rotor. An arm heavier than its inertia allows keeps its weight by gravcomp.
-        lever2 = chain.arm**2 / 3 if part == "arm" else 1.0
+        lever2 = chain.arm**2 / 3 if arm else 1.0
         mass = max(min(chain.arm_mass, 0.9 * chain.drive_inertia / lever2), MASSLESS)
         body.set("gravcomp", text(1 - chain.arm_mass / mass if chain.arm_mass else 0))
         rotor = motor["armature"] = max(chain.drive_inertia - mass * lever2, 0)
-        if part == "arm":
-            joint(body, "hinge", axis=[0, 0, 1], **motor)
-            spring(body, "hinge", f"root{i + 1}", [0, 0, 1], effects.arm_stiffness, rotor)
+        if arm:
+            joint(body, "hinge", axis=Z, **motor)
+            spring(body, "hinge", f"root{i + 1}", Z, effects.arm_stiffness, rotor)
             slender(body, mass, chain.arm)
-            capsule(body, "arm", [0, 0, 0], reach, self.size / 45)
-            for end in (-1, 1):
-                capsule(body, "motor", [0, 0, 0], [0, 0, end * self.size / 25], self.size / 30)
+            capsule(body, "arm", 0 * Z, reach, size / 45)
+            for end in (-Z, Z):
+                capsule(body, "motor", 0 * Z, end * size / 25, size / 30)
         else:
             along = mount.T @ chain.axis
             joint(body, "slide", axis=along, **motor)
             point(body, mass)
-            shown = self.size / 30 * along
-            capsule(body, "carriage", -shown, shown, self.size / 40)
-        half = np.array([0, 0, 0.5 * chain.rod_spacing])
-        capsule(body, part, reach - half, reach + half, self.size / 80)
+            capsule(body, "carriage", -size / 30 * along, size / 30 * along, size / 40)
+        half = 0.5 * chain.rod_spacing * Z
+        capsule(body, part, reach - half, reach + half, size / 80)
         rod_mass = chain.rod_mass / len(self.rods(i))
         for rod, side in self.rods(i):
-            length = chain.rod + 0.5 * side * chain.rod_difference
+            end = (chain.rod + 0.5 * side * chain.rod_difference) * X
             hung = self._hang(body, rod, reach + side * half, np.eye(3))
-            spring(hung, "slide", f"{rod}.stretch", [1, 0, 0], effects.rod_stiffness, rod_mass)
-            slender(hung, max(rod_mass, MASSLESS), length)
-            capsule(hung, "rod", [0, 0, 0], [length, 0, 0], self.size / 100)
-            add(hung, "site", name=f"{rod}.end", pos=[length, 0, 0])
+            spring(hung, "slide", f"{rod}.stretch", X, effects.rod_stiffness, rod_mass)
+            slender(hung, rod_mass, end[0])
+            capsule(hung, "rod", 0 * X, end, size / 100)
+            add(hung, "site", name=f"{rod}.end", pos=end)
 
     def _hang(self, body: ET.Element, rod: str, pos: ArrayLike, mount: Array) -> ET.Element:
         """Add a rod on a universal joint: swing about the mount's z, then lean."""
-        swing, lean = (self.home.joints[f"{rod}.{motion}"] for motion in ("swing", "lean"))
-        turned = mount @ turn(2, swing) @ turn(1, lean)
-        hung = add(body, "body", name=rod, pos=pos, xyaxes=xy(turned))
+        swing, lean = (self.drawn[f"{rod}.{motion}"] for motion in ("swing", "lean"))
+        hung = add_body(body, rod, pos, mount @ turn(2, swing) @ turn(1, lean))
         # The friction of both ball joints of a rod is applied at this one.
         rub = 2 * self.effects.joint_friction
-        across = turn(1, -lean)[:, 2]
-        joint(hung, "hinge", f"{rod}.swing", across, ref=swing, frictionloss=rub)
+        first = turn(1, -lean)[:, 2]
+        joint(hung, "hinge", f"{rod}.swing", first, ref=swing, frictionloss=rub)
         joint(hung, "hinge", f"{rod}.lean", [0, 1, 0], ref=lean, frictionloss=rub)
         return hung
 
@@ -160,92 +160,87 @@ class Model(Mechanism):
         """Add a leg of driven length with its weight distributed evenly."""
         # The reduced model's file does not distinguish cylinder and piston: m/3 at the end has the
         # leg's inertia, and gravcomp gives it the weight m/2 there.
-        chain, length = self.chains[i], self.home.position[i]
-        leg = self._hang(world, rod, self.elbow(i, side, length), self.mount(i, length))
-        point(leg, MASSLESS)
-        capsule(leg, "leg", [0, 0, 0], [0.55 * length, 0, 0], self.size / 40)
-        tip = add(leg, "body", name=f"{rod}.tip", pos=[length, 0, 0], gravcomp=-0.5)
-        joint(tip, "slide", axis=[1, 0, 0], armature=chain.drive_inertia, **motor)
+        chain, end = self.chains[i], self.home.position[i] * X
+        leg = self._hang(world, rod, self.elbow(i, side, self.home), self.mount(i, self.home))
+        point(leg, 0)
+        capsule(leg, "leg", 0 * X, 0.55 * end, self.size / 40)
+        tip = add(leg, "body", name=f"{rod}.tip", pos=end, gravcomp=-0.5)
+        joint(tip, "slide", axis=X, armature=chain.drive_inertia, **motor)
         stiffness = self.effects.rod_stiffness
-        spring(tip, "slide", f"{rod}.stretch", [1, 0, 0], stiffness, chain.rod_mass)
-        point(tip, max(chain.rod_mass / 3, MASSLESS))
-        capsule(tip, "rod", [-0.55 * length, 0, 0], [0, 0, 0], self.size / 80)
+        spring(tip, "slide", f"{rod}.stretch", X, stiffness, chain.rod_mass)
+        point(tip, chain.rod_mass / 3)
+        capsule(tip, "rod", -0.55 * end, 0 * X, self.size / 80)
         add(tip, "site", name=f"{rod}.end")
 
     def _nacelle(self, world: ET.Element) -> None:
         """Add the nacelle, its lateral bars and the rods' ends on them."""
-        home, core = self.home, self.robot.core
-        body = add(world, "body", name="nacelle", pos=home.D, xyaxes=xy(home.R))
+        home, size, centre = self.home, self.size, self.robot.core.body(0)
+        body = add_body(world, "nacelle", home.D, home.R)
         self._freedom(body)
-        centre = core.body(0)
         # The ideal level never uses this inertia: set it to the largest known one.
         inertia, mass = np.diag(centre.inertia).copy(), max(centre.mass, MASSLESS)
-        reach = max(float(np.linalg.norm(chain.pivot)) for chain in self.chains)
-        spare = inertia.max() or mass * max(reach, 0.1 * self.size) ** 2 / 3
-        inertia[inertia == 0] = spare
+        reach = max(0.1 * size, *(float(np.linalg.norm(chain.pivot)) for chain in self.chains))
+        inertia[inertia == 0] = inertia.max() or mass * reach**2 / 3
         add(body, "inertial", pos=centre.pivot, mass=mass, diaginertia=inertia)
-        down = 1.0 if self.outline[:, 2].max() > home.D[2] + 0.1 * self.size else -1.0
-        capsule(body, "tool", [0, 0, 0], [0, 0, -0.12 * down * self.size], self.size / 70)
+        down = 1.0 if self.outline[:, 2].max() > home.D[2] + 0.1 * size else -1.0
+        capsule(body, "tool", 0 * Z, -0.12 * down * size * Z, size / 70)
         bars = [self._bar(k, body) for k in range(self.bars)]
         for i, chain in enumerate(self.chains):
-            on_bar = chain.bar >= 0
-            on, kind = (bars[chain.bar], "lateral bar") if on_bar else (body, "nacelle")
-            middle = np.zeros(3) if on_bar else np.array(chain.pivot)
-            capsule(on, kind, [0, 0, 0], middle + chain.anchor, self.size / 60)
-            ends = [middle + self.on_bar(i, side) for _, side in self.rods(i)]
-            for (rod, _), end in zip(self.rods(i), ends, strict=True):
+            on, kind, middle = body, "nacelle", np.array(chain.pivot)
+            if chain.bar >= 0:
+                on, kind, middle = bars[chain.bar], "lateral bar", 0 * Z
+            capsule(on, kind, 0 * Z, middle + chain.anchor, size / 60)
+            for rod, side in self.rods(i):
+                end = middle + self.on_bar(i, side)
                 add(on, "site", name=f"{rod}.anchor", pos=end)
-            if len(ends) > 1:
-                capsule(on, kind, ends[0], ends[1], self.size / 80)
+                capsule(on, kind, middle + chain.anchor, end, size / 80)
 
     def _freedom(self, body: ET.Element) -> None:
         """Add the nacelle's joints without rods: planar, on passive axes, or free."""
         home, rub = self.home, self.effects.joint_friction
-        own = list(zip(self.own_joints, self.robot.home, strict=False))
-        if not own:
+        if not self.own_joints:
             add(body, "freejoint", name="nacelle")
         elif self.planar:
             kinds = ("slide", "slide", "hinge")
-            for (name, ref), kind, axis in zip(own, kinds, np.eye(3), strict=False):
-                joint(body, kind, name, axis, ref=ref)
+            for name, kind, axis in zip(self.own_joints, kinds, np.eye(3), strict=False):
+                joint(body, kind, name, axis, ref=self.drawn[name])
         else:
             # Each of several joints rotates the axes of those after it; use the axes at home.
             axes = passive_axes(self.robot.core, self.robot.home)
-            for (name, ref), (place, along) in zip(own, axes, strict=True):
-                pos = home.R.T @ (place - home.D)
-                joint(body, "hinge", name, home.R.T @ along, pos=pos, ref=ref, frictionloss=rub)
+            for name, (place, along) in zip(self.own_joints, axes, strict=True):
+                pos, axis = home.R.T @ (place - home.D), home.R.T @ along
+                ref = self.drawn[name]
+                joint(body, "hinge", name, axis, pos=pos, ref=ref, frictionloss=rub)
                 capsule(body, "passive axis", pos, pos, self.size / 60)
 
     def _bar(self, k: int, body: ET.Element) -> ET.Element:
         """Add a lateral bar on its pivot."""
-        name, core = f"bar{k + 1}", self.robot.core.body(1 + k)
-        psi = self.home.joints[name]
-        capsule(body, "central bar", [0, 0, 0], core.pivot, self.size / 50)
-        bar = add(body, "body", name=name, pos=core.pivot, xyaxes=xy(turn(2, psi)))
-        joint(bar, "hinge", name, [0, 0, 1], ref=psi, frictionloss=self.effects.joint_friction)
+        name, core, psi = f"bar{k + 1}", self.robot.core.body(1 + k), self.home.psi[k]
+        capsule(body, "central bar", 0 * Z, core.pivot, self.size / 50)
+        bar = add_body(body, name, core.pivot, turn(2, psi))
+        joint(bar, "hinge", name, Z, ref=psi, frictionloss=self.effects.joint_friction)
         ends = [np.array(chain.anchor) for chain in self.chains if chain.bar == k]
         longest = max(ends, key=np.linalg.norm)
         length = 2 * float(np.linalg.norm(longest)) or self.size / 10
-        slender(bar, max(core.mass, MASSLESS), length, -0.5, longest)
+        slender(bar, core.mass, length, -0.5, longest)
         return bar
 
 
 def head(outline: Array, planar: bool, timestep: float, gravity: ArrayLike) -> ET.Element:
-    """Return a model without bodies: a camera shows all points of `outline` on a floor."""
+    """Return a model without bodies: the view has all points of `outline` on a floor."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     size, centre = float((high - low).max()), (low + high) / 2
-    azimuth, height = np.radians((-90, 90) if planar else (35, 18))
-    away, right, up = (turn(2, azimuth) @ turn(1, -height)).T
+    azimuth, elevation = (90, -90) if planar else (215, -18)
     values = {
         "timestep": timestep,
         "gravity": gravity,
         "solref": [timestep / 2, 1],
         "site": size / 200,
-        "below": [centre[0], centre[1], low[2] - 0.3 * size],
+        "centre": centre,
+        "extent": 1.2 * size,
+        "view": f'azimuth="{azimuth}" elevation="{elevation}"',
+        "below": [*centre[:2], low[2] - 0.3 * size],
         "floor": [2 * size, 2 * size, 0.1],
-        "above": centre + np.array([0, 0, 3 * size]),
-        "camera": centre + 1.8 * size * away,
-        "view": [*right, *up],
     }
     return ET.fromstring(HEAD.format(**{key: text(value) for key, value in values.items()}))
 
@@ -262,9 +257,9 @@ def add(parent: ET.Element, tag: str, **attributes: ArrayLike | str) -> ET.Eleme
     return ET.SubElement(parent, tag, {key: text(v) for key, v in attributes.items()})
 
 
-def xy(R: Array) -> Array:
-    """Return an orientation as attribute xyaxes."""
-    return R[:, :2].T.ravel()
+def add_body(parent: ET.Element, name: str, pos: ArrayLike, R: Array) -> ET.Element:
+    """Add a body with this orientation."""
+    return add(parent, "body", name=name, pos=pos, xyaxes=R[:, :2].T.ravel())
 
 
 def joint(body: ET.Element, kind: str, name: str, axis: ArrayLike, **more: ArrayLike | str) -> None:
@@ -282,29 +277,29 @@ def spring(
 
 
 def slender(
-    body: ET.Element, mass: float, length: float, start: float = 0.0, along: ArrayLike = (1, 0, 0)
+    body: ET.Element, mass: float, length: float, start: float = 0.0, along: Array = X
 ) -> None:
     """Add the inertia of a slender rod from `start` to `start` + 1 lengths along a direction."""
-    across = max(mass * length**2 / 12, 1e-12)
-    frame = axes(along, np.cross(np.asarray(along), np.eye(3)[np.abs(along).argmin()]))
-    inertia = [_NEEDLE * across, across, across]
+    mass = max(mass, MASSLESS)
+    inertia = max(mass * length**2 / 12, 1e-12) * np.array([_NEEDLE, 1, 1])
+    frame = axes(along, across(along))
     pos = (start + 0.5) * length * frame[:, 0]
-    add(body, "inertial", pos=pos, mass=mass, xyaxes=xy(frame), diaginertia=inertia)
+    xy = frame[:, :2].T.ravel()
+    add(body, "inertial", pos=pos, mass=mass, xyaxes=xy, diaginertia=inertia)
 
 
 def point(body: ET.Element, mass: float) -> None:
     """Add the inertia of a point mass at the body's origin."""
-    add(body, "inertial", pos=[0, 0, 0], mass=mass, diaginertia=[1e-12] * 3)
+    add(body, "inertial", pos=0 * X, mass=max(mass, MASSLESS), diaginertia=[1e-12] * 3)
 
 
 def capsule(body: ET.Element, part: str, start: ArrayLike, end: ArrayLike, radius: float) -> None:
     """Add a capsule (a ball if both ends coincide) in the colour of a part."""
-    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-    colour = [value / 255 for value in bytes.fromhex(COLOURS[part][1:])]
-    if np.linalg.norm(end - start) < 1e-6:
-        add(body, "geom", type="sphere", pos=start, size=radius, rgba=[*colour, 1])
+    rgba = [*(value / 255 for value in bytes.fromhex(COLOURS[part][1:])), 1]
+    if np.linalg.norm(np.subtract(end, start)) < 1e-6:
+        add(body, "geom", type="sphere", pos=start, size=radius, rgba=rgba)
     else:
-        add(body, "geom", type="capsule", fromto=[*start, *end], size=radius, rgba=[*colour, 1])
+        add(body, "geom", type="capsule", fromto=np.append(start, end), size=radius, rgba=rgba)
 
 
 def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
@@ -316,7 +311,7 @@ def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIME
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.integrations.mujoco.mjcf import to_mjcf
+    >>> from truepose_mujoco.mjcf import to_mjcf
     >>> to_mjcf(tp.load("h4")).count("<connect")
     8
     """

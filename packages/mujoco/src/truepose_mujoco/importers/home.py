@@ -15,7 +15,6 @@ from truepose.robotfile import validate
 from truepose.robotfile.schema import RobotFile, Workspace
 
 _GRID = 21  # poses along each coordinate of a workspace that are checked
-_SHARES = 20  # shares of the axes' ranges that are tried
 
 
 def standing(
@@ -31,12 +30,11 @@ def standing(
     why = ""
     for where, home in (("", drawn), ("zero", [0.0] * len(drawn)), ("mid-range", middle)):
         spec = validate({**data, "home": home}, source)
+        moved = f"home is {where}, not the model's pose: {why}"
         try:
-            robot = _at(spec, motors)
+            return _at(spec, motors), [moved] if where else []
         except TrueposeError as error:
             why = why or str(error).removeprefix(f"{spec.name}: ")
-        else:
-            return robot, [f"home is {where}, not the model's pose: {why}"] if where else []
     raise InputError(f"{source}: {body}: no home at the model's pose, zero or mid-range: {why}")
 
 
@@ -52,10 +50,10 @@ def _at(spec: RobotFile, motors: Array) -> Robot:
 
     # Limits may exclude one branch.
     found = [built([mode] * len(motors), limits=None) for mode in (-1, 1)]
-    off = np.abs([robot.ikm(spec.home, level="ideal") - motors for robot in found])
+    off = np.array([robot.ikm(spec.home, level="ideal") - motors for robot in found])
     turning = [chain.actuator == "revolute" for chain in spec.chain]
-    off[:, turning] = np.abs((off[:, turning] + np.pi) % (2 * np.pi) - np.pi)
-    return built((2 * np.argmin(off, axis=0) - 1).tolist())
+    far = np.where(turning, 1 - np.cos(off), np.abs(off))
+    return built((2 * np.argmin(far, axis=0) - 1).tolist())
 
 
 def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:
@@ -65,15 +63,15 @@ def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:
     about home that is reachable and regular at all poses of a grid.
     """
     ranges = np.array([axis.limits or (-np.pi, np.pi) for axis in robot.spec.passive_axis]).T
-    for share in range(_SHARES, 0, -1):
-        ends = ranges if share == _SHARES else robot.home + share / _SHARES * (ranges - robot.home)
-        low, high = (tuple(map(float, end)) for end in ends)
+    for percent in range(100, 0, -5):
+        share = percent / 100
+        low, high = (share * ranges + (1 - share) * robot.home).tolist()
         box = Workspace(minimum=low, maximum=high)
         found = Robot(robot.spec.model_copy(update={"workspace": box}))
         q = found.ikm(workspace_grid(found, _GRID), errors="nan", own_mode=True)
         if np.isfinite(q).all():
-            part = f"[workspace] is {100 * share // _SHARES} % of the axes' ranges about home"
+            part = f"[workspace] is {percent} % of the axes' ranges about home"
             why = "beyond it, not every pose is reachable and regular"
-            return found.spec, [] if share == _SHARES else [f"{part}: {why}"]
+            return found.spec, [f"{part}: {why}"] if percent < 100 else []
     none = "no [workspace]: almost no poses about home are reachable; give its minimum, maximum"
     return robot.spec, [none]

@@ -1,19 +1,22 @@
 """An independent robot in MuJoCo against truepose's models."""
 
 import dataclasses
+import os
+import subprocess
 import sys
 
 import mujoco
 import numpy as np
 import pytest
+from answers import answer, some
 
 import truepose as tp
 from truepose import _core
-from truepose.integrations.mujoco.body import Body
-from truepose.integrations.mujoco.mechanism import Mechanism
-from truepose.integrations.mujoco.mjcf import to_mjcf
-from truepose.integrations.mujoco.plant import MujocoPlant
-from truepose.paper import experiment, with_paper_errors
+from truepose.simulation.plants.exact import ExactPlant
+from truepose_mujoco import plant, viewing
+from truepose_mujoco.body import Body
+from truepose_mujoco.mechanism import Mechanism
+from truepose_mujoco.plant import MujocoPlant
 
 FREE = {
     "planar_translation": [0, 1],
@@ -35,11 +38,10 @@ def padded(values):
 
 
 def imperfect(robot, rng, turned):
-    """Errors of every length; axes turned where every rod can follow."""
-    if robot.spec.passive_axis:  # of centimetres, not of the paper's size
-        robot = robot.sample(int(rng.integers(2**32)))
-    elif all(chain.actuator == "revolute" for chain in robot.spec.chain):
-        robot = with_paper_errors(robot, int(rng.integers(2**32)))
+    """Errors of arms and rods, of every part of a pivot; axes turned where every rod can follow."""
+    sampled = robot.sample(int(rng.integers(2**32)))
+    lengths = {k: p.value for k, p in sampled.parameters.items() if k.endswith((".rod", ".arm"))}
+    robot = sampled if robot.spec.passive_axis else robot.replace(lengths)
     sigma = {".yaw": np.radians(0.1), ".tilt": np.radians(0.1), ".rod_difference": 2e-5}
     turns = {
         name: rng.normal(0, s)
@@ -94,7 +96,7 @@ class Moving:
         """Base frame from MuJoCo's: a free body's turns are counted in its own frame."""
         T = np.eye(len(self.dof))
         if len(self.dof) == 6:
-            T[3:, 3:] = self.body.nacelle()[1]
+            T[3:, 3:] = self.body.frame()[:3, :3]
         return T
 
     def to_mujoco(self, rate):
@@ -386,25 +388,14 @@ def test_the_same_seed_gives_the_same_visit(h4, table2):
     assert np.array_equal(first.frame, second.frame, equal_nan=True)
 
 
-def test_export_needs_no_mujoco(run, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    status, out, _ = run("export", "mjcf", "stewart", "-o", "s.xml")
-    assert (status, out) == (0, "Wrote s.xml\n")
-    assert run("export", "mjcf", "stewart")[1] == to_mjcf(tp.load("stewart"))
-
-
-def test_the_exported_file_is_a_model(run, tmp_path):
-    run("export", "mjcf", "h4", "-o", "h4.xml")
+def test_the_exported_file_is_a_model_and_is_replaced_by_force_only(run, tmp_path):
+    words = ("export", "mjcf", "h4", "-o", "h4.xml")
+    assert run(*words)[:2] == (0, "Wrote h4.xml\n")
+    assert run("export", "mjcf", "h4")[1] == (tmp_path / "h4.xml").read_text(encoding="utf-8")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "h4.xml"))
     assert (model.nu, model.nv) == (4, 28)
-
-
-@pytest.mark.parametrize("words", [["view", "h4"], ["view", "h4", "--png", "h4.png"]])
-def test_without_mujoco_one_line_says_how_to_get_it(run, monkeypatch, words):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
     status, _, err = run(*words)
-    line = 'truepose: error: MuJoCo is not installed: pip install "truepose[mujoco]"\n'
-    assert (status, err) == (2, line)
+    assert status == 2 and "exists; --force" in err and run(*words, "--force")[0] == 0
 
 
 def test_without_a_screen_one_line_says_so(run, monkeypatch):
@@ -428,17 +419,33 @@ def test_a_picture_without_a_screen_or_one_line(run, monkeypatch, tmp_path):
     assert picture.shape[:2] == (1200, 1600) and picture[..., :3].std() > 0.05
 
 
-def test_a_driver_that_is_not_there_is_one_line(run, monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "nonsense")
-    status, _, err = run("view", "delta", "--png", "delta.png")
-    assert (status, err.count("\n")) == (2, 1) and "MUJOCO_GL: nonsense" in err
+def test_a_driver_that_is_not_there_is_one_line(tmp_path):
+    """In a process of its own: MuJoCo refuses the driver when it is imported."""
+    program = "from truepose.commands.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", program, "view", "delta", "--png", "delta.png"],
+        env=os.environ | {"MUJOCO_GL": "nonsense"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    err = done.stderr
+    assert (done.returncode, err.count("\n")) == (2, 1) and "MUJOCO_GL: nonsense" in err
+
+
+def test_a_picture_is_a_file_like_others(h4, tmp_path):
+    (tmp_path / "out.png").write_bytes(b"mine")
+    with pytest.raises(tp.InputError, match="exists; --force"):
+        viewing.picture(h4, tmp_path / "out.png")
 
 
 def test_a_real_robot_on_its_own_calibration_rests_where_the_exact_statics_say(h4, table2):
     """Under the law of the estimate, every rod by itself in robot, calibration and controller."""
     robot, poses = h4.with_sensors("theta", "z_telemeter"), table2[::200]
     true = robot.sample(11).with_level("full")
-    believed = experiment.self_calibrated(robot, true, table2)
+    readings = true.read(tp.steady_state(robot, true, table2, "joint"))
+    believed = tp.calibrate(robot, readings, cause="ignore").robot
     expected = tp.steady_state(believed, true, poses, "estimated")
     controller = tp.Controller(law="estimated", integral=20.0)
     visit = MujocoPlant(true).visit(believed, poses, controller)
@@ -461,16 +468,79 @@ def test_a_shell_in_mujoco_waits_for_its_brakes_and_refuses_what_it_never_starts
 
 @pytest.mark.parametrize("monitored", [False, True])
 def test_a_frozen_bus_in_mujoco_is_stopped_by_the_brakes(h4, monitored):
-    from truepose.faults.fault import Fault
-
     monitor = tp.FaultMonitor() if monitored else None
     shell = {"safety": tp.control.SafetyShell(), "monitor": monitor, "duration": 0.3}
     poses = [[0.03, 0, -0.45, 0.1], h4.home]
     healthy = MujocoPlant(h4, **shell).visit(h4, poses, tp.Controller())
     assert healthy.status.tolist() == ["ok", "ok"]
-    frozen = [Fault("frame", "stuck", at=0.15)]
+    frozen = [tp.faults.Fault("frame", "stuck", at=0.15)]
     stopped = MujocoPlant(h4, faults=frozen, **shell).visit(h4, poses, tp.Controller())
     said = "safety shell: stale frame at 0.152 s, stopped by brake"
     assert stopped.status.tolist() == [said, said]
     with pytest.raises(tp.InputError, match="needs a safety shell"):
         MujocoPlant(h4, monitor=tp.FaultMonitor())
+
+
+MOVE = np.array([[0.05, -0.05, -0.45, 0.1]])
+
+
+@pytest.mark.parametrize(("kind", "size"), [("bias", 0.01), ("gain", 1.05)])
+def test_a_faulty_reading_moves_the_robot_as_in_exact_statics(h4, kind, size):
+    faults, controller = [tp.faults.Fault("q1", kind, 0, size)], tp.Controller(law="joint")
+    found = MujocoPlant(h4, faults=faults).visit(h4, MOVE, controller)
+    statics = ExactPlant(h4, level="ideal", faults=faults).visit(h4, MOVE, controller)
+    assert found.status.tolist() == ["ok"]
+    assert found.x == pytest.approx(statics.x, abs=2e-5)
+    assert found.q_e == pytest.approx(statics.q_e, abs=2e-4)
+
+
+def test_a_motor_whose_encoder_is_stuck_is_driven_to_its_limit(h4):
+    stuck = [tp.faults.Fault("q1", "stuck", 0)]
+    assert MujocoPlant(h4, faults=stuck).visit(h4, MOVE, tp.Controller(law="joint")).status != "ok"
+
+
+def test_a_robot_whose_readings_are_missing_for_two_cycles_arrives(h4):
+    lost = tp.faults.Fault("theta", "dropout", at=0.1, until=0.102)
+    usual, found = (
+        MujocoPlant(h4, faults=faults).visit(h4, np.repeat(MOVE, 2, axis=0), tp.Controller())
+        for faults in ((), [lost])
+    )
+    assert found.status.tolist() == ["no answer in 2 cycles: not finite", "ok"]
+    assert found.x == pytest.approx(usual.x, abs=1e-4)
+
+
+def test_a_stuck_reading_stays_so_from_pose_to_pose(h4, monkeypatch):
+    """Without faults ranges of poses have a robot each, which begins at home: here one a pose."""
+    monkeypatch.setattr(plant, "_RANGE", 1)
+    stuck = tp.faults.Fault("theta", "stuck", at=10.0)  # before the second pose
+    poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [1, 1, 1, -1], [1, 1, 1, 0]]
+    found = MujocoPlant(h4, faults=[stuck]).visit(h4, poses, tp.Controller(law="joint"))
+    assert found.status.tolist() == ["ok"] * 3
+    assert found.x[:, 3] == pytest.approx(poses[:, 3], abs=1e-4)
+    assert found.q_e[:, 4] == pytest.approx(MOVE[0, 3], abs=1e-4)
+    assert found.q_e[1, 4] == found.q_e[2, 4]
+
+
+def test_delays_that_the_model_states_are_compensated(h4):
+    prompt = h4.with_sensors("theta", "z_telemeter").without_quantization()
+    late = {"sample_period": 0.01, "latency": 0.008}
+    sensors = tuple(s.model_copy(update=late) for s in prompt.spec.sensor)
+    values = {name: parameter.value for name, parameter in prompt.parameters.items()}
+    robot = tp.Robot(prompt.spec.model_copy(update={"sensor": sensors}), values)
+    x, controller = [[0.03, 0.02, -0.4, 0.1]], tp.Controller(law="estimated", frequency=60)
+    usual = MujocoPlant(prompt).visit(prompt, x, controller).x
+    stated = MujocoPlant(robot).visit(robot, x, controller)
+    assert stated.status.tolist() == ["ok"] and abs(stated.x - usual).max() < 1e-4
+    omitted = MujocoPlant(robot).visit(prompt, x, controller)
+    assert omitted.status[0] != "ok" or abs(omitted.x - usual).max() > 1e-4
+
+
+@pytest.mark.parametrize("name", ["3rpr", "h4", "neck"])
+def test_the_plant_moves_as_before(kept, name):
+    robot = tp.load(name)
+    truth = robot.sample(1)
+    x = some(robot, 2)
+    held = MujocoPlant(truth).settle_at(truth.ikm(x))
+    brief = MujocoPlant(truth, tp.Effects(), hold=0.05, longest=0.05, duration=0.1, seed=2)
+    found = brief.visit(robot, x[:1], tp.Controller.for_robot(robot, tp.Effects(), law="joint"))
+    kept(answer([held.frame, held.x, found.x, found.q_e]))

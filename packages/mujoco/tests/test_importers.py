@@ -3,12 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
+from test_resource_limits import limited
 
 import truepose as tp
 from truepose import robotfile
 from truepose.commands.robots import remarks
 from truepose.exceptions import InputError
-from truepose.integrations.importers import from_mjcf, from_urdf, pivot_of
+from truepose_mujoco.importers import from_mjcf, from_urdf, pivot_of
 
 # A shank that itself moves, two axes that do not meet, two cranks, two rods: one hangs on its crank
 # by two hinges about one point, the other on the foot. Sites are where the rods end; one loop is
@@ -347,6 +348,7 @@ def _rotation(roll, pitch, yaw):
         ("SPHERICAL", "SCREW", "neck.yaml: unknown joint_type 'SCREW'"),
         ("SPHERICAL", "UJOINT_ZX", "foot and top are both universal joints, which hold the rod's"),
         ("[motor]", "[moter]", "neck.yaml: unknown joint 'moter'; did you mean 'motor'?"),
+        ("[motor]", "[[motor]]", "neck.yaml: unknown joint"),
         ("[motor]", "[nod]", "head: nod is driven: an axis of a rotational platform is passive"),
         ("closed_loop", "\t: [", "neck.yaml: not YAML: "),
         (LOOPS, "7", "neck.yaml: must have the keys closed_loop, type, name_mot"),
@@ -407,3 +409,75 @@ def test_a_leg_of_a_model_reads_its_slide(model, sign):
         assert robot.ikm([tilt])[0] == pytest.approx(sign * (length - 0.3), abs=1e-12)
     ball = 1000 * 4 / 3 * np.pi * 0.01**3  # that slides
     assert robot.spec.chain[0].drive_inertia == pytest.approx(ball)
+
+
+BODY = '<body name="{name}"><joint/><geom size="1"/>{more}</body>'
+MANY = '<replicate count="{count}" offset="0 0 1">{body}</replicate>'
+MODEL = "<mujoco><asset>{assets}</asset><worldbody>{bodies}</worldbody></mujoco>"
+
+
+def models(folder, kind):
+    """Write a small model, model.xml, of very many bodies."""
+    many = MANY.format(count=100_000_000, body=BODY.format(name="a", more=""))
+    assets = ""
+    if kind == "nested":
+        many = MANY.format(count=1000, body=MANY.format(count=1000, body=many))
+    elif kind == "include":
+        (folder / "other.xml").write_text(f"<mujocoinclude>{many}</mujocoinclude>")
+        many = '<include file="other.xml"/>'
+    elif kind == "attach":
+        for k in range(12):  # each file has ten of the one before
+            own = "".join(
+                f'<frame><attach model="m" body="a" prefix="p{i}"/></frame>' for i in range(10)
+            )
+            inner = MODEL.format(
+                assets=f'<model name="m" file="m{k - 1}.xml"/>' * (k > 0),
+                bodies=BODY.format(name="a", more=own * (k > 0)),
+            )
+            (folder / f"m{k}.xml").write_text(inner)
+        assets, many = '<model name="m" file="m11.xml"/>', '<attach model="m" body="a" prefix="q"/>'
+    (folder / "model.xml").write_text(
+        MODEL.format(assets=assets, bodies=BODY.format(name="foot", more="") + many)
+    )
+
+
+@pytest.mark.parametrize("kind", ["replicate", "nested", "include", "attach"])
+def test_a_model_of_very_many_copies_is_refused_in_one_line(tmp_path, kind):
+    models(tmp_path, kind)
+    status, errors = limited("import", "mjcf", "model.xml", "--pivot", "foot", cwd=tmp_path)
+    assert status == 2 and errors.count("\n") == 1, errors
+    assert errors.startswith("truepose: error: model.xml: ") and "more than 10000; lower" in errors
+
+
+@pytest.mark.parametrize(
+    "loops",
+    [
+        "a0: &a0 [x]\n"
+        + "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 12))
+        + "type: [*a11]\nclosed_loop: [[a, b]]\n",
+        "a0: &a0 {x: 1}\n"
+        + "".join(
+            f"a{k}: &a{k} {{<<: [{', '.join([f'*a{k - 1}'] * 10)}]}}\n" for k in range(1, 12)
+        ),
+        "type: [" + "x, " * 200_000 + "]\n",
+    ],
+    ids=["lists", "merged", "long"],
+)
+def test_yaml_that_unfolds_is_refused_in_one_line(tmp_path, loops):
+    (tmp_path / "robot.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    (tmp_path / "loops.yaml").write_text(loops)
+    words = ("import", "urdf", "robot.urdf", "loops.yaml", "--pivot", "a")
+    status, errors = limited(*words, cwd=tmp_path)
+    assert status == 2 and errors.count("\n") == 1, errors
+    assert errors.startswith("truepose: error: loops.yaml: ")
+    assert "not supported; write the value instead" in errors or "more than 262144" in errors
+
+
+def test_comments_and_a_few_copies_are_read(tmp_path):
+    """What MuJoCo takes for a comment, XML does not; copies that are few are copied."""
+    body = MANY.format(count=3, body=BODY.format(name="a", more=""))
+    text = MODEL.format(
+        assets="", bodies=f"<!-- two -- or three: <replicate count='1e9'> -->{body}"
+    )
+    (tmp_path / "model.xml").write_text(text)
+    assert len(from_mjcf(tmp_path / "model.xml").links) == 3

@@ -1,7 +1,0 @@
-"""Integration of MJCF and URDF: import of robot files from their models."""
-
-from truepose.integrations.importers.links import Link, Mechanism
-from truepose.integrations.importers.models import from_mjcf, from_urdf
-from truepose.integrations.importers.rotational import pivot_of
-
-__all__ = ["Link", "Mechanism", "from_mjcf", "from_urdf", "pivot_of"]
