@@ -20,7 +20,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from tqdm import tqdm
+from rich.console import Console
+from rich.progress import track
 
 import truepose as tp
 from truepose.calibration import log_checks
@@ -275,13 +276,14 @@ def main() -> None:
         parse.add_argument(f"--{name}", type=int, default=default)
     parse.add_argument("--verbose", action="store_true")
     asked = parse.parse_args()
+    shown = partial(track, console=Console(stderr=True))
     with ProcessPoolExecutor(asked.jobs) as pool:
         run = pool.map(partial(searched, seed=asked.seed), range(asked.logs))
-        found = list(tqdm(run, total=asked.logs, desc="logs"))
+        found = list(shown(run, "logs", total=asked.logs))
         run = pool.map(partial(searched, seed=asked.seed, two=True), range(asked.two))
-        double = list(tqdm(run, total=asked.two, desc="logs with two mistakes"))
+        double = list(shown(run, "logs with two mistakes", total=asked.two))
         run = pool.map(partial(clean, seed=asked.seed), range(asked.clean))
-        good = list(tqdm(run, total=asked.clean, desc="clean logs"))
+        good = list(shown(run, "clean logs", total=asked.clean))
     if asked.verbose:
         for of in found + double:
             if not of.right and (of.identifiable or of.verdict == "decisive"):

@@ -43,11 +43,12 @@ def works(python: str, wheel: Path) -> bool:
         subprocess.run([*pip, wheel, "pytest"], check=True)
         tests = folder / "tests" / "python"
         tests.mkdir(parents=True)
-        for test in ["conftest.py", *TESTS]:
+        for test in ["conftest.py", "fixtures.py", *TESTS]:
             shutil.copy(SOURCE / "tests" / "python" / test, tests)
+        options = ["-q", "--import-mode=importlib", "-o", f"pythonpath={tests}"]
         commands = [
             [scripts / "truepose", "info", "h4"],
-            [scripts / "python", "-m", "pytest", "-q", "--import-mode=importlib", tests],
+            [scripts / "python", "-m", "pytest", *options, tests],
         ]
         return all(
             subprocess.run(words, cwd=folder, check=False).returncode == 0 for words in commands

@@ -126,7 +126,7 @@ def test_commands_of_a_page_run_in_their_order(page, run, plain_page, tmp_path):
 
 
 def test_every_documented_target_of_make_exists():
-    for page in pages():
+    for page in (page for page in pages() if page.name != "CHANGELOG.md"):  # of today
         text = "\n".join(shell(page) + re.findall(r"`(make [^`]*)`", page.read_text("utf-8")))
         for words in re.findall(r"\bmake((?: [a-z-]+)+)", re.sub(r" #.*", "", text)):
             targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.M)
