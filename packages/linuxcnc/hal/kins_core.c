@@ -6,16 +6,10 @@
 #include <math.h>
 #include <string.h>
 
-static const truepose_real kDegree = 0.017453292519943295;
+static const truepose_real kTurn = 6.283185307179586;
 static const char kLetters[] = "xyzabcuvw";
 
-enum { kX = 0, kZ = 2, kA = 3, kC = 5, kCap = 12, kScrewSteps = 20 };
-
-/** Whether there is z; a turn about it (axis c); all three turns (a, b, c). */
-static int has_z(int32_t mobility) { return mobility >= TRUEPOSE_TRANSLATION; }
-static int turns_about_z(int32_t mobility) {
-  return mobility == TRUEPOSE_PLANAR || mobility == TRUEPOSE_SCHOENFLIES;
-}
+enum { kA = 3, kC = 5, kCap = 12, kScrewSteps = 20 };
 
 truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_description* robot,
                                     truepose_real unit) {
@@ -26,21 +20,27 @@ truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_descript
   if (kins->outcome.status > TRUEPOSE_OK) return kins->outcome;
   kins->robot = *robot;
   kins->motors = truepose_freedoms(&kins->model);
-  kins->unit = unit;
   kins->cap = kCap;
-  for (int i = 0; i < kins->motors; ++i) kins->scale[i] = truepose_reading_scale(robot, i, unit);
+  for (int i = 0; i < kins->motors; ++i) {
+    const int plain = robot->mobility == TRUEPOSE_SPATIAL       ? 6
+                      : robot->mobility >= TRUEPOSE_TRANSLATION ? 3
+                                                                : 2;
+    kins->scale[i] = truepose_reading_scale(robot, i, unit);
+    kins->pose_scale[i] = truepose_freedom_scale(robot, i, unit);
+    kins->axis[i] = i < plain ? i : kC; /* theta */
+  }
   memcpy(kins->guess, robot->home, sizeof kins->guess);
   return kins->outcome;
 }
 
 int truepose_kins_extras(truepose_kins* kins, const char* letters) {
-  const int own = kins->robot.mobility == TRUEPOSE_SPATIAL ? 6 : 3;
   kins->extras = 0;
   for (; *letters != '\0'; ++letters) {
     const char* at = strchr(kLetters, *letters);
     const int axis = at != NULL ? (int)(at - kLetters) : -1;
-    if (axis < own || kins->motors + kins->extras >= TRUEPOSE_KINS_AXES) return 0;
-    if (axis == kC && turns_about_z(kins->robot.mobility)) return 0;
+    if (axis < 3 || kins->motors + kins->extras >= TRUEPOSE_KINS_AXES) return 0;
+    for (int i = 0; i < kins->motors; ++i)
+      if (kins->axis[i] == axis) return 0;
     for (int k = 0; k < kins->extras; ++k)
       if (kins->extra[k] == axis) return 0;
     kins->extra[kins->extras++] = axis;
@@ -51,32 +51,27 @@ int truepose_kins_extras(truepose_kins* kins, const char* letters) {
 /** The platform's pose at axes: a, b, c are roll, pitch, yaw; for other mobilities c is theta. */
 static truepose_outcome pose_at(const truepose_kins* kins, const truepose_real* axes,
                                 truepose_pose* pose) {
-  const int spatial = kins->robot.mobility == TRUEPOSE_SPATIAL;
-  truepose_real x[6] = {0}, angles[3];
-  for (int i = 0; i < (has_z(kins->robot.mobility) ? 3 : 2); ++i) x[i] = axes[kX + i] * kins->unit;
-  if (turns_about_z(kins->robot.mobility)) x[kins->motors - 1] = axes[kC] * kDegree;
-  if (!spatial) return truepose_pose_of(&kins->model, x, pose);
-  for (int i = 0; i < 3; ++i) {
-    angles[i] = axes[kA + i] * kDegree;
-    pose->position[i] = x[i];
-  }
-  return truepose_from_roll_pitch_yaw(angles, pose->rotation);
+  truepose_real x[6] = {0};
+  for (int i = 0; i < kins->motors; ++i) x[i] = axes[kins->axis[i]] * kins->pose_scale[i];
+  if (kins->robot.mobility != TRUEPOSE_SPATIAL) return truepose_pose_of(&kins->model, x, pose);
+  memcpy(pose->position, x, sizeof pose->position);
+  return truepose_from_roll_pitch_yaw(x + kA, pose->rotation);
 }
 
 static truepose_outcome axes_of(const truepose_kins* kins, const truepose_real* x,
                                 truepose_real* axes) {
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
-  truepose_pose pose;
-  truepose_real angles[3];
+  truepose_real shown[6];
+  memcpy(shown, x, sizeof shown);
   if (kins->robot.mobility == TRUEPOSE_SPATIAL) {
-    for (int i = 0; i < 3; ++i) angles[i] = isfinite(axes[kA + i]) ? axes[kA + i] * kDegree : 0;
+    truepose_pose pose;
+    for (int i = kA; i < 6; ++i) shown[i] = isfinite(axes[i]) ? axes[i] * kins->pose_scale[i] : 0;
     outcome = truepose_pose_of(&kins->model, x, &pose);
-    if (outcome.status <= TRUEPOSE_OK) outcome = truepose_to_roll_pitch_yaw(pose.rotation, angles);
+    if (outcome.status <= TRUEPOSE_OK)
+      outcome = truepose_to_roll_pitch_yaw(pose.rotation, shown + kA);
     if (outcome.status > TRUEPOSE_OK) return outcome;
-    for (int i = 0; i < 3; ++i) axes[kA + i] = angles[i] / kDegree;
   }
-  for (int i = 0; i < (has_z(kins->robot.mobility) ? 3 : 2); ++i) axes[kX + i] = x[i] / kins->unit;
-  if (turns_about_z(kins->robot.mobility)) axes[kC] = x[kins->motors - 1] / kDegree;
+  for (int i = 0; i < kins->motors; ++i) axes[kins->axis[i]] = shown[i] / kins->pose_scale[i];
   return outcome;
 }
 
@@ -106,7 +101,7 @@ static truepose_outcome screw_turns(truepose_kins* kins, const truepose_pose* po
     cross(axis, strut, platform);
     const truepose_real size = sqrt(dot(normal, normal) * dot(platform, platform));
     const truepose_real sine = dot(normal, platform) / size;
-    kins->screw.correction[i] = kins->screw.lead * asin(fmax(-1, fmin(1, sine))) / (360 * kDegree);
+    kins->screw.correction[i] = kins->screw.lead * asin(fmax(-1, fmin(1, sine))) / kTurn;
     if (!(size > 0)) outcome.status = TRUEPOSE_SINGULAR, outcome.part = i;
   }
   return outcome;
@@ -146,15 +141,16 @@ static int guessed(const truepose_kins* kins, const truepose_real* axes, truepos
   int any = 0;
   truepose_pose pose;
   for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) any |= axes[k] != 0;
-  memcpy(x, kins->guess, sizeof kins->guess); /* selects the turn */
-  if (turns_about_z(kins->robot.mobility)) x[kins->motors - 1] = axes[kC] * kDegree;
-  if (any && pose_at(kins, axes, &pose).status <= TRUEPOSE_OK &&
-      truepose_coordinates_of(&kins->model, &pose, x).status <= TRUEPOSE_OK) {
-    for (int i = 0; i < kins->motors; ++i) any &= isfinite(x[i]) != 0;
-    if (any) return 1;
+  memcpy(x, kins->guess, sizeof kins->guess); /* coordinates of a turn are next to it */
+  if (kins->robot.mobility == TRUEPOSE_SPATIAL)
+    any = any && pose_at(kins, axes, &pose).status <= TRUEPOSE_OK &&
+          truepose_coordinates_of(&kins->model, &pose, x).status <= TRUEPOSE_OK;
+  for (int i = 0; i < kins->motors; ++i) {
+    if (kins->robot.mobility != TRUEPOSE_SPATIAL) x[i] = axes[kins->axis[i]] * kins->pose_scale[i];
+    any &= isfinite(x[i]) != 0;
   }
-  memcpy(x, kins->guess, sizeof kins->guess);
-  return 0;
+  if (!any) memcpy(x, kins->guess, sizeof kins->guess);
+  return any;
 }
 
 /** x of joints, from the guess, minus the known corrections. */

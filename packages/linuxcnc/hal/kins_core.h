@@ -23,7 +23,8 @@ typedef struct truepose_kins {
   truepose_model model; /**< of this robot */
   int32_t motors;
   truepose_real scale[6];            /**< rad or m per joint unit */
-  truepose_real unit;                /**< m per machine unit of length */
+  truepose_real pose_scale[6];       /**< rad or m per axis unit, of the pose's freedoms */
+  int32_t axis[6];                   /**< their axes */
   truepose_real least_conditioning;  /**< below it a pose is refused; 0: never */
   int32_t cap;                       /**< steps of the forward model, each of its two searches */
   int32_t extra[TRUEPOSE_KINS_AXES]; /**< axes of joints beyond the motors, in their order */

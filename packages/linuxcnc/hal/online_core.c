@@ -21,9 +21,8 @@ static int believe(truepose_pupil* pupil) {
 }
 
 truepose_outcome truepose_pupil_begin(truepose_pupil* pupil, const truepose_table* table) {
-  truepose_outcome outcome = {TRUEPOSE_TOO_SMALL, -1};
   memset(pupil, 0, sizeof *pupil);
-  outcome = truepose_load(&pupil->robot, sizeof pupil->robot, &table->robot);
+  truepose_outcome outcome = truepose_load(&pupil->robot, sizeof pupil->robot, &table->robot);
   if (outcome.status <= TRUEPOSE_OK)
     outcome = truepose_load(&pupil->drawn, sizeof pupil->drawn, &table->finest);
   if (outcome.status > TRUEPOSE_OK) return outcome;
@@ -85,10 +84,14 @@ int truepose_pupil_forget(truepose_pupil* pupil) {
          believe(pupil);
 }
 
-const char* truepose_pupil_keep(const truepose_pupil* pupil, const truepose_table* table,
+const char* truepose_pupil_keep(const truepose_pupil* pupil, truepose_table* table,
                                 const char* path) {
-  truepose_description robot, finest;
-  truepose_description_of(&pupil->robot, &robot);
-  truepose_description_of(&pupil->finest, &finest);
-  return truepose_write_table(path, &robot, &finest, &pupil->known, table);
+  const size_t p = (size_t)pupil->known.count;
+  truepose_description_of(&pupil->robot, &table->robot);
+  truepose_description_of(&pupil->finest, &table->finest);
+  memcpy(table->known.sigma, pupil->known.sigma, sizeof table->known.sigma);
+  memmove(table->column, pupil->known.column, p * sizeof *table->column);
+  memmove(table->root, pupil->known.root, p * p * sizeof *table->root);
+  table->known.count = pupil->known.count;
+  return truepose_write_table(path, table);
 }

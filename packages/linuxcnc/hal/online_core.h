@@ -48,8 +48,8 @@ int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_r
 /** Rolls back the last rows after a fault of a reading. @return as above */
 int truepose_pupil_forget(truepose_pupil* pupil);
 
-/** Writes the current robot as a table of its own: as truepose_write_table(). */
-const char* truepose_pupil_keep(const truepose_pupil* pupil, const truepose_table* table,
+/** Makes the current robot the table's, and writes that: as truepose_write_table(). */
+const char* truepose_pupil_keep(const truepose_pupil* pupil, truepose_table* table,
                                 const char* path);
 
 #endif

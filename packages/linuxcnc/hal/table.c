@@ -9,27 +9,26 @@ typedef struct block {
   uint32_t length;
 } block;
 
-/** Destination of a block's bytes. @return null: no such block */
-static void* place(const char* name, truepose_table* table, size_t* most) {
-  const struct {
-    const char* name;
-    void* to;
-    size_t size;
-  } places[] = {
+enum { COLUMN = 4, ROOT, FROM, PARTS }; /* of the blocks below */
+
+typedef struct part {
+  char name[4];
+  void* bytes;
+  size_t size;
+} part;
+
+/** Blocks of a table with so many uncertain parameters, in their order. */
+static void parts_of(truepose_table* table, size_t parameters, part parts[PARTS]) {
+  const part all[PARTS] = {
       {"robt", &table->robot, sizeof table->robot},
       {"fine", &table->finest, sizeof table->finest},
       {"wtch", &table->monitor, sizeof table->monitor},
       {"sigm", table->known.sigma, sizeof table->known.sigma},
-      {"colm", table->column, sizeof table->column},
-      {"root", table->root, sizeof table->root},
+      {"colm", table->column, parameters * sizeof *table->column},
+      {"root", table->root, parameters * parameters * sizeof *table->root},
       {"from", &table->from, sizeof table->from},
   };
-  for (size_t i = 0; i < sizeof places / sizeof *places; ++i)
-    if (memcmp(name, places[i].name, 4) == 0) {
-      *most = places[i].size;
-      return places[i].to;
-    }
-  return NULL;
+  memcpy(parts, all, sizeof all);
 }
 
 /** FNV-1a of all bytes so far and these. */
@@ -39,26 +38,27 @@ static uint64_t marked(uint64_t mark, const void* bytes, size_t count) {
   return mark;
 }
 
-static int named(const block* head, const char* name) { return memcmp(head->name, name, 4) == 0; }
-
 static const char* read_blocks(FILE* file, truepose_table* table) {
   char start[8];
   block head;
+  part parts[PARTS];
   uint32_t columns = 0, root = 0, fixed = 0;
   uint64_t mark = 14695981039346656037u;
+  parts_of(table, TRUEPOSE_TABLE_PARAMETERS, parts);
   if (fread(start, sizeof start, 1, file) != 1 || memcmp(start, "truepose", 8) != 0)
     return "is no table of truepose export linuxcnc";
   while (fread(&head, sizeof head, 1, file) == 1) {
-    size_t most = 0;
-    void* to = place(head.name, table, &most);
-    const int varies = named(&head, "colm") || named(&head, "root");
-    if (to == NULL || head.length > most || (!varies && head.length != most))
+    int k = 0;
+    while (k < PARTS && memcmp(head.name, parts[k].name, 4) != 0) ++k;
+    const int varies = k == COLUMN || k == ROOT;
+    if (k == PARTS || head.length > parts[k].size || (!varies && head.length != parts[k].size))
       return "was written for another version or another machine";
-    if (head.length != 0 && fread(to, head.length, 1, file) != 1) return "ends too early";
-    if (named(&head, "colm")) columns = head.length / sizeof(int32_t);
-    if (named(&head, "root")) root = head.length / sizeof(truepose_real);
-    fixed += !varies && !named(&head, "from");
-    mark = marked(mark, to, head.length);
+    if (head.length != 0 && fread(parts[k].bytes, head.length, 1, file) != 1)
+      return "ends too early";
+    if (k == COLUMN) columns = head.length / sizeof(int32_t);
+    if (k == ROOT) root = head.length / sizeof(truepose_real);
+    fixed += k < COLUMN;
+    mark = marked(mark, parts[k].bytes, head.length);
   }
   if (table->from == 0) table->from = mark;
   if ((fixed != 1 && fixed != 4) || root != columns * columns) return "ends too early";
@@ -80,32 +80,18 @@ const char* truepose_read_table(const char* path, truepose_table* table) {
   return wrong;
 }
 
-const char* truepose_write_table(const char* path, const truepose_description* robot,
-                                 const truepose_description* finest,
-                                 const truepose_knowledge* known, const truepose_table* began) {
-  const size_t p = (size_t)known->count;
-  const struct {
-    const char* name;
-    const void* bytes;
-    size_t size;
-  } blocks[] = {
-      {"robt", robot, sizeof *robot},
-      {"fine", finest, sizeof *finest},
-      {"wtch", &began->monitor, sizeof began->monitor},
-      {"sigm", known->sigma, sizeof known->sigma},
-      {"colm", known->column, p * sizeof *known->column},
-      {"root", known->root, p * p * sizeof *known->root},
-      {"from", &began->from, sizeof began->from},
-  };
+const char* truepose_write_table(const char* path, truepose_table* table) {
+  part parts[PARTS];
   char begun[4096]; /* so that the table is either complete or absent */
   const int length = snprintf(begun, sizeof begun, "%s.new", path);
   FILE* file = length > 0 && (size_t)length < sizeof begun ? fopen(begun, "wb") : NULL;
   int good = file != NULL && fwrite("truepose", 8, 1, file) == 1;
-  for (size_t i = 0; good && i < sizeof blocks / sizeof *blocks; ++i) {
-    block head = {{0}, (uint32_t)blocks[i].size};
-    memcpy(head.name, blocks[i].name, 4);
+  parts_of(table, (size_t)table->known.count, parts);
+  for (int k = 0; good && k < PARTS; ++k) {
+    block head = {{0}, (uint32_t)parts[k].size};
+    memcpy(head.name, parts[k].name, 4);
     good = fwrite(&head, sizeof head, 1, file) == 1 &&
-           fwrite(blocks[i].bytes, 1, blocks[i].size, file) == blocks[i].size;
+           fwrite(parts[k].bytes, 1, parts[k].size, file) == parts[k].size;
   }
   if (file != NULL) good = fclose(file) == 0 && good;
   return good && rename(begun, path) == 0 ? NULL : "cannot be written";

@@ -25,11 +25,8 @@ typedef struct truepose_table {
  * @return null, or a short description of the error in the file */
 const char* truepose_read_table(const char* path, truepose_table* table);
 
-/** Writes an identified robot as a table, which replaces the robot, its highest level and the
- * knowledge of `began`. May wait and allocate. @return null, or a short reason of the failure */
-const char* truepose_write_table(const char* path, const truepose_description* robot,
-                                 const truepose_description* finest,
-                                 const truepose_knowledge* known, const truepose_table* began);
+/** Writes a table. May wait and allocate. @return null, or a short reason of the failure */
+const char* truepose_write_table(const char* path, truepose_table* table);
 
 /** rad or m per machine unit of a reading, numbered as in q_e: angles are in degrees.
  * @param unit  m per machine unit of length */

@@ -38,11 +38,7 @@ static uint32_t not_finite(const truepose_real* values, int count) {
   for (int i = 0; i < count; ++i) which |= (uint32_t)!isfinite(values[i]) << i;
   return which;
 }
-static int first(uint32_t bits) {
-  int i = 0;
-  while (bits != 0 && !(bits >> i & 1U)) ++i;
-  return bits != 0 ? i : -1;
-}
+static int first(uint32_t bits) { return bits != 0 ? __builtin_ctz(bits) : -1; }
 
 static void fails(truepose_corrector* tej, truepose_corrector_fault fault, int32_t status,
                   int32_t part) {
@@ -57,10 +53,6 @@ static void goes_by(truepose_corrector* tej, int learnt, int anew) {
   if (learnt == tej->learnt && !(learnt && anew)) return;
   tej->learnt = learnt;
   tej->changed = 1;
-}
-
-static int weighs(int32_t law) {
-  return law == TRUEPOSE_LAW_WEIGHTED || law == TRUEPOSE_LAW_ESTIMATED;
 }
 
 /** Observes external forces from the drives' torques; off where the robot has no torque limits. */
@@ -136,7 +128,7 @@ static const truepose_knowledge* known(truepose_corrector* tej) {
 /** Error of a law; a new law or band restarts the controller's state. */
 static truepose_outcome error_of(truepose_corrector* tej, const truepose_corrector_input* input,
                                  const truepose_real* q_e, truepose_real* e) {
-  const int heavy = weighs(input->law);
+  const int heavy = input->law == TRUEPOSE_LAW_WEIGHTED || input->law == TRUEPOSE_LAW_ESTIMATED;
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
   if (tej->begun != input->law + 1 || tej->band != input->band) {
     truepose_control_settings settings;
