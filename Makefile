@@ -14,16 +14,16 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/reference benchmarks deploy examples \
+CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks deploy examples packages \
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
 .PHONY: help paper reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers page \
-        random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
+        random-mutants coverage coverage-python coverage-cpp pictures docs twin dev clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench random-mutants coverage pictures docs page twin linuxcnc clean"
+	@echo "Also: report reference pkm-calibration lint format fuzz realtime wheel instructions bench random-mutants coverage pictures docs page twin clean"
 
 paper:
 	@$(MAKE) --no-print-directory -C packages/paper CORE=installed installed
@@ -138,18 +138,6 @@ coverage-cpp: $(VENV)/developing
 	    -instr-profile all.profdata --show-branch-summary $(CURDIR)/include/truepose; \
 	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
 
-# The paper inside LinuxCNC, headless, and LinuxCNC's own hexapod on our kinematics. LinuxCNC loads
-# modules from its own folder alone: to put them there, the first time, needs root.
-linuxcnc: $(VENV)/developing
-	@if command -v linuxcnc >/dev/null && command -v halcompile >/dev/null; then \
-	  cmake -S . -B build/library -DTRUEPOSE_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release \
-	    -DCMAKE_PREFIX_PATH="$$(cmeel cmake)" && \
-	  cmake --build build/library --parallel && \
-	  $(MAKE) --no-print-directory -C deploy/linuxcnc there && \
-	  python -m pytest -q tests/python/integrations/linuxcnc/test_linuxcnc_kinematics.py tests/python/integrations/linuxcnc/test_linuxcnc_tej.py && \
-	  python tools/linuxcnc_trial.py && python tools/linuxcnc_learning.py; \
-	else echo "linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)"; fi
-
 bench: build/dev/build.ninja
 	cmake --build --preset dev --target benchmark_core
 	build/dev/benchmarks/benchmark_core
@@ -158,9 +146,9 @@ bench: build/dev/build.ninja
 bench-peers: bench $(VENV)/installed
 	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
-	@if [ -e deploy/linuxcnc/truepose_kins.so ]; then cc -O2 -rdynamic benchmarks/linuxcnc_forward.c \
-	  tests/linuxcnc/stub_hal.c -ldl -lm -o build/dev/forward && build/dev/forward 15; \
-	else echo "bench-peers: without genhexkins; first make linuxcnc"; fi
+	@if [ -e packages/linuxcnc/hal/truepose_kins.so ]; then cc -O2 -rdynamic benchmarks/linuxcnc_forward.c \
+	  packages/linuxcnc/tests/stub_hal.c -ldl -lm -o build/dev/forward && build/dev/forward 15; \
+	else echo "bench-peers: without genhexkins; first make -C packages/linuxcnc test"; fi
 
 # One question while one works: its C++ test, header-only at -O1, or the module so and one file of pytest.
 dev: build/quick/build.ninja

@@ -2,9 +2,9 @@
  * of a moving machine, each asked from the one before; poses that jump, each asked from a guess
  * next to it; and the inverse. The fastest of some repeats.
  *
- *   cc -O2 -rdynamic benchmarks/linuxcnc_forward.c tests/linuxcnc/stub_hal.c -ldl -lm -o forward
- *   ./forward 40 deploy/linuxcnc/truepose_kins.so      # tilts up to 40 degrees; make -C
- * deploy/linuxcnc */
+ *   cc -O2 -rdynamic benchmarks/linuxcnc_forward.c packages/linuxcnc/tests/stub_hal.c -ldl -lm \
+ *     -o forward
+ *   ./forward 40 packages/linuxcnc/hal/truepose_kins.so      # tilts up to 40 degrees */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
 #include <math.h>
@@ -79,7 +79,7 @@ static void judge_inverse(const char* name, inverse f) {
 
 int main(int count, char** words) {
   const double most = count > 1 ? atof(words[1]) : 40;
-  const char* path = count > 2 ? words[2] : "deploy/linuxcnc/truepose_kins.so";
+  const char* path = count > 2 ? words[2] : "packages/linuxcnc/hal/truepose_kins.so";
   void* stock = dlopen("/usr/lib/linuxcnc/modules/genhexkins.so", RTLD_NOW);
   void* own = dlopen(path, RTLD_NOW);
   if (stock == NULL || own == NULL) return printf("%s\n", dlerror()), 1;

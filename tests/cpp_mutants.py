@@ -43,7 +43,7 @@ ENDS = {"(", "[", "{", ")", "]", "}", ",", ";", "?", ":", "=", "return"}
 WORD = re.compile(r"::|[=!<>]=|&&|\|\||return\b|\w+|[^\w\s]")
 MESSAGE = re.compile(r"(?m)^(\S+?):(\d+):\d+: (fatal error|error|warning|note):")
 HERE = "alternatives.hpp"
-FOLDERS = ("cmake", "deploy/linuxcnc", "include", "src", "tests/cpp", "tests/fuzz")
+FOLDERS = ("cmake", "include", "src", "tests/cpp", "tests/fuzz")
 ROUNDS = 25
 
 Place = tuple[int, int, int, str]  #: line, first and last column, what stands there

@@ -12,6 +12,7 @@ from truepose.exceptions import InputError
 
 #: Package of each command that is in one; a point separates groups.
 COMMANDS = {
+    "export.linuxcnc": "linuxcnc",
     "export.mjcf": "mujoco",
     "import": "mujoco",
     "life": "life",
@@ -25,6 +26,7 @@ STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
     "truepose.integrations.importers": "truepose_mujoco.importers",
+    "truepose.integrations.linuxcnc": "truepose_linuxcnc",
     "truepose.integrations.mujoco": "truepose_mujoco",
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",

@@ -1,0 +1,41 @@
+/* Robot file of the LinuxCNC components, written by `truepose export linuxcnc`.
+ *
+ * After eight letters it is a sequence of blocks: four letters, length and bytes, in the order and
+ * sizes of the writing machine; truepose_load() refuses those of another. */
+#ifndef TRUEPOSE_LINUXCNC_TABLE_H
+#define TRUEPOSE_LINUXCNC_TABLE_H
+
+#include "truepose/truepose.h"
+
+enum { TRUEPOSE_TABLE_PARAMETERS = 256 }; /**< maximum number of uncertain parameters */
+
+/** The controller's model of a robot, and the settings of its fault monitor. */
+typedef struct truepose_table {
+  truepose_description robot;
+  truepose_description finest; /**< for weighted laws and the fault monitor */
+  truepose_fault_monitor_settings monitor;
+  truepose_knowledge known; /**< count 0: no sensors, or nothing uncertain */
+  int32_t column[TRUEPOSE_TABLE_PARAMETERS];
+  truepose_real root[TRUEPOSE_TABLE_PARAMETERS * TRUEPOSE_TABLE_PARAMETERS];
+  int32_t monitored; /**< 1: `monitor` and `known` are present */
+  uint64_t from;     /**< marks the exported table that this is, or was identified from */
+} truepose_table;
+
+/** Reads a table. May wait and allocate: call it only while a component is loaded.
+ * @return null, or a short description of the error in the file */
+const char* truepose_read_table(const char* path, truepose_table* table);
+
+/** Writes a table. May wait and allocate. @return null, or a short reason of the failure */
+const char* truepose_write_table(const char* path, truepose_table* table);
+
+/** rad or m per machine unit of a reading, numbered as in q_e: angles are in degrees.
+ * @param unit  m per machine unit of length */
+truepose_real truepose_reading_scale(const truepose_description* robot, int reading,
+                                     truepose_real unit);
+/** rad or m per machine unit of a freedom of the pose. */
+truepose_real truepose_freedom_scale(const truepose_description* robot, int freedom,
+                                     truepose_real unit);
+/** m per unit of a name: mm, inch or m; 0: another name. */
+truepose_real truepose_unit(const char* name);
+
+#endif

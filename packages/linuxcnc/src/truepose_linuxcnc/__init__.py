@@ -1,0 +1,1 @@
+"""LinuxCNC: robot tables and configurations for the HAL components in packages/linuxcnc/hal."""

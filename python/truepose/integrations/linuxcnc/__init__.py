@@ -1,1 +1,0 @@
-"""Integration of LinuxCNC: robot tables and configurations for the components in deploy/."""
