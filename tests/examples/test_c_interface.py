@@ -17,7 +17,7 @@ from compiling import told, wheels_eigen
 import truepose as tp
 from truepose.deploy.c_tables import identifier, to_c
 
-SOURCE = Path(__file__).parents[3]
+SOURCE = Path(__file__).parents[2]
 HEADER = SOURCE / "include" / "truepose" / "truepose.h"
 EXAMPLES, REFERENCE = SOURCE / "examples" / "c", SOURCE / "tests" / "reference"
 CC = os.environ.get("CC", "cc")

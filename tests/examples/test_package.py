@@ -1,6 +1,6 @@
 """C++ projects that use truepose: installed or as a subproject, by CMake and pkg-config.
 
-The compiler is $CXX, or CMake's own choice (`make deployments` asks clang++-22 too).
+The compiler is $CXX, or CMake's own choice (`make examples` asks clang++-22 too).
 """
 
 import os
@@ -18,7 +18,7 @@ from compiling import told, wheels_eigen
 import truepose as tp
 from truepose import _core, headers
 
-SOURCE = Path(__file__).parents[3]
+SOURCE = Path(__file__).parents[2]
 EXAMPLES = SOURCE / "examples" / "cpp"
 SHOWN = {
     "kinematics": r"2 m below: unreachable, chain 1",

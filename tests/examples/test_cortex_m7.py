@@ -1,4 +1,4 @@
-"""Cost and answers of an H4 on a Cortex-M7. deploy/cortex-m7.
+"""Cost and answers of an H4 on a Cortex-M7. examples/cortex-m7.
 
 Skipped where the cross compiler or qemu are not installed.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from compiling import told, wheels_eigen
 
-SOURCE = Path(__file__).parents[3]
+SOURCE = Path(__file__).parents[2]
 
 pytestmark = [
     pytest.mark.skipif(
@@ -22,10 +22,10 @@ pytestmark = [
 
 
 def board(folder: Path, *options: str) -> str:
-    """Return what `make -C deploy/cortex-m7` says; it fails where the self-test does."""
+    """Return what `make -C examples/cortex-m7` says; it fails where the self-test does."""
     eigen = wheels_eigen() / "include" / "eigen3"
     folders = (f"BUILD={folder}", f"EIGEN={eigen}")
-    return told("make", "-C", SOURCE / "deploy" / "cortex-m7", *folders, *options)
+    return told("make", "-C", SOURCE / "examples" / "cortex-m7", *folders, *options)
 
 
 @pytest.fixture(scope="module")

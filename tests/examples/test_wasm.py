@@ -1,4 +1,4 @@
-"""The C interface in WebAssembly. deploy/wasm, by wasmtime and by node.
+"""The C interface in WebAssembly. examples/wasm, by wasmtime and by node.
 
 Skipped where clang-22 or its wasm libraries are not installed.
 """
@@ -14,7 +14,7 @@ import pytest
 import wasmtime
 from compiling import for_wasm, told, wheels_eigen
 
-SOURCE = Path(__file__).parents[3]
+SOURCE = Path(__file__).parents[2]
 HEADER = SOURCE / "include" / "truepose" / "truepose.h"
 #: Of the seven questions of tests/reference/agree.h the last is the estimate, a search.
 ALLOWED = (1e-13,) * 6 + (1e-10,)
@@ -24,10 +24,10 @@ pytestmark = for_wasm
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory) -> Path:
-    """Return where the modules lie, as deploy/wasm builds them: small."""
+    """Return where the modules lie, as examples/wasm builds them: small."""
     folder = tmp_path_factory.mktemp("wasm")
     eigen = wheels_eigen() / "include" / "eigen3"
-    told("make", "-C", SOURCE / "deploy" / "wasm", f"BUILD={folder}", f"EIGEN={eigen}")
+    told("make", "-C", SOURCE / "examples" / "wasm", f"BUILD={folder}", f"EIGEN={eigen}")
     return folder
 
 
