@@ -56,8 +56,7 @@ def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
     for name, own in signature.parameters.items():
         if dataclasses.is_dataclass(own.annotation):
             groups[name] = own.annotation
-            of = inspect.signature(own.annotation, eval_str=True).parameters
-            parameters += of.values()
+            parameters += inspect.signature(groups[name], eval_str=True).parameters.values()
         else:
             parameters.append(own.replace(kind=inspect.Parameter.KEYWORD_ONLY))
     if limited := "how" in signature.parameters:

@@ -85,8 +85,10 @@ class UseOptions(Where):
         visited: Array | None = None
         if self.calibrated is not None:
             given = options.count_or_file(self.calibrated, "--calibrated", MOST)
-            of_file = isinstance(given, Path)
-            visited = read_poses(robot, given, reached=True) if of_file else practice(robot, given)
+            if isinstance(given, int):
+                visited = practice(robot, given)
+            else:
+                visited = read_poses(robot, given, reached=True)
         return Use(
             poses=self.over(robot),
             calibrated_on=visited,

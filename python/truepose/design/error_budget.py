@@ -137,9 +137,11 @@ def error_budget(robot: Robot, use: Use = AS_BUILT, criterion: Criterion = USUAL
     return ErrorBudget(robot, use.state, by, error, whole**0.5, found, over)
 
 
-def errors_at(robot: Robot, use: Use, confidence: float | None = 0.95) -> Array:
-    """Return the position error at each pose of a use, (T,), m; NaN where the robot cannot be."""
-    model = _Linear(robot, np.atleast_2d(use.poses), use.known(robot), "nan")
+def errors_at(
+    robot: Robot, poses: Array, use: Use = AS_BUILT, confidence: float | None = 0.95
+) -> Array:
+    """Return the position error at each pose, (T,), m; NaN where the robot cannot be."""
+    model = _Linear(robot, poses, use.known(robot), "nan")
     L, N, U, _ = model.moments(np.ones(len(model.sources)))
     V = L @ L.swapaxes(1, 2) + N
     good, error = np.isfinite(V).all(axis=(1, 2)), np.full(len(V), np.nan)

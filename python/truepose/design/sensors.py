@@ -154,7 +154,7 @@ class _Asked:
         needed = tuple(names.index(name) for name in self.must)
         cost = functools.partial(worth.squared, by=self.by)
         search = Search(cost, [*self.prices.values()], needed, self.survives)
-        done = list(itertools.compress(STEPS, map(len, known)))
+        done = list(itertools.compress(STEPS, (len(known.visited), len(known.touched))))
         missing = not self.once.keys() >= set(done)
         once = None if missing else float(sum(self.once[name] for name in done))
         return _State(self, worth, search, once)

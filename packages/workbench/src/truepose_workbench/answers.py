@@ -202,7 +202,7 @@ def contributions(robot: Robot, terms: Terms) -> ErrorBudget:
 
 def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
     """Return the position error that the share of robots keeps at each pose, (N,); NaN: none."""
-    return errors_at(robot, terms.use(robot, x), terms.confidence)
+    return errors_at(robot, x, terms.use(robot), terms.confidence)
 
 
 def plan(robot: Robot, terms: Terms) -> PosePlan:
