@@ -17,8 +17,8 @@ import numpy as np
 
 import truepose as tp
 from truepose.design.candidates import drawn
-from truepose.design.sensors import searched
-from truepose.design.where import asked_poses
+from truepose.design.search import Search
+from truepose.design.where import Use
 from truepose.design.worth import Worth
 
 
@@ -62,22 +62,13 @@ def main() -> None:
         budget = asked.of * float(np.median(list(prices.values())))
         for what in ("as built", "referenced", "self-calibrated"):
             x = drawn(robot, 10, 0)
-            known = {
-                "referenced": {"reference_pose": robot.home},
-                "self-calibrated": {"calibrated_on": x},
-            }.get(what, {})
+            use = {
+                "referenced": Use(reference_pose=robot.home, reference_sigma=1e-9),
+                "self-calibrated": Use(calibrated_on=x),
+            }.get(what, Use())
             start = time.process_time()
-            over = asked_poses(robot, None)
-            nowhere = np.zeros((0, robot.n))
-            worth = Worth(
-                robot,
-                list(prices),
-                over,
-                known.get("calibrated_on", nowhere),
-                robot.home[None] if "reference_pose" in known else nowhere,
-                [1e-9] * robot.n,
-            )
-            search = searched(worth, list(prices.values()))
+            worth = Worth(robot, list(prices), use.over(robot), use.known(robot))
+            search = Search(worth.variance, list(prices.values()), (), False)
             best, bound = search.most_accurate(budget)
             took = time.process_time() - start
             greedy = search.cost(search.greedy(budget))

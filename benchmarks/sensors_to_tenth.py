@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 import truepose as tp
+from truepose.design.criterion import SIGMA
+from truepose.design.where import Use
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace_grid
 from truepose.robotfile.schema import RobotFile
@@ -115,10 +117,8 @@ def choose() -> None:
                         h4(finer),
                         prices,
                         target=TARGET,
-                        confidence=None,
-                        calibrated_on=poses,
-                        poses=poses[::4],
-                        **known,
+                        use=Use(calibrated_on=poses, poses=poses[::4], **known),
+                        criterion=SIGMA,
                     )
                 except tp.InputError as error:
                     print(begin + str(error), flush=True)
@@ -138,7 +138,8 @@ def nominal(setup: Setup) -> Robot:
     if setup.placed:
         poses = workspace_grid(robot)[::25]
         known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if setup.dowel else {}
-        robot = tp.design.place_sensors(robot, setup.placed, calibrated_on=poses, **known).robot
+        use = Use(calibrated_on=poses, **known)
+        robot = tp.design.place_sensors(robot, setup.placed, use=use).robot
     return robot
 
 

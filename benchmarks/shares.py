@@ -20,7 +20,7 @@ import numpy as np
 
 import truepose as tp
 from truepose.design.verification import verify
-from truepose.design.where import practice
+from truepose.design.where import Use, practice
 
 STATES = ("as built", "referenced", "self-calibrated", "both")
 COLUMNS = ("list", "robot", "state", "sensors", "price", "predicted", "simulated", "within", "of")
@@ -66,8 +66,8 @@ def compared(number: int, name: str, robots: int) -> dict[str, object]:
         known["reference_pose"] = robot.home
     cheapest = sorted(prices.values())
     budget = rng.uniform(cheapest[0], sum(cheapest[:4]))
-    found = tp.select_sensors(robot, prices, budget=budget, **known)
-    by = verify(found, **known, robots=robots, seed=number)
+    found = tp.select_sensors(robot, prices, budget=budget, use=Use(**known))
+    by = verify(found, robots=robots, seed=number)
     values = (
         number, name, state, " ".join(found.best.sensors), f"{found.best.price:.0f}",
         f"{found.best.error:.6g}", f"{by.error:.6g}", round(by.share * robots), robots,

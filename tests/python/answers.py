@@ -23,7 +23,7 @@ SIMPLE = str | bool | int | float | None
 #: What is kept of a line of words, such as a list of choices.
 LONGEST = 240
 #: Members that repeat what was asked.
-ASKED = {"robot", "prior", "truth", "x_d", "over"}
+ASKED = {"robot", "prior", "truth", "x_d", "over", "use"}
 #: Arrays with more numbers than this are told by figures of each column.
 MOST = 24
 

@@ -1,14 +1,14 @@
 """Uncertain conditions at work: payload, heat, compliance and backlash in every prediction."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import truepose as tp
 from truepose.commands.conditions import under as of_option
-from truepose.design.verification import machined
+from truepose.design.criterion import SIGMA, Criterion
+from truepose.design.where import Use
 from truepose.exceptions import InputError
 from truepose.robot.conditions import columns, known, sampled, under
 from truepose.robot.units import summed
@@ -127,7 +127,7 @@ def test_the_budget_has_a_row_for_each_condition_and_adds_up(name, known_by, any
     x = anywhere(robot, 14, rng)
     at = {"calibrated_on": x[6:], "reference_pose": robot.home}
     at = {key: at[key] for key in known_by}
-    found = tp.design.error_budget(robot, poses=x[:6], confidence=None, **at)
+    found = tp.design.error_budget(robot, Use(poses=x[:6], **at), SIGMA)
     rows = {one.source: one for one in found.contributions}
     expected = {"payload", "payload_centre", "temperature", "gradient", "backlash"}
     assert expected | {"compliance.all_chains"} <= rows.keys()
@@ -146,18 +146,15 @@ def test_the_budget_has_a_row_for_each_condition_and_adds_up(name, known_by, any
 
 @STATES
 @pytest.mark.parametrize("measure", ["rms", "worst", "AP", "RP"])
-def test_a_share_of_robots_with_finer_tolerances_keeps_the_errors_of_their_budgets(
-    known_by, measure, anywhere, rng
-):
+def test_a_share_of_robots_keeps_the_errors_of_their_budgets(known_by, measure, anywhere, rng):
     robot = noisy(at_work("h4", backlash=1e-4))
     x = anywhere(robot, 16, rng)
     at = {"calibrated_on": x[6:], "reference_pose": robot.home}
-    asked = {"poses": x[:6], "measure": measure} | {key: at[key] for key in known_by}
-    finer = {"chain*.rod": {1e-3: 10.0, 1e-4: 20.0}, "chain*.encoder_offset": {2e-4: 5.0}}
-    found = tp.select_sensors(robot, {"theta": 7.0, "wire1": 9.0}, price_steps=finer, **asked)
-    for choice in found.front:
-        one = machined(replace(found, best=choice)).with_sensors(*choice.sensors)
-        assert choice.error == pytest.approx(tp.design.error_budget(one, **asked).error, rel=1e-8)
+    use, by = Use(poses=x[:6], **{key: at[key] for key in known_by}), Criterion(measure)
+    prices = {"theta": 7.0, "wire1": 9.0}
+    for choice in tp.select_sensors(robot, prices, use=use, criterion=by).front:
+        one = robot.with_sensors(*choice.sensors)
+        assert choice.error == pytest.approx(tp.design.error_budget(one, use, by).error, rel=1e-8)
 
 
 @STATES
@@ -167,7 +164,7 @@ def test_selection_and_plans_predict_what_the_bound_does(known_by, anywhere, rng
     at = {"calibrated_on": x[6:], "reference_pose": robot.home}
     at = {key: at[key] for key in known_by}
     prices = dict.fromkeys(SENSORS["h4"], 1.0)
-    found = tp.select_sensors(robot, prices, poses=x[:6], confidence=None, **at)
+    found = tp.select_sensors(robot, prices, use=Use(poses=x[:6], **at), criterion=SIGMA)
     for choice in found.front:
         one = robot.with_sensors(*choice.sensors)
         assert choice.error == pytest.approx(position(one, x[:6], **at), rel=1e-4)
@@ -183,7 +180,7 @@ def test_a_reference_pose_shows_the_days_temperature_but_neither_gradients_nor_p
     home = [robot.home]
     rows = []
     for at in ({}, {"reference_pose": robot.home}, {"calibrated_on": home}):
-        found = tp.design.error_budget(robot, poses=home, confidence=None, **at)
+        found = tp.design.error_budget(robot, Use(poses=home, **at), SIGMA)
         rows.append({one.source: one.error for one in found.contributions})
     built, referenced, calibrated = rows
     assert referenced["temperature"] < 0.1 * built["temperature"]
@@ -206,8 +203,9 @@ def test_faults_hide_behind_a_range_of_temperatures(anywhere, rng):
 def test_the_verification_simulates_the_conditions(referenced):
     robot = exact(at_work("h4", backlash=1e-4))
     at = {"reference_pose": robot.home} if referenced else {}
-    found = tp.select_sensors(robot, {"z_telemeter": 1}, budget=1, poses=[robot.home], **at)
-    by = tp.design.verification.verify(found, robots=300, **at)
+    use = Use(poses=[robot.home], **at)
+    found = tp.select_sensors(robot, {"z_telemeter": 1}, budget=1, use=use)
+    by = tp.design.verification.verify(found, robots=300)
     assert 0.9 < by.share < 1 and by.error == pytest.approx(found.best.error, rel=0.1)
     assert found.best.error > 2e-5
 

@@ -7,23 +7,19 @@ import re
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 import truepose as tp
 from truepose.commands.design import notes, verified
-from truepose.design.criterion import Criterion
-from truepose.design.relaxation import Relaxation
+from truepose.design.criterion import SIGMA, Criterion
 from truepose.design.search import Search
-from truepose.design.sensors import in_other_states, searched
 from truepose.design.verification import Verification, verify, wilson
-from truepose.design.where import path_poses, volume_poses
+from truepose.design.where import Known, Use, path_poses, volume_poses
 from truepose.design.worth import Worth
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
-from truepose.robotfile.schema import Prices, Tolerance
+from truepose.robotfile.schema import Prices
 
-NO_PRICE = ("--price", "none", "--price-steps")
-HOME = (0.0, 0.0, -0.4, 0.0)
+HOMED = Use(reference_pose=(0.0, 0.0, -0.4, 0.0))
 PRICES = {"theta": 90.0, "z_telemeter": 400.0, "wire1": 250.0, "wire2": 250.0, "pivot1": 40.0}
 
 
@@ -44,14 +40,8 @@ def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, 
     )
     visited = x[6:] if calibrated else nowhere
     sigma = [max(touched or 0.0, 1e-12)] * any_robot.n
-    worth = Worth(
-        any_robot,
-        names,
-        x[:6],
-        visited,
-        nowhere if touched is None else any_robot.home[None],
-        sigma,
-    )
+    there = nowhere if touched is None else any_robot.home[None]
+    worth = Worth(any_robot, names, x[:6], Known(visited, there, sigma))
     for chosen in {(), *((k,) for k in range(min(2, len(names)))), tuple(range(len(names)))[:5]}:
         robot = any_robot.with_sensors(*(names[k] for k in chosen))
         P = tp.accuracy(robot, x[:6], calibrated_on=visited if calibrated else None, **known)
@@ -59,26 +49,26 @@ def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, 
 
 
 @pytest.mark.parametrize(
-    "how", [{}, {"reference_pose": [0, 0, -0.4, 0]}, {"survives": True}], ids=str
+    ("known", "survives"), [({}, False), ({"reference_pose": [0, 0, -0.4, 0]}, False), ({}, True)]
 )
 @pytest.mark.parametrize("must", [(), ("theta",)])
-def test_the_best_is_the_best_of_all_sets(h4, how, must):
+def test_the_best_is_the_best_of_all_sets(h4, known, survives, must):
     """By enumeration: for a budget the most accurate, for its accuracy the cheapest."""
     every = []
-    x = tp.select_sensors(h4, PRICES, poses=None).over[:5]
+    x = tp.select_sensors(h4, PRICES).over[:5]
     for size in range(len(PRICES) + 1):
         for names in itertools.combinations(PRICES, size):
             if set(must) <= set(names):
                 price = sum(PRICES[name] for name in names)
-                left = [set(names) - {gone} for gone in names] if "survives" in how else []
-                known = {"reference_pose": how["reference_pose"]} if "reference_pose" in how else {}
+                left = [set(names) - {gone} for gone in names] if survives else []
                 sigma = max(
                     position(h4, tp.accuracy(h4.with_sensors(*own), x, **known))
                     for own in left or [names]
                 )
                 every.append((price, sigma, set(names)))
+    use = Use(poses=x, **known)
+    how = {"must": must, "survives": survives, "use": use, "criterion": SIGMA}
     for budget in (130, 350, 600, 2000):
-        how = how | {"must": must, "poses": x, "confidence": None}
         found = tp.select_sensors(h4, PRICES, budget=budget, **how)
         price, sigma, _ = min((e for e in every if e[0] <= budget), key=lambda e: e[1])
         assert found.proven and found.gap == 0 and found.best.price <= budget
@@ -92,36 +82,22 @@ def test_the_best_is_the_best_of_all_sets(h4, how, must):
         )
 
 
-def linear(rows, asked):
-    """What candidates leave of unknowns that each reads a row of: of a set, and by shares."""
-    rows, asked = np.asarray(rows, dtype=float), np.asarray(asked, dtype=float)
-
-    def relaxed(shares):
-        left = np.linalg.inv(np.eye(rows.shape[1]) + (rows.T * shares) @ rows)
-        return float(np.trace(asked @ left)), -np.einsum(
-            "ij,ij->i", rows @ left @ asked, rows @ left
-        )
+def linear(rows):
+    """What a set of candidates leaves of unknowns that each reads a row of."""
 
     def cost(chosen):
-        shares = np.zeros(len(rows))
-        shares[list(chosen)] = 1.0
-        return relaxed(shares)[0]
+        own = rows[list(chosen)]
+        return float(np.trace(np.linalg.inv(np.eye(rows.shape[1]) + own.T @ own)))
 
-    return cost, relaxed
+    return cost
 
 
 @pytest.fixture(params=range(3))
-def many(request):
+def crowded(request):
     """What 20 candidates leave: a cost that falls with each more, as information adds up."""
     rng = np.random.default_rng(request.param)
     rows = rng.normal(size=(20, 6)) * rng.lognormal(size=(20, 1))
-    return *linear(rows, np.eye(6)), rng.uniform(1, 3, 20)
-
-
-@pytest.fixture
-def crowded(many):
-    cost, _, prices = many
-    return cost, prices
+    return linear(rows), rng.uniform(1, 3, 20)
 
 
 def test_of_twenty_candidates_five_are_proven_the_best(crowded):
@@ -160,14 +136,13 @@ def test_of_twelve_candidates_the_best_is_that_of_all_sets(crowded, must, surviv
 
 
 @pytest.mark.parametrize("survives", [False, True])
-@pytest.mark.parametrize("ladders", [(), ([4, 5], [9, 10, 11])], ids=["sensors", "levels too"])
 @pytest.mark.parametrize("must", [(), (3,)])
 @pytest.mark.parametrize("whole", [False, True], ids=["any prices", "whole prices"])
-def test_a_front_of_twelve_is_that_of_all_sets(many, must, survives, ladders, whole):
+def test_a_front_of_twelve_is_that_of_all_sets(crowded, must, survives, whole):
     """Also where many sets cost the same, and where some candidates cost nothing."""
-    cost, _, prices = many
+    cost, prices = crowded
     prices = np.floor(prices) - 1 if whole else prices
-    search = Search(cost, prices[:12], must, survives, ladders)
+    search = Search(cost, prices[:12], must, survives)
     assert search.look_round()
     front = [(search.spent(own), search.cost(own)) for own in search.front()]
     assert np.allclose(front, exhaustive(search, 12), rtol=1e-9, atol=1e-9)
@@ -181,7 +156,7 @@ def exhaustive(search, count):
         for size in range(len(free) + 1)
         for own in itertools.combinations(free, size)
     )
-    every = sorted((search.spent(own), search.cost(own)) for own in sets if search._whole(own))
+    every = sorted((search.spent(own), search.cost(own)) for own in sets)
     front = []
     for price, cost in every:
         if not front or cost < front[-1][1] * (1 - 1e-9):
@@ -189,40 +164,18 @@ def exhaustive(search, count):
     return front
 
 
-@pytest.mark.parametrize("known", ["as built", "self-calibrated", "survives"])
-@pytest.mark.parametrize("name", ["h4", "stewart", "hexa"])
-def test_a_robot_s_front_of_more_than_ten_candidates_is_that_of_all_sets(
-    name, known, anywhere, rng
-):
-    """Sensors and levels together, prices drawn: as exhaustive search, and marked as proven."""
-    robot = tp.load(name)
-    x = anywhere(robot, 10, rng)
-    names = [sensor.name for sensor in robot.spec.sensor][:6]
-    prices = {sensor: float(p) for sensor, p in zip(names, rng.uniform(50, 400, 6), strict=True)}
-    group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
-    finer = {group: {1e-4: 300.0, 2e-5: 500.0}, "chain1.base.*": {5e-5: 60.0, 2e-5: 100.0}}
-    finer["chain2.base.*"], finer["chain3.base.*"] = {1e-5: 90.0}, {1e-5: 110.0}
-    calibrated = x[4:] if known == "self-calibrated" else None
-    asked = {"price_steps": finer, "calibrated_on": calibrated, "survives": known == "survives"}
-    found = tp.select_sensors(robot, prices, poses=x[:4], **asked, confidence=None)
-    assert found.exact and len(found.alone) == 12
-    worth = Worth(robot, names, x[:4], x[4:] if calibrated is not None else x[:0], x[:0], [],
-                  [level.information for own in found.levels for level in own])  # fmt: skip
-    search = searched(worth, [*prices.values()], found.levels, survives=asked["survives"])
-    front = [(choice.price, choice.error**2) for choice in found.front]
-    assert np.allclose(front, exhaustive(search, len(found.alone)), rtol=1e-8)
-
-
 def test_a_front_of_many_candidates_is_marked_as_greedy(run, h4, tmp_path):
     """In the result, the table, the notes and the picture."""
-    finer = [f"chain{i}.{part}=1e-5:{i}" for i in range(1, 5) for part in ("rod", "arm")]
-    words = [word for level in finer for word in ("--price-steps", level.replace("1e-5", "0.01mm"))]
-    price = ("--price", "theta=90,z_telemeter=400,wire*=250,pivot*=40")
-    status, out, errors = run("design", "h4", *price, *words, "--plot", tmp_path / "front.svg")
+    text = path_of("h4").read_text()
+    wire = text[text.index('[[sensor]]\nname = "wire3"') :].partition("\n\n")[0]
+    copies = (wire.replace("wire3", f"wire{k}") for k in range(4, 10))
+    file, price = tmp_path / "wired.toml", ("--price", "*=40")
+    file.write_text("\n\n".join([text.replace(wire, ""), wire, *copies]))
+    status, out, errors = run("design", file, *price, "--plot", tmp_path / "front.svg")
     assert status == 0 and "(greedy choices, not proven)" in " ".join(out.split()), errors
-    assert "The front is greedy, not proven, with 15 candidates" in " ".join(out.split())
+    assert "The front is greedy, not proven, with 17 candidates" in " ".join(out.split())
     assert "greedy" in (tmp_path / "front.svg").read_text()
-    status, out, errors = run("design", "h4", *price, *words, "--format", "csv")
+    status, out, errors = run("design", file, *price, "--format", "csv")
     assert all(row.endswith(",greedy") for row in out.splitlines()[1:]), out
     few = tp.select_sensors(h4, {"theta": 90, "wire1": 250})
     assert few.exact
@@ -237,170 +190,23 @@ def test_a_search_that_is_cut_short_tells_its_gap(crowded, monkeypatch):
     assert bound < cost(best)
 
 
-@pytest.mark.parametrize("ladders", [(), ([4, 5], [6, 7, 8])], ids=["sensors", "levels too"])
-@pytest.mark.parametrize("must", [(), (3,)])
-@pytest.mark.parametrize("survives", [False, True])
-def test_no_set_is_better_than_its_relaxation(many, ladders, must, survives):
-    """Nor cheaper; and shares reach the bound. A level counts with those before it alone."""
-    plain, relaxed, prices = many
-    needs = {k: set(own[:at]) for own in ladders for at, k in enumerate(own)}
-    fail = [k for k in range(12) if k not in needs] if survives else []
-
-    def of_twelve(shares):
-        variance, gradient = relaxed(np.append(shares, np.zeros(8)))
-        return variance, gradient[:12]
-
-    relaxation = Relaxation(of_twelve, prices[:12], must, ladders, fail)
-    every = [
-        own
-        for size in range(13)
-        for own in itertools.combinations(range(12), size)
-        if set(must) <= set(own) and all(needs.get(k, set()) <= set(own) for k in own)
-    ]
-    search = Search(plain, prices[:12], must, survives, ladders)
-    for budget in np.array([2, 4, 7]) * np.median(prices):
-        least = min(search.cost(own) for own in every if search.spent(own) <= budget)
-        assert search.most_accurate(budget)[1] == pytest.approx(least, rel=1e-9)
-        floor, shares = relaxation.most_accurate(budget)
-        left = [np.where(np.arange(12) == gone, 0.0, shares) for gone in fail] or [shares]
-        assert shares @ prices[:12] <= budget * (1 + 1e-9)
-        assert 0.99 * max(of_twelve(own)[0] for own in left) < floor <= least
-        price = min(search.spent(own) for own in every if search.cost(own) <= least)
-        assert search.cheapest(least)[1] == pytest.approx(price)
-        floor = relaxation.cheapest(least)
-        assert floor <= price * (1 + 1e-9)
-        if not (survives or must or ladders):  # as another solver has it
-            reached = {"type": "ineq", "fun": lambda w, least=least: least - of_twelve(w)[0]}
-            other = minimize(
-                lambda w: w @ prices[:12], np.ones(12), bounds=[(0, 1)] * 12, constraints=reached
-            )
-            assert floor == pytest.approx(other.fun, rel=0.01)
-
-
 def test_of_sets_with_one_price_the_most_accurate_is_the_cheapest():
     """Two that together are better than the best of all with either."""
     cost = {(): 9, (0,): 5, (1,): 6, (2,): 6, (0, 1): 3, (0, 2): 3, (1, 2): 2, (0, 1, 2): 1}
     assert Search(cost.__getitem__, [1.0] * 3, (), False).cheapest(3) == ((1, 2), 2.0)
 
 
-def test_a_search_that_is_cut_short_is_as_sure_as_its_relaxation(many, monkeypatch):
-    cost, relaxed, prices = many
-    relaxation = Relaxation(relaxed, prices)
-    full = Search(cost, prices, [], survives=False)
-    least = full.most_accurate(12)[1]
-    price = full.cheapest(least)[1]
-    monkeypatch.setattr("truepose.design.search.MOST", 60)
-    alone = Search(cost, prices, [], survives=False)
-    sure = Search(cost, prices, [], survives=False, relaxation=relaxation)
-    assert alone.most_accurate(12)[1] < sure.most_accurate(12)[1] <= least
-    assert alone.cheapest(least)[1] < sure.cheapest(least)[1] <= price
-
-
-def test_what_helps_together_only_is_found(rng):
-    """One reads the position and something else 30 times, another that: greedy never begins."""
-    rows = np.zeros((24, 3))
-    rows[0], rows[1] = [30, 900, 0], [0, 900, 0]
-    rows[2:, 0], rows[2:, 2] = rng.uniform(1, 2, 22), rng.uniform(1, 2, 22)
-    cost, relaxed = linear(rows, np.diag([1.0, 0, 0]))
-    prices = np.ones(24)
-    search = Search(cost, prices, [], False, relaxation=Relaxation(relaxed, prices))
-    assert search.greedy(2) != (0, 1)
-    assert search.rounded(2, search.relaxation.most_accurate(2)[1]) == (0, 1)
-    assert search.most_accurate(2) == ((0, 1), cost([0, 1]))
-
-
 @pytest.mark.parametrize("seed", [2, 17, 20, 36])
 def test_two_that_stand_in_for_each_other_are_found(seed):
     """Where any one may fail, the first of two is worth nothing by itself, and not begun with."""
     rng = np.random.default_rng(seed)
-    cost, _ = linear(5 * rng.normal(size=(12, 3)) * rng.lognormal(size=(12, 1)), np.eye(3))
+    cost = linear(5 * rng.normal(size=(12, 3)) * rng.lognormal(size=(12, 1)))
     prices = rng.uniform(1, 3, 12)
     budget = 5 * np.median(prices)
     search = Search(cost, prices, [], survives=True)
     least = search.most_accurate(budget)[1]
     assert search.cost(search.greedy(budget)) <= 1.02 * least
     assert search.cost(search._grown(budget, search.cost)) > 1.1 * least
-
-
-@pytest.mark.parametrize("touched", [False, True])
-@pytest.mark.parametrize("calibrated", [False, True])
-def test_shares_of_sensors_leave_what_their_gradient_says(
-    any_robot, anywhere, rng, calibrated, touched
-):
-    """Shares of 0 and 1 are a set; between them, central differences; machining as sensors."""
-    x = anywhere(any_robot, 8, rng)
-    names = [sensor.name for sensor in any_robot.spec.sensor]
-    nowhere = np.zeros((0, any_robot.n))
-    uncertain = [(n, p.sigma) for n, p in any_robot.parameters.items() if p.sigma > 0]
-    finer = [{n: 3 / s**2 for n, s in uncertain[:2]}, {n: 9 / s**2 for n, s in uncertain[2:3]}]
-    visited = x[5:] if calibrated else nowhere
-    there, sigma = (any_robot.home[None] if touched else nowhere), [1e-4] * any_robot.n
-    worth = Worth(any_robot, names, x[:5], visited, there, sigma, finer)
-    count = len(names) + len(finer)
-    some = rng.uniform(size=count) < 0.5
-    assert worth.relaxed(some * 1.0)[0] == pytest.approx(worth.variance(np.flatnonzero(some)))
-    shares, h = rng.uniform(0.2, 0.8, count), 1e-3
-    steps = [
-        worth.relaxed(shares + h * e)[0] - worth.relaxed(shares - h * e)[0] for e in np.eye(count)
-    ]
-    value, gradient = worth.relaxed(shares)
-    assert np.array(steps) / (2 * h) == pytest.approx(gradient, rel=1e-3, abs=1e-5 * value)
-
-
-@pytest.mark.parametrize("how", [{}, {"calibrated_on": True}, {"reference_pose": True}], ids=str)
-@pytest.mark.parametrize("name", ["h4", "delta", "stewart"])
-def test_a_finer_tolerance_is_worth_what_the_robot_with_it_is(name, how, anywhere, rng):
-    """One whose file says so. Rods of an interval: about its middle, where they are expected."""
-    robot = tp.load(name)
-    x = anywhere(robot, 12, rng)
-    known = {
-        "calibrated_on": {"calibrated_on": x[6:]},
-        "reference_pose": {"reference_pose": robot.home},
-    }
-    known = known[next(iter(how))] if how else {}
-    group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
-    sensors = [sensor.name for sensor in robot.spec.sensor][:2]
-    finer = {group: {1e-4: 10.0, 2e-5: 30.0}, "chain*.base.*": {5e-5: 20.0}}
-    found = tp.select_sensors(
-        robot, dict.fromkeys(sensors, 1.0), price_steps=finer, poses=x[:6], **known, confidence=None
-    )
-    choices = {(c.sensors, c.machined): c for c in found.front}
-    best = found.front[-1]
-    assert best.machined == ((group, 2e-5), ("chain*.base.*", 5e-5)) and best.price == 52
-    assert len(found.front) > 5
-    for choice in list(choices.values())[-4:]:
-        tolerances = dict(robot.spec.tolerances)
-        for own, sigma in choice.machined:
-            middle = tolerances[own].mean
-            half = 3**0.5 * sigma
-            tolerances = {own: Tolerance(interval=(middle - half, middle + half))} | {
-                key: value for key, value in tolerances.items() if key != own
-            }
-        machined = tp.Robot(robot.spec.model_copy(update={"tolerances": tolerances}))
-        P = tp.accuracy(machined.with_sensors(*choice.sensors), x[:6], **known)
-        assert choice.error == pytest.approx(position(robot, P), rel=1e-5)
-
-
-def test_the_same_sets_in_other_states(h4):
-    """What each state says of a set is what a choice for that state says of it."""
-    finer = {"chain*.rod": {1e-3: 300, 1e-4: 700}}
-    x = tp.select_sensors(h4, PRICES, poses=None).over[:12]
-    asked = {"price_steps": finer, "poses": x[:6]}
-    found = tp.select_sensors(h4, PRICES, **asked)
-    at = {"calibrated_on": x[6:], "reference_pose": h4.home}
-    states = in_other_states(found, **at)
-    for state, known in {
-        "as built": (),
-        "referenced": ("reference_pose",),
-        "both": tuple(at),
-    }.items():
-        own = tp.select_sensors(h4, PRICES, **asked, **{key: at[key] for key in known})
-        there = {(c.sensors, c.machined): c.error for c in own.front}
-        both = [(s, c) for s, c in zip(states[state], found.front, strict=True)
-                if (c.sensors, c.machined) in there]  # fmt: skip
-        assert len(both) >= 2
-        for sigma, choice in both:
-            assert sigma == pytest.approx(there[choice.sensors, choice.machined], rel=1e-6)
 
 
 @pytest.mark.parametrize("measure", ["rms", "worst"])
@@ -426,10 +232,10 @@ def test_uniform_tolerances_are_those_of_the_error_budget(h4, known):
     """Another way to the errors of uniform parameters: by each, from all readings at once."""
     x = tp.select_sensors(h4, {"theta": 90}).over
     at = {"calibrated_on": x[:8], "reference_pose": h4.home}
-    asked = {"poses": x[8:14]} | {key: at[key] for key in known}
-    found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, **asked)
+    use = Use(poses=x[8:14], **{key: at[key] for key in known})
+    found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, use=use)
     names = found.front[-1].sensors
-    budget = tp.design.error_budget(h4.with_sensors(*names), **asked)
+    budget = tp.design.error_budget(h4.with_sensors(*names), use)
     assert names and found.front[-1].error == pytest.approx(budget.error, rel=1e-4)
 
 
@@ -457,18 +263,15 @@ def test_repeatability_and_pose_accuracy_are_those_of_iso_9283(rng):
 )
 @pytest.mark.parametrize("measure", ["rms", "worst", "AP"])
 def test_the_stated_share_of_simulated_robots_keeps_the_error(h4, known, measure):
-    """Uniform tolerances, machined rods, full level, counts."""
-    finer = {"chain*.rod": {1e-3: 300}}
+    """Uniform tolerances, full level, counts."""
     x = tp.select_sensors(h4, {"theta": 90}).over
     off = [2e-3, 2e-3, 2e-3, 5e-3]  # of the measured pose, m and rad
     at = {"calibrated_on": x[:8], "reference_pose": h4.home, "reference_sigma": off}
-    own = {key: at[key] for key in known}
+    use = Use(poses=x[8:14], **{key: at[key] for key in known})
     found = tp.select_sensors(
-        h4, {"theta": 90, "wire1": 250}, price_steps=finer, budget=1000, poses=x[8:14],
-        measure=measure, **own,
-    )  # fmt: skip
-    assert dict(found.best.machined) == {"chain*.rod": 1e-3}
-    seen = verify(found, **own, robots=150, seed=5)
+        h4, {"theta": 90, "wire1": 250}, budget=1000, use=use, criterion=Criterion(measure)
+    )
+    seen = verify(found, robots=150, seed=5)
     assert seen.interval[0] - 0.02 < 0.95 < seen.interval[1] + 0.02
     assert seen.error == pytest.approx(found.best.error, rel=0.12)
 
@@ -493,10 +296,11 @@ def test_pose_accuracy_averages_noise_but_not_counts(h4):
     for chain in (coarse, noisy):
         robot = tp.Robot(h4.spec.model_copy(update={"chain": chain}))
         x = tp.select_sensors(robot, {"theta": 90}).over
-        known = {"calibrated_on": x[:24], "reference_pose": robot.home}
-        asked = {"must": ["wire1"], "budget": 300, "poses": x[24:], "measure": "AP"} | known
-        found = tp.select_sensors(robot, {"wire1": 250}, **asked)
-        seen = verify(found, **known, robots=150, seed=5)
+        use = Use(poses=x[24:], calibrated_on=x[:24], reference_pose=robot.home)
+        found = tp.select_sensors(
+            robot, {"wire1": 250}, must=["wire1"], budget=300, use=use, criterion=Criterion("AP")
+        )
+        seen = verify(found, robots=150, seed=5)
         assert seen.interval[0] - 0.02 < 0.95 < seen.interval[1] + 0.02
         errors.append(found.best.error)
     assert errors[0] > 1.2 * errors[1]
@@ -509,7 +313,7 @@ def test_a_refusal_says_which_step_reaches_the_target(h4):
     assert "all 2 sensors together reach 6.953 mm" in said
     helps = "cheapest step: referenced at home (no price given), with motors alone (0)"
     assert said.endswith(helps)
-    found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, reference_pose=h4.home, target=5e-4)
+    found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, use=HOMED, target=5e-4)
     assert found.best.price == 0 and list(found.steps) == ["self-calibrated on 10 poses"]
 
 
@@ -525,14 +329,14 @@ def test_what_is_done_once_has_its_price(h4):
         "self-calibrated on 10 poses and referenced at home": 270,
     }
     assert all(best.total <= 400 for best in found.steps.values())
-    there = tp.select_sensors(h4, priced, budget=400, reference_pose=h4.home)
+    there = tp.select_sensors(h4, priced, budget=400, use=HOMED)
     assert there.best.total <= 400 and there.best.once == 210
-    unknown = tp.select_sensors(h4, PRICES, budget=400, reference_pose=h4.home)
+    unknown = tp.select_sensors(h4, PRICES, budget=400, use=HOMED)
     assert unknown.best.total is None and unknown.best.price <= 400
     file = h4.spec.model_copy(update={"prices": Prices(reference_pose=35.0)})
     own = tp.select_sensors(tp.Robot(file), PRICES, budget=400)
     assert own.steps["referenced at home"].once == 35
-    paid = tp.select_sensors(h4, priced, budget=215, reference_pose=h4.home)
+    paid = tp.select_sensors(h4, priced, budget=215, use=HOMED)
     assert paid.best.sensors == () and paid.best.total == 210
     assert "motors alone: 0 + 210 of one-time steps = 210" in notes(paid)[-1]
     assert tp.select_sensors(h4, PRICES, budget=30).best.sensors == ()
@@ -545,7 +349,7 @@ def test_the_cheapest_set_keeps_position_and_angle(name, survives, anywhere, rng
     robot = tp.load(name)
     x, names = anywhere(robot, 6, rng), [sensor.name for sensor in robot.spec.sensor][:4]
     prices = dict(zip(names, rng.uniform(50, 400, 4), strict=True))
-    asked = {"poses": x, "survives": survives}
+    asked = {"use": Use(poses=x), "survives": survives}
     turn = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
     every = []
     for size in range(5):
@@ -557,7 +361,7 @@ def test_the_cheapest_set_keeps_position_and_angle(name, survives, anywhere, rng
             every.append((sum(prices[n] for n in own), *size_))
     for _, error, angle in every[2::5]:
         goal = {"target": error * 1.001, "target_angle": angle * 1.001}
-        found = tp.select_sensors(robot, prices, **goal, **asked, confidence=None)
+        found = tp.select_sensors(robot, prices, **goal, **asked, criterion=SIGMA)
         fits = [p for p, e, a in every if e <= goal["target"] and a <= goal["target_angle"]]
         assert found.best.price == pytest.approx(min(fits)) and found.proven
         assert found.best.error <= goal["target"] and found.best.angle <= goal["target_angle"]
@@ -569,10 +373,10 @@ def test_the_cheapest_set_keeps_position_and_angle(name, survives, anywhere, rng
 
 def test_simulated_robots_keep_both(h4):
     """The share of those that keep both is at most that of either."""
-    x = tp.select_sensors(h4, {"theta": 90}).over[:6]
+    use = Use(poses=tp.select_sensors(h4, {"theta": 90}).over[:6])
     priced = {"theta": 90, "wire1": 250}
-    both = tp.select_sensors(h4, priced, poses=x, target=8e-3, target_angle=6e-3)
-    seen, alone = verify(both, robots=60), tp.select_sensors(h4, priced, poses=x, target=8e-3)
+    both = tp.select_sensors(h4, priced, use=use, target=8e-3, target_angle=6e-3)
+    seen, alone = verify(both, robots=60), tp.select_sensors(h4, priced, use=use, target=8e-3)
     assert both.best.sensors == ("theta", "wire1") and alone.best.sensors == ("wire1",)
     assert (
         0.9 <= seen.share <= verify(dataclasses.replace(both, target_angle=None), robots=60).share
@@ -665,26 +469,6 @@ def test_prices_that_are_given_apart_add_up(run):
     assert run(*words, "t*=9,theta=8,wire1=5") == run(*words, "t*=9,theta=8", "--price", "wire1=5")
 
 
-def test_a_file_says_what_machining_costs(h4, tmp_path):
-    """Levels of an entry; one that costs no less than a finer one is not bought."""
-    text = (path_of("h4")).read_text()
-    entry = '"chain*.rod" = { interval = [-0.003, 0.010]'
-    levels = ", ".join(
-        f"{{ sigma = {s}, price = {p} }}" for s, p in ((1e-3, 300), (5e-4, 800), (1e-4, 700))
-    )
-    file = tmp_path / "priced.toml"
-    file.write_text(text.replace(entry, f"{entry}, price_steps = [{levels}]"))
-    found = tp.select_sensors(tp.load(file), PRICES)
-    assert [(level.sigma, level.price) for level in found.levels[0]] == [(1e-3, 300), (1e-4, 400)]
-    again = tp.select_sensors(
-        h4, PRICES, price_steps={"chain*.rod": {1e-3: 300, 1e-4: 700, 5e-4: 800}}
-    )
-    assert again.front == found.front and any(choice.machined for choice in found.front)
-    assert not any(
-        choice.machined for choice in tp.select_sensors(tp.load(file), PRICES, price_steps={}).front
-    )
-
-
 def test_prices_stand_in_the_file_too(h4):
     sensors = [s.model_copy(update={"price": 10.0 * k}) for k, s in enumerate(h4.spec.sensor)]
     robot = tp.Robot(h4.spec.model_copy(update={"sensor": sensors}))
@@ -710,30 +494,10 @@ def test_prices_stand_in_the_file_too(h4):
         ),
         ({"must": ["elbow1"]}, "must: sensor elbow1 has no price"),
         (
-            {"prices": PRICES | {"reference_pose": 210}, "budget": 30, "reference_pose": HOME},
+            {"prices": PRICES | {"reference_pose": 210}, "budget": 30, "use": HOMED},
             "budget 30: too small: one-time steps cost 210",
         ),
-        ({"prices": {}}, "h4: neither sensors nor levels to choose"),
-        (
-            {"price_steps": {"chain*.rdo": {1e-4: 1}}},
-            "price_steps: unknown parameter 'chain\\*.rdo'",
-        ),
-        ({"price_steps": {"chain*.rod": {}}}, "price_steps: chain\\*.rod: no level"),
-        (
-            {"price_steps": {"chain*.rod": {1: 1}}},
-            "rod: 1000 mm: must be less than its σ, 3.753 mm",
-        ),
-        (
-            {"price_steps": {"chain*.rod": {0: 1}}},
-            "price_steps: chain\\*.rod: σ = 0: must be a finite number greater",
-        ),
-        ({"price_steps": {"chain*.rod": {1e-4: -1}}}, "price of 0.0001 = -1: must be a finite"),
-        ({"price_steps": {"chain*.gain": {1e-4: 1}}}, "gain: is known exactly"),
-        ({"price_steps": {"chain1.*": {1e-4: 1}}}, "chain1.\\*: must be of one unit, is of m, rad"),
-        (
-            {"price_steps": {"chain*.rod": {1e-4: 1}, "chain1.rod": {1e-4: 1}}},
-            "price_steps: chain1.rod: in chain\\*.rod and in chain1.rod",
-        ),
+        ({"prices": {}}, "h4: no sensor to choose"),
     ],
 )
 def test_what_cannot_be_chosen_is_said(h4, asked, message):
@@ -751,8 +515,6 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
         [1e3 * choice.error for choice in found.front]
     )
     assert "proven the best" in err and (tmp_path / "front.svg").exists()
-    said = run(*words, "--price-steps", "chain*.rod=1mm:50,0.1mm:300", "--target", "1.7mm")[1]
-    assert "1190" not in said and "rod 0.1 mm" in said and "and 2 levels of tolerances" in said
     said = run(*words, "--target", "9mm", "--calibrated", "6", "--survives", "--must", "theta")[1]
     assert "self-calibrated, any one sensor failed" in said and "proven the best" in said
 
@@ -788,7 +550,7 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
         ),
         (("--price", "theta=90", "--confidence", "0.9"), "--confidence 0.9: must be 50%"),
         (("--price", "theta=90", "--measure", "mean"), "--measure"),
-        (("--price", "none"), "h4: neither sensors nor levels to choose"),
+        (("--price", "none"), "--price none: must be SENSOR=PRICE"),
         (("--price", "theta=9,theta=8"), "--price theta: is given twice"),
         (("--price", "theta=9", "--price", "theta=8"), "--price theta: is given twice"),
         (("--price", "wire1=9", "--must", "theta"), "must: sensor theta has no price (--price"),
@@ -801,13 +563,6 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
             ("--price", "theta=9", "--volume", "z=-0.4m..-0.3m,z=-0.41m..-0.4m"),
             "--volume z: is given twice",
         ),
-        ((*NO_PRICE, "chain*.rod=1mm:300,1000um:7"), "chain*.rod=1000um: is given twice"),
-        ((*NO_PRICE, "chain*.rod=10mm:300"), "chain*.rod: 10 mm: must be less than its σ, 3.753"),
-        ((*NO_PRICE, "rodd=1mm:3"), "--price-steps: unknown parameter 'rodd'"),
-        ((*NO_PRICE, "chain*.rod=1mm"), "must be PARAMETERS=SIGMA:PRICE"),
-        ((*NO_PRICE, "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be a length"),
-        ((*NO_PRICE, "chain*.rod=-1mm:3"), "chain*.rod: -1mm: must be a length"),
-        ((*NO_PRICE, "*.gain=1mm:3"), "*.gain: 1mm: must be a number greater"),
     ],
 )
 def test_what_is_wrong_with_the_words_is_one_line(run, words, message):

@@ -20,7 +20,7 @@ WRITERS = {
     "page": ("calibrate", "h4", "log.csv", "--report", "out.html"),
     "svg": ("info", "h4", "--samples", "20", "--plot", "out.svg"),
     "png": ("accuracy", "h4", "--sensors", "none", "--plot", "out.png"),
-    "choice": ("design", "h4", "--price", "theta=9", "--report", "out.html"),
+    "choice": ("design", "h4", "--price", "theta=9", "--plot", "out.svg"),
     "placed": ("design", "h4", "--place", "z_telemeter", "--seed", "3", "-o", "out.toml"),
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
     "log": ("simulate", "h4", "-o", "out.csv"),

@@ -5,10 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from browsing import browser  # noqa: F401 – a fixture
-from test_pages import MOST
 
 import truepose as tp
+from truepose.design.where import Use
 
 
 def position(robot, over, **known):
@@ -30,7 +29,8 @@ def test_a_place_is_no_worse_than_the_files_and_a_grids(name, sensor, calibrated
     boxes |= {f"{sensor}.*.?": (0.0, 0.0)}
     if sensor == "wire1":
         boxes = {f"{sensor}.target.y": (-0.06, 0.06)} | boxes
-    found = tp.design.place_sensors(robot, [sensor], within=boxes, beside=(), poses=x[:6], **known)
+    use = Use(poses=x[:6], **known)
+    found = tp.design.place_sensors(robot, [sensor], within=boxes, beside=(), use=use)
     assert found.sigma == pytest.approx(position(found.robot, x[:6], **known), rel=1e-9)
     assert found.robot.sensors == (sensor,)
     with_it = robot.with_sensors(sensor)
@@ -51,17 +51,15 @@ def test_a_wire_reaches_as_far_as_its_range(h4):
     poses = tp.select_sensors(h4, {"theta": 1.0}).over[:8]
     within = {"wire1.origin.[xy]": (-0.3, 0.3), "wire1.origin.z": (0.0, 0.0)}
     within |= {"wire1.target.*": (0.0, 0.0)}
-    visited = poses[:4]
-    free = tp.design.place_sensors(h4, ["wire1"], within=within, poses=poses, calibrated_on=visited)
+    use = Use(poses=poses, calibrated_on=poses[:4])
+    free = tp.design.place_sensors(h4, ["wire1"], within=within, use=use)
     reads = free.robot.expected().rkm(poses)[:, 1]
     short = [
         s.model_copy(update={"range": (0.3, float(reads.max()) - 0.02)}) if s.name == "wire1" else s
         for s in h4.spec.sensor
     ]
     robot = tp.Robot(h4.spec.model_copy(update={"sensor": tuple(short)}))
-    found = tp.design.place_sensors(
-        robot, ["wire1"], within=within, poses=poses, calibrated_on=visited
-    )
+    found = tp.design.place_sensors(robot, ["wire1"], within=within, use=use)
     reads = found.robot.expected().with_level("full").rkm(poses)[:, 1]
     assert reads.min() >= 0.3 - 1e-6 and reads.max() <= short[6].range[1] + 1e-6
     assert free.sigma < found.sigma < found.before * 1.5
@@ -140,20 +138,3 @@ def test_a_sensor_that_was_measured_stays(h4):
 def test_what_is_wrong_with_the_words_is_one_line(run, words, message):
     status, out, err = run("design", "h4", *words)
     assert (status, out) == (2, "") and message in err and err.count("\n") == 1
-
-
-def test_the_report_is_one_page_that_a_browser_shows(run, tmp_path, browser):  # noqa: F811
-    words = ("--price", "theta=90,wire*=250", "--price-steps", "chain*.rod=1mm:300,0.1mm:700")
-    status, _, err = run("design", "h4", *words, "--budget", "800", "--report", "report.html")
-    assert status == 0 and "report.html" in err + _
-    path = tmp_path / "report.html"
-    page = path.read_text(encoding="utf-8")
-    assert len(page.encode()) < MOST and not re.findall(r'(?:src|href)="(?!data:|#)[^"]*"', page)
-    assert page.count("<h2") == page.count('<li><a href="#section-') == 5
-    assert "The best is proven" in page and "rod 0.1 mm" in page
-    for width, scheme in itertools.product((390, 1280), ("dark", "light")):
-        seen = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
-        seen.goto(path.as_uri())
-        assert seen.evaluate("document.scrollingElement.scrollWidth") <= width
-        assert seen.locator("figure img").evaluate_all("e => e.every(i => i.naturalWidth > 100)")
-        seen.close()

@@ -112,11 +112,19 @@ RESULTS = {
     "Accuracy": lambda robot: tp.accuracy(robot, poses_of(robot)),
     "Calibration": lambda robot: tp.calibrate(robot, robot.expected().read(poses_of(robot))),
     "SensorSelection": lambda robot: tp.select_sensors(
-        robot, dict.fromkeys(robot.sensors, 90), poses=poses_of(robot), target=1.0
+        robot,
+        dict.fromkeys(robot.sensors, 90),
+        use=tp.design.Use(poses=poses_of(robot)),
+        target=1.0,
     ),
-    "ErrorBudget": lambda robot: tp.design.error_budget(robot, poses=poses_of(robot)),
+    "ErrorBudget": lambda robot: tp.design.error_budget(
+        robot, tp.design.Use(poses=poses_of(robot))
+    ),
     "Placement": lambda robot: tp.design.place_sensors(
-        tp.load("h4"), ["wire1"], within={"*": (-0.1, 0.1)}, poses=poses_of(tp.load("h4"), 2)
+        tp.load("h4"),
+        ["wire1"],
+        within={"*": (-0.1, 0.1)},
+        use=tp.design.Use(poses=poses_of(tp.load("h4"), 2)),
     ),
     "PosePlan": lambda robot: tp.plan_poses(robot, 4, candidates=poses_of(robot), target=1.0),
     "StabilityMargins": lambda robot: tp.control.stability_margins(

@@ -130,18 +130,21 @@ def test_planned_poses(kept):
 def test_selected_sensors(kept):
     h4 = tp.load("h4")
     prices = {s.name: 50.0 + 7 * k for k, s in enumerate(h4.spec.sensor)}
+    of = tp.design.Use
     found = [
-        tp.select_sensors(h4, prices, poses=some(h4, 8), budget=200.0),
-        tp.select_sensors(h4, prices, poses=some(h4, 8), target=2.5e-3, survives=True),
+        tp.select_sensors(h4, prices, use=of(poses=some(h4, 8)), budget=200.0),
+        tp.select_sensors(h4, prices, use=of(poses=some(h4, 8)), target=2.5e-3, survives=True),
         tp.select_sensors(
             h4,
             prices,
-            poses=some(h4, 8),
-            calibrated_on=some(h4, 10, 4),
             must=["theta"],
             budget=170.0,
-            reference_pose=h4.home,
-            reference_sigma=1e-4,
+            use=of(
+                poses=some(h4, 8),
+                calibrated_on=some(h4, 10, 4),
+                reference_pose=h4.home,
+                reference_sigma=1e-4,
+            ),
         ),
     ]
     kept(answer([*found, found[0].table()]))
@@ -162,7 +165,9 @@ def test_chart(kept, case):
     shown = {
         "plan": lambda: tp.plan_poses(h4, 4, candidates=some(h4, 30, 3), poses=some(h4, 8)),
         "zero": lambda: tp.calibration.zero(ankle, ankle.sample(5).read([[0.0, 0.0]], seed=2)),
-        "design": lambda: tp.select_sensors(h4, prices, poses=some(h4, 8), budget=170.0),
+        "design": lambda: tp.select_sensors(
+            h4, prices, use=tp.design.Use(poses=some(h4, 8)), budget=170.0
+        ),
         "accuracy": lambda: tp.accuracy(h4, some(h4, 5)),
         "simulation": lambda: tp.simulate(h4, h4.sample(2), "tej"),
         "faults": lambda: tp.faults.detectability(h4, some(h4, 4), moving=10),

@@ -19,6 +19,7 @@ import pytest
 from browsing import browser  # noqa: F401 – a fixture
 
 import truepose as tp
+from truepose.design.criterion import Criterion
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.robot.frames import frames
 from truepose.robot.laws import LAWS
@@ -169,9 +170,11 @@ def test_a_set_of_the_front_has_its_error_in_the_budget_and_on_the_map(name, ter
         whole = answers.contributions(used, terms)
         assert choice.price <= budget and whole.error == pytest.approx(choice.error, rel=1e-6)
         assert sum(one.error**2 for one in whole.contributions) == pytest.approx(whole.sigma**2)
-        known = terms.known(used) | {"confidence": terms.confidence, "measure": "worst"}
-        each = answers.error_at(used, found.over, terms)
-        worst = tp.design.error_budget(used, poses=found.over, **known).error
+        each, at_worst = (
+            answers.error_at(used, found.over, terms),
+            Criterion("worst", terms.confidence),
+        )
+        worst = tp.design.error_budget(used, terms.use(used, found.over), at_worst).error
         assert each.max() == pytest.approx(worst, rel=1e-6)
     more = answers.front(robot, found.prices, replace(terms, confidence=0.99))
     assert (np.subtract([choice.error for choice in more.front], every) > 0).all()
@@ -572,7 +575,7 @@ def test_the_last_of_the_frames_that_arrive_while_the_page_is_busy_is_where_the_
     until(lambda: np.allclose(handle.position, frames(page.state.robot, page.state.x_d)[:3, 3]))
 
 
-def test_a_plan_is_drawn_played_and_saved_with_robot_and_report(page):
+def test_a_plan_is_drawn_played_and_saved_with_the_robot(page):
     design, sent = page.tabs[0], {}
     page.client = SimpleNamespace(send_file_download=sent.__setitem__)
     with page.doing():
@@ -587,12 +590,10 @@ def test_a_plan_is_drawn_played_and_saved_with_robot_and_report(page):
     until(lambda: np.abs(page.state.x_d - x).max() > 1e-3)
     design._run.value = False
     with page.doing():
-        design._budget.value = 300.0
-        for what in ("robot", "plan", "report"):
+        for what in ("robot", "plan"):
             design._save(what)
-    assert page._said == "" and [*sent] == ["h4.toml", "h4-poses.csv", "h4-sensors.html"]
+    assert page._said == "" and [*sent] == ["h4.toml", "h4-poses.csv"]
     assert sent["h4-poses.csv"].decode().splitlines()[0] == "x,y,z,theta,step"
-    assert b"<title>truepose: sensors for h4" in sent["h4-sensors.html"]
     assert b'sensors = ["theta"]' in sent["h4.toml"]
     with page.doing():  # a plan is of its sensors
         page.state = page.state.with_sensors(["theta", "wire1"])

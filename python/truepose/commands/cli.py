@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import os
@@ -45,21 +46,35 @@ app = typer.Typer(
 
 
 def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Limit a command's tables to one screen, and add the option --all."""
+    """Replace each group of options, a dataclass, by its fields, and add the option --all.
+
+    --all prints more than one screen of tables.
+    """
     signature = inspect.signature(command, eval_str=True)
-    if "how" not in signature.parameters:
-        return command
+    groups: dict[str, Any] = {}
+    parameters: list[inspect.Parameter] = []
+    for name, own in signature.parameters.items():
+        if dataclasses.is_dataclass(own.annotation):
+            groups[name] = own.annotation
+            parameters += inspect.signature(groups[name], eval_str=True).parameters.values()
+        else:
+            parameters.append(own.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    if limited := "how" in signature.parameters:
+        of_all = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
+        asked = inspect.Parameter(
+            "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of_all
+        )
+        parameters.append(asked)
 
     @functools.wraps(command)
-    def run(*, everything: bool, **options: Any) -> Any:
-        limit(everything)
+    def run(**options: Any) -> Any:
+        if limited:
+            limit(options.pop("everything"))
+        for name, group in groups.items():
+            own = {field.name: options.pop(field.name) for field in dataclasses.fields(group)}
+            options[name] = group(**own)
         return command(**options)
 
-    of = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
-    asked = inspect.Parameter(
-        "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of
-    )
-    parameters = [*signature.parameters.values(), asked]
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {each.name: each.annotation for each in parameters}
     return run

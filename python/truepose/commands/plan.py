@@ -11,8 +11,9 @@ from truepose import logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
-from truepose.commands import options, where
+from truepose.commands import options
 from truepose.commands.conditions import ConditionsOption, under
+from truepose.commands.where import Where
 from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, SAMPLED, plan_poses
@@ -46,9 +47,7 @@ def command(
         metavar="0.02mm,0.01deg",
         help="σ of a tracker, in a frame of its own, that measures each pose.",
     ),
-    poses: options.Poses = None,
-    volume: where.Volume = None,
-    path: where.Path_ = None,
+    where: Where = Where(),
     reference_pose: options.ReferencePose = None,
     seen: bool = Option(
         False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
@@ -75,7 +74,9 @@ def command(
     if seen and outside is None:
         raise InputError("--seen: needs --outside, the σ of the tracker")
     given = options.count_or_file(candidates, "--candidates", SAMPLED)
-    write = options.writer((robot, after, poses, path, candidates), force, plan=out, plot=plot)
+    write = options.writer(
+        (robot, after, where.poses, where.path, candidates), force, plan=out, plot=plot
+    )
     loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = given if isinstance(given, int) else read_poses(loaded, given)
@@ -84,7 +85,7 @@ def command(
         count,
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=None if after is None else fit_of(loaded, after),
-        poses=where.where(loaded, poses, volume, path),
+        poses=where.over(loaded),
         target=options.parse_target(loaded, target),
         reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
         relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),

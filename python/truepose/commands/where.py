@@ -1,9 +1,10 @@
-"""Options that state where accuracy counts: poses, a volume, a path."""
+"""Groups of options: where accuracy counts, what is done with the robot before, the criterion."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,53 +13,113 @@ from typer import Option
 
 from truepose.arguments import Array
 from truepose.commands import options
-from truepose.design.where import path_poses, volume_poses
+from truepose.design.criterion import Criterion, Measure
+from truepose.design.where import Use, path_poses, practice, volume_poses
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
 from truepose.show.units import WRITTEN
 
-Poses = Annotated[
-    Path | None,
-    Option(
-        help="CSV file of the poses where accuracy counts.", show_default="32 over the workspace"
-    ),
-]
-Volume = Annotated[
-    str | None,
-    Option(
-        metavar="z=-450mm..-0.4m,…",
-        help="Instead: 32 poses of this part of the workspace, all of which the robot must reach.",
-    ),
-]
-Path_ = Annotated[
-    Path | None,
-    Option(
-        "--path",
-        help="Instead: 32 poses along the path through the poses of this CSV file, as simulate "
-        "reads it.",
-    ),
-]
+#: Largest number of poses of a self-calibration.
+MOST = 10_000
 
 
-def where(robot: Robot, poses: Path | None, volume: str | None, path: Path | None) -> Array | None:
-    """Return the poses where accuracy counts; None for the default."""
-    given = {"--poses": poses, "--volume": volume, "--path": path}
-    named = [name for name, value in given.items() if value is not None]
-    if len(named) > 1:
-        raise InputError(f"{named[0]}, {named[1]}: name one of them")
-    if volume is not None:
-        units = dict(robot.coordinates)
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Options that state where accuracy counts: one of them, or none."""
 
-        def unit_of(name: str) -> str:
-            if name not in units:
-                raise InputError(f"--volume: {choose('coordinate', name, units)}")
-            return units[name]
+    poses: Annotated[
+        Path | None,
+        Option(
+            help="CSV file of the poses where accuracy counts.", show_default="over the workspace"
+        ),
+    ] = None
+    volume: Annotated[
+        str | None,
+        Option(
+            metavar="z=-450mm..-0.4m,…",
+            help="Instead: 32 poses of this part of the workspace, all of which the robot must "
+            "reach.",
+        ),
+    ] = None
+    path: Annotated[
+        Path | None,
+        Option(
+            help="Instead: 32 poses along the path through the poses of this CSV file, as simulate "
+            "reads it."
+        ),
+    ] = None
 
-        return volume_poses(robot, parse_ranges(volume.split(","), "--volume", unit_of))
-    if path is not None:
-        return path_poses(robot, read_poses(robot, path, reached=True))
-    return None if poses is None else read_poses(robot, poses, reached=True)
+    def over(self, robot: Robot) -> Array | None:
+        """Return the poses; None for the default."""
+        given = {"--poses": self.poses, "--volume": self.volume, "--path": self.path}
+        named = [name for name, value in given.items() if value is not None]
+        if len(named) > 1:
+            raise InputError(f"{named[0]}, {named[1]}: name one of them")
+        if self.volume is not None:
+            units = dict(robot.coordinates)
+
+            def unit_of(name: str) -> str:
+                if name not in units:
+                    raise InputError(f"--volume: {choose('coordinate', name, units)}")
+                return units[name]
+
+            return volume_poses(robot, parse_ranges(self.volume.split(","), "--volume", unit_of))
+        if self.path is not None:
+            return path_poses(robot, read_poses(robot, self.path, reached=True))
+        return None if self.poses is None else read_poses(robot, self.poses, reached=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UseOptions(Where):
+    """Options of a :class:`Use`."""
+
+    calibrated: Annotated[
+        str | None,
+        Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
+    ] = None
+    reference_pose: options.ReferencePose = None
+
+    def use(self, robot: Robot) -> Use:
+        """Return the use that these options state."""
+        visited: Array | None = None
+        if self.calibrated is not None:
+            given = options.count_or_file(self.calibrated, "--calibrated", MOST)
+            if isinstance(given, int):
+                visited = practice(robot, given)
+            else:
+                visited = read_poses(robot, given, reached=True)
+        return Use(
+            poses=self.over(robot),
+            calibrated_on=visited,
+            reference_pose=options.parse_pose(robot, self.reference_pose, "--reference-pose"),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriterionOptions:
+    """Options of a :class:`Criterion`."""
+
+    confidence: Annotated[
+        str, Option(metavar="PERCENT|sigma", help="Share of the robots that keep the error; or σ.")
+    ] = "95%"
+    measure: Annotated[
+        Measure,
+        Option(
+            help="Over the poses; at the worst pose; pose accuracy or repeatability (ISO 9283)."
+        ),
+    ] = "rms"
+
+    def criterion(self) -> Criterion:
+        """Return the criterion: of a share of robots, "95%", or "sigma"."""
+        if self.confidence == "sigma":
+            return Criterion(self.measure, None)
+        share = options.number_of(self.confidence.removesuffix("%")) / 100
+        if not self.confidence.endswith("%") or not 0.5 <= share < 1:
+            raise InputError(
+                f"--confidence {self.confidence}: must be 50% to less than 100%, or sigma"
+            )
+        return Criterion(self.measure, share)
 
 
 def parse_ranges(

@@ -48,11 +48,6 @@ class Criterion:
         if self.confidence is not None and not 0.5 <= self.confidence < 1:
             raise InputError(f"confidence = {self.confidence:g}: must be at least 0.5, less than 1")
 
-    @property
-    def convex(self) -> bool:
-        """Whether it is σ over the poses, which a convex relaxation bounds."""
-        return self.measure == "rms" and self.confidence is None
-
     def said(self, name: str) -> str:
         """Return it as text, of the position or the turn."""
         iso = f"{self.measure} (ISO 9283) at the worst pose"
@@ -153,8 +148,8 @@ def parts_of(robot: Description, angle: float | None) -> Parts:
     return Parts(columns + turns, scale, whole[: 1 + bool(turns)])
 
 
-#: σ over the poses.
-SIGMA = Criterion(confidence=None)
+#: What 95 % of robots keep, and σ, both over the poses.
+USUAL, SIGMA = Criterion(), Criterion(confidence=None)
 
 
 def _repeatability(N: Array) -> Array:

@@ -11,18 +11,14 @@ the variance (GUM: JCGM 100:2008, 5.1). Conditions at work are in u; no calibrat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Errors, require
-from truepose.calibration.bound import reference_sigmas, state_of
-from truepose.design.candidates import given_poses
-from truepose.design.criterion import Criterion, Measure
-from truepose.design.where import asked_poses
+from truepose.design.criterion import USUAL, Criterion
+from truepose.design.where import AS_BUILT, Known, Use
 from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
@@ -90,28 +86,17 @@ class ErrorBudget(Shown):
         axes.set_axisbelow(True)
 
 
-def error_budget(
-    robot: Robot,
-    *,
-    calibrated_on: ArrayLike | None = None,
-    reference_pose: ArrayLike | None = None,
-    reference_sigma: ArrayLike | float = 0.0,
-    poses: ArrayLike | None = None,
-    confidence: float | None = 0.95,
-    measure: Measure = "rms",
-) -> ErrorBudget:
+def error_budget(robot: Robot, use: Use = AS_BUILT, criterion: Criterion = USUAL) -> ErrorBudget:
     """Return what every tolerance and reading contributes to the position error of an estimate.
 
     Parameters
     ----------
     robot : Robot
         With the sensors in use.
-    calibrated_on, reference_pose, reference_sigma
-        As for :func:`truepose.accuracy`.
-    poses : array_like, shape (T, n), optional
-        Poses where the accuracy counts; by default 32 over the workspace.
-    confidence, measure
-        Criterion of the error with half of a source, as for :func:`truepose.select_sensors`.
+    use : Use
+        Where the accuracy counts, and what is done with the robot once before.
+    criterion : Criterion
+        Of the error, and of that with half of a source.
 
     Returns
     -------
@@ -132,11 +117,9 @@ def error_budget(
     1.0
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    over = asked_poses(robot, poses)
-    visited = given_poses(robot, calibrated_on, "calibrated_on")
-    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
-    model = _Linear(robot, over, visited, touched, reference_sigmas(robot, reference_sigma))
-    by, every = Criterion(measure, confidence), np.ones(len(model.sources))
+    over = use.over(robot)
+    model, by = _Linear(robot, over, use.known(robot)), criterion
+    every = np.ones(len(model.sources))
     variances, *errors = model.errors(every)
     whole, found = float(variances.sum()), []
     for key in dict.fromkeys(source for source, _, _ in model.sources):
@@ -150,22 +133,15 @@ def error_budget(
             error, share = variance**0.5, variance / whole
             found.append(Contribution(key, sigma, unit, error, share, by.squared(*halved) ** 0.5))
     found.sort(key=lambda one: -one.share)
-    state = state_of(calibrated_on, reference_pose)
-    return ErrorBudget(robot, state, by, by.squared(*errors) ** 0.5, whole**0.5, found, over)
+    error = by.squared(*errors) ** 0.5
+    return ErrorBudget(robot, use.state, by, error, whole**0.5, found, over)
 
 
 def errors_at(
-    robot: Robot,
-    poses: Array,
-    *,
-    calibrated_on: ArrayLike | None = None,
-    reference_pose: ArrayLike | None = None,
-    confidence: float | None = 0.95,
+    robot: Robot, poses: Array, use: Use = AS_BUILT, confidence: float | None = 0.95
 ) -> Array:
-    """Return the position error at each pose, (N,), m; NaN where the robot cannot be."""
-    visited = given_poses(robot, calibrated_on, "calibrated_on")
-    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
-    model = _Linear(robot, poses, visited, touched, reference_sigmas(robot, 0.0), "nan")
+    """Return the position error at each pose, (T,), m; NaN where the robot cannot be."""
+    model = _Linear(robot, poses, use.known(robot), "nan")
     L, N, U, _ = model.moments(np.ones(len(model.sources)))
     V = L @ L.swapaxes(1, 2) + N
     good, error = np.isfinite(V).all(axis=(1, 2)), np.full(len(V), np.nan)
@@ -176,15 +152,8 @@ def errors_at(
 class _Linear:
     """Errors of estimates at poses as linear functions of independent errors of σ 1."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        over: Array,
-        visited: Array,
-        touched: Array,
-        reference_sigma: Sequence[float],
-        errors: Errors = "raise",
-    ):
+    def __init__(self, robot: Robot, over: Array, known: Known, errors: Errors = "raise"):
+        visited, touched, reference_sigma = known
         knowledge.require_uncertain(robot)
         names = knowledge.learnable(robot)
         model, level, n = robot.expected(), robot.highest_level, robot.n * len(touched)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, check_seed, require
-from truepose.calibration.bound import accuracy, state_of
-from truepose.design.where import asked_poses
+from truepose.calibration.bound import accuracy
+from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.robot import Robot
@@ -62,10 +61,7 @@ def place_sensors(
     *,
     within: Mapping[str, tuple[float, float]] | None = None,
     beside: Sequence[str] | None = None,
-    calibrated_on: ArrayLike | None = None,
-    reference_pose: ArrayLike | None = None,
-    reference_sigma: ArrayLike | float = 0.0,
-    poses: ArrayLike | None = None,
+    use: Use = AS_BUILT,
     seed: int = 0,
 ) -> Placement:
     """Find the places on base and platform at which sensors give the best accuracy.
@@ -87,10 +83,8 @@ def place_sensors(
         home, each extended to the place in the file.
     beside : sequence of str, optional
         Other sensors in use; by default those of the robot.
-    calibrated_on, reference_pose, reference_sigma
-        As for :func:`truepose.accuracy`.
-    poses : array_like, shape (T, c), optional
-        Poses where the accuracy counts; by default 32 over the workspace.
+    use : Use
+        Where the accuracy counts, and what is done with the robot once before.
     seed : int
         Seed of the start places.
 
@@ -119,15 +113,17 @@ def place_sensors(
     boxes = _boxes(robot, names, within or {})
     others = robot.sensors if beside is None else beside
     used = list(dict.fromkeys([*others, *sensors]))
-    over = asked_poses(robot, poses)
+    over = use.over(robot)
     low, high = np.array([boxes[name] for name in names]).T
 
     def placed(place: Array) -> Robot:
         return robot.with_mounting(_named(names, place)).with_sensors(*used)
 
     def sigma(place: Array) -> float:
-        known: dict[str, Any] = {"reference_sigma": reference_sigma, "errors": "nan"}
-        P = accuracy(placed(place), over, calibrated_on, reference_pose, **known)
+        P = accuracy(
+            placed(place), over, use.calibrated_on, use.reference_pose,
+            reference_sigma=use.reference_sigma, errors="nan",
+        )  # fmt: skip
         return float(np.sqrt((P.sigma[:, -1] ** 2).mean()))
 
     def at(share: Array) -> Array:
@@ -163,7 +159,7 @@ def place_sensors(
         sigma=least,
         before=sigma(file),
         over=over,
-        state=state_of(calibrated_on, reference_pose),
+        state=use.state,
     )
 
 

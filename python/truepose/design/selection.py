@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from truepose.arguments import Array
 from truepose.design.criterion import Criterion
-from truepose.design.machining import Level
-from truepose.files import picture
+from truepose.design.where import Use
 from truepose.robot.robot import Robot
-from truepose.robot.units import label, summed, tolerance
-from truepose.show.charts import ranges
-from truepose.show.page import as_uri, render, versions
-from truepose.show.results import Shown, figure_of
+from truepose.robot.units import label, summed
+from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, printed
 
@@ -28,12 +22,11 @@ STEPS = ("self_calibration", "reference_pose")
 
 @dataclass(frozen=True)
 class SensorSet:
-    """A set of sensors and of machining tolerances."""
+    """A set of sensors."""
 
     sensors: tuple[str, ...]
     price: float
     error: float  #: of the position by the criterion, m
-    machined: tuple[tuple[str, float], ...] = ()  #: parameters, names or globs, and their σ
     angle: float | None = None  #: error of the angle by the criterion, rad, where a target has one
     once: float | None = 0.0
     #: price of one-time steps in its state; None where the price list has none
@@ -44,19 +37,9 @@ class SensorSet:
         return None if self.once is None else self.price + self.once
 
 
-class Alone(NamedTuple):
-    """Effect of one candidate besides the required ones; error of the position, m."""
-
-    sensor: str  #: or the machined parameters
-    level: float | None  #: machined to this σ, with the levels that it needs; None for a sensor
-    price: float
-    error: float  #: with it alone
-    without: float  #: with all others
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SensorSelection(Shown):
-    """Pareto front of accuracy and price over sensors and machining tolerances."""
+    """Pareto front of accuracy and price over sensors."""
 
     robot: Robot
     prices: dict[str, float]  #: of each candidate
@@ -66,13 +49,12 @@ class SensorSelection(Shown):
     #: lower bound of all sets: of the error, m, within the budget; of the price for a target
     compared: int  #: number of sets
     over: Array  #: (T, c) poses
+    use: Use  #: as given
     budget: float | None = None  #: as given
     target: float | None = None  #: requested error, m
     target_angle: float | None = None  #: requested error of the angle, rad, beside `target`
     criterion: Criterion = field(default_factory=Criterion)  #: of the error
     state: str = "as built"  #: of the robot, to which the error applies
-    levels: list[list[Level]] = field(default_factory=list)  #: machining tolerances, by group
-    alone: list[Alone] = field(default_factory=list)  #: each candidate separately
     steps: dict[str, SensorSet] = field(default_factory=dict)
     #: best set after further steps, by state; for a target only where one reaches it
     exact: bool = True  #: whether the front is proven; else greedy, better sets may exist
@@ -125,13 +107,15 @@ class SensorSelection(Shown):
         if self.target_angle is not None:
             factor, unit = PRINT["rad"]
             sizes[f"angle ({unit})"] = [factor * (one.angle or 0.0) for one in self.front]
-        what = "Sensors and machining" if self.levels else "Sensors"
-        title = f"{what}, {self.state}: {self.criterion.said(total.name)}; price"
-        if self.exact:
-            return sets_table(self, "design", title, sizes)
-        table = sets_table(self, "design", f"{title} (greedy choices, not proven)", sizes)
-        rows = [[*row, "greedy"] for row in table.rows]
-        return Table(table.name, table.title, [*table.header, "front"], rows)
+        title = f"Sensors, {self.state}: {self.criterion.said(total.name)}; price"
+        title += "" if self.exact else " (greedy choices, not proven)"
+        rows = []
+        for k, one in enumerate(self.front):
+            sensors = Cell(label(self.robot, one.sensors), ",".join(one.sensors) or "none")
+            values = (number(column[k]) for column in sizes.values())
+            rows.append([sensors, number(one.price), *values, *["greedy"] * (not self.exact)])
+        header = ["sensors", "price", *sizes, *["front"] * (not self.exact)]
+        return Table("design", title, header, rows)
 
     def _draw(self, figure: Any) -> None:
         robot, total = self.robot, summed(self.robot)
@@ -153,7 +137,7 @@ class SensorSelection(Shown):
         for k in shown:
             place = {"xytext": (3, 4), "textcoords": "offset points"}
             axes.annotate(str(k + 1), (price[k], error[k]), fontsize=8, **place)
-            lines.append(f"{k + 1}  {described(robot, self.front[k])}")
+            lines.append(f"{k + 1}  {label(robot, self.front[k].sensors)}")
         lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
         if self.best is not None:
             there = self.best.price, total.factor * self.counted(self.best)
@@ -178,71 +162,7 @@ class SensorSelection(Shown):
         axes.legend(fontsize=8)
 
 
-def sets_table(found: SensorSelection, name: str, title: str, sizes: dict[str, Any]) -> Table:
-    """Return a table of the front's sets: sensors, tolerances, price, and columns of numbers."""
-    rows = []
-    for k, choice in enumerate(found.front):
-        sensors = Cell(label(found.robot, choice.sensors), ",".join(choice.sensors) or "none")
-        values = (number(float(column[k])) for column in sizes.values())
-        rows.append([sensors, _machined(found.robot, choice), number(choice.price), *values])
-    table = Table(name, title, ["sensors", "machined to", "price", *sizes], rows)
-    return table if found.levels else table.columns(0, *range(2, len(table.header)))
-
-
 def printed_errors(robot: Robot, error: float, angle: float | None) -> str:
     """Write an error of the position, and of the angle if there is one."""
     sizes = [(error, summed(robot).unit)] + ([] if angle is None else [(angle, "rad")])
     return ", ".join(printed(*size, ".4g") for size in sizes)
-
-
-def described(robot: Robot, choice: SensorSet, between: str = ", ") -> str:
-    """Name the sensors and the machining tolerances of a set."""
-    sensors = label(robot, choice.sensors)
-    return f"{sensors}{between}{_machined(robot, choice)}" if choice.machined else sensors
-
-
-def candidate(robot: Robot, one: Alone) -> str:
-    """Name a candidate: a sensor, or the machined parameters."""
-    if one.level is None:
-        return one.sensor
-    return _machined(robot, SensorSet((), 0.0, 0.0, ((one.sensor, one.level),)))
-
-
-def _machined(robot: Robot, choice: SensorSet) -> Cell:
-    """Return the machining tolerances of a set: printed, with parseable data."""
-    shown = [tolerance(robot, *level) for level in choice.machined]
-    data = ",".join(f"{group}={sigma!r}" for group, sigma in choice.machined)
-    return Cell(", ".join(shown) or "–", data or "none")
-
-
-def page(
-    found: SensorSelection,
-    tables: Sequence[Table],
-    notes: Sequence[str],
-    visited: int,
-    touched: bool,
-) -> str:
-    """Return a sensor selection as one self-contained HTML page.
-
-    In the table of other states: `visited` poses; `touched`: whether a reference pose was given.
-    """
-    total = summed(found.robot)
-    series: dict[str, dict[str, Array]] = {"with it alone": {}, "with all others": {}}
-    for one in sorted(found.alone, key=lambda one: one.error):
-        for what, error in zip(series, (one.error, one.without), strict=True):
-            name = candidate(found.robot, one)
-            series[what][name] = total.factor * np.array([0, error, error])
-    panels = {found.label: series}
-    figures = {"front": found.plot(), "each": figure_of(lambda f: ranges(f, panels, "candidate"))}
-    return render(
-        "design.html.j2",
-        found=found,
-        robot=found.robot,
-        state=found.state,
-        notes=notes,
-        visited=visited,
-        touched=touched,
-        tables={table.name: table for table in tables},
-        images={name: as_uri(picture(figure, ".svg")) for name, figure in figures.items()},
-        versions=versions(),
-    )

@@ -7,19 +7,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from truepose.arguments import check_seed
-from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.influences import at_other_temperature
-from truepose.design.candidates import given_poses
 from truepose.design.criterion import CYCLES, parts_of
 from truepose.design.selection import SensorSelection
 from truepose.exceptions import InputError
 from truepose.robot.conditions import sampled
-from truepose.robot.robot import Robot
-from truepose.robotfile.schema import Tolerance
 
 #: Default number of simulated robots.
 ROBOTS = 400
@@ -42,17 +37,14 @@ def _unwatched(**_: object) -> None:
 def verify(
     found: SensorSelection,
     *,
-    calibrated_on: ArrayLike | None = None,
-    reference_pose: ArrayLike | None = None,
-    reference_sigma: ArrayLike | float = 0.0,
     robots: int = ROBOTS,
     seed: int = 0,
     watch: Callable[..., None] = _unwatched,
 ) -> Verification:
     """Simulate robots within the tolerances with the best set, calibrate each, estimate its poses.
 
-    The limit is the target, else the predicted error. The state is as for the selection. `watch` is
-    called after each robot, with advance=1.
+    The limit is the target, else the predicted error. `watch` is called after each robot, with
+    advance=1.
 
     Raises
     ------
@@ -70,12 +62,11 @@ def verify(
     """
     if found.best is None or found.criterion.measure == "RP":
         raise InputError("verify: needs a best set, by a criterion that differs between robots")
-    robot = machined(found).with_sensors(*found.best.sensors)
+    robot = found.robot.with_sensors(*found.best.sensors)
     over, parts = found.over, parts_of(robot, found.angle)
     cycles = CYCLES if found.criterion.measure == "AP" else 1
-    visited = given_poses(robot, calibrated_on, "calibrated_on")
-    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
-    off = np.array(reference_sigmas(robot, reference_sigma))
+    visited, touched, sigma = found.use.known(robot)
+    off = np.array(sigma)
     x, errors, expected = np.tile(over, (cycles, 1)), [], robot.expected()
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
         true = robot.sample(own)
@@ -107,17 +98,3 @@ def wilson(count: int, of: int) -> tuple[float, float]:
     z = 1.959964
     middle, half = count + z * z / 2, z * math.sqrt(count * (of - count) / of + z * z / 4)
     return max(0.0, (middle - half) / (of + z * z)), min(1.0, (middle + half) / (of + z * z))
-
-
-def machined(found: SensorSelection) -> Robot:
-    """Return the robot with the tolerances of the best set."""
-    robot, finer = found.robot, dict(found.best.machined if found.best else ())
-    tolerances = {}
-    for level in (level for own in found.levels for level in own):
-        if level.sigma >= finer.get(level.group, np.inf):
-            for name in level.information:
-                own = robot.spec.tolerance(name)
-                mean, half = own.mean if own else 0.0, math.sqrt(3) * level.sigma
-                tolerances[name] = Tolerance(interval=(mean - half, mean + half))
-    spec = robot.spec.model_copy(update={"tolerances": tolerances | robot.spec.tolerances})
-    return type(robot)(spec, {name: p.value for name, p in robot.parameters.items()})

@@ -1,14 +1,17 @@
-"""Poses where accuracy counts: over the workspace, in a volume of it, or along a path."""
+"""Use of a robot: where its accuracy counts, and what is done with it once before."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
+from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import drawn, given_poses, reachable
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
@@ -20,6 +23,54 @@ from truepose.show.units import printed
 POSES = 32
 #: Samples of a volume whose reach is checked, beside its corners.
 CHECKED = 4 * POSES
+
+
+class Known(NamedTuple):
+    """Poses at which a robot is read before its use."""
+
+    visited: Array  #: (V, n) of a self-calibration
+    touched: Array  #: (1, n) from outside; (0, n) without one
+    sigma: list[float]  #: of the coordinates of `touched`
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Use:
+    """Poses where a robot's accuracy counts, and what is done with it once before.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> referenced = tp.design.Use(reference_pose=h4.home)
+    >>> errors = [tp.design.error_budget(h4, use).error for use in (tp.design.Use(), referenced)]
+    >>> print([round(1e3 * error, 1) for error in errors])  # mm
+    [12.0, 0.3]
+    """
+
+    poses: ArrayLike | None = None  #: (T, n) where it counts; None: 32 over the workspace
+    calibrated_on: ArrayLike | None = None  #: (V, n) poses of a self-calibration
+    reference_pose: ArrayLike | None = None  #: (n,) pose known from outside, read once
+    reference_sigma: ArrayLike | float = 0.0  #: its σ, m and rad
+
+    def over(self, robot: Robot) -> Array:
+        """Return the poses where the accuracy counts, (T, n)."""
+        return asked_poses(robot, self.poses)
+
+    def known(self, robot: Robot) -> Known:
+        """Return the poses at which the robot is read before."""
+        return Known(
+            given_poses(robot, self.calibrated_on, "calibrated_on"),
+            given_poses(robot, self.reference_pose, "reference_pose", one=True),
+            reference_sigmas(robot, self.reference_sigma),
+        )
+
+    @property
+    def state(self) -> str:
+        """The robot's state in words: as built, or what is done with it."""
+        return state_of(self.calibrated_on, self.reference_pose)
+
+
+AS_BUILT = Use()
 
 
 def asked_poses(robot: Robot, poses: ArrayLike | None) -> Array:

@@ -3,13 +3,12 @@
 With the motors alone the pose error is ``E (B_q u + ε_q)``, E = H_q⁻¹; the residual of a sensor at
 that pose is ``b u + ε - H E ε_q``, b = B - H E B_q. All are normal, so that the variance of the
 position with a set, at the requested poses and after readings at others, is a conditional variance.
-It uses the rows of the set's sensors from tables of all sensors. A finer tolerance counts as a
-reading of each of its parameters: it adds to the information 1/σ² of the tolerance before it.
+It uses the rows of the set's sensors from tables of all sensors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.design.criterion import SIGMA, Criterion, parts_of
+from truepose.design.where import Known
 from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 
@@ -26,12 +26,11 @@ _NEGLIGIBLE = 1e-10
 
 
 class _Left(NamedTuple):
-    """What shares of the candidates leave: of p unknowns, position errors and T poses."""
+    """Remaining uncertainty with a set of sensors: of p unknowns and position errors at T poses."""
 
     covariance: Array  #: (T, c, c) of the position
     G: Array  #: (p, p) root of the unknowns' covariance after earlier readings
     position: Array  #: (T, c, p) rows of the position error after the readings there
-    across: Array  #: (T, c, S) covariance of position and sensor values after these readings
     gains: Array  #: (T, c, S) of these sensors in the estimate of the position
     unknowns: list[int]  #: the p of all
 
@@ -43,15 +42,11 @@ class Worth:
     robot: Robot
     names: Sequence[str]  #: candidate sensors
     poses: Array  #: (T, c) where the accuracy counts
-    calibrated_on: Array  #: (V, c) poses of a self-calibration; may be empty
-    touched: Array  #: (1, c) known pose at which all sensors are read; may be empty
-    reference_sigma: Sequence[float]  #: of the coordinates of `touched`
-    finer: Sequence[Mapping[str, float]] = ()
-    #: information that each machining tolerance adds, by parameter; these follow the sensors
+    known: Known  #: at which all sensors are read before
     angle: float | None = None  #: error of the position, m, that an angle error of 1 rad equals
 
     def __post_init__(self) -> None:
-        robot, touched = self.robot, self.touched
+        robot, (visited, touched, sigma) = self.robot, self.known
         self.parts = parts_of(robot, self.angle)
         self._linear, self._scale = self.parts.columns, self.parts.scale[:, None]
         every = list(robot.parameters)
@@ -63,7 +58,7 @@ class Worth:
         if more:  # the motor readings there do not depend on the set
             H, B = self._jacobians(touched, "reference")
             there = B[0] @ root
-            there[:, -more:] = H[0] * np.asarray(self.reference_sigma)
+            there[:, -more:] = H[0] * np.asarray(sigma)
             motors = there[:n]
             left = np.linalg.inv(np.linalg.cholesky(np.eye(len(root.T)) + motors.T @ motors)).T
             root, there = root @ left, there[n:] @ left
@@ -79,34 +74,21 @@ class Worth:
         )
         size = len(self._linear)
         #: (V, S, p) rows of earlier readings; (V, S, n) of the motors' noise in them.
-        earlier = self._rows(self.calibrated_on, root, "calibration")
+        earlier = self._rows(visited, root, "calibration")
         self._R, self._A = (x[:, size:] for x in earlier)
         if more:
             self._R = np.concatenate([self._R, there[None]])
             self._A = np.pad(self._A, ((0, 1), (0, 0), (0, 0)))
-        self._share = np.zeros((len(self.finer), len(root.T)))  # of that of the file's tolerance
-        parts = []
-        for k, added in enumerate(self.finer):
-            at = [uncertain.index(name) for name in added]
-            parts.append(np.sqrt([*added.values()])[:, None] * root[at])
-            self._share[k, at] = [robot.parameters[n].sigma ** 2 * i for n, i in added.items()]
-        ends = np.cumsum([len(part) for part in parts], dtype=int)
-        rows = self._reduce(np.concatenate([*parts, np.zeros((0, len(root.T)))]))
-        #: (L, p, p) information that each tolerance adds.
-        self._finer = np.zeros((len(parts), *2 * rows.shape[1:]))
-        for k, own in enumerate(np.split(rows, ends)[: len(parts)]):
-            self._finer[k] = own.T @ own
+        self._reduce()
 
-    def _reduce(self, finer: Array) -> Array:
+    def _reduce(self) -> None:
         """Leave out unknowns without effect, and note which only some sensors depend on.
 
-        Those on which the position or a tolerance depends are replaced by as many combinations as
-        have an effect. Returns the rows `finer` in the new unknowns.
+        Those on which the position depends are replaced by as many combinations as have an effect.
         """
-        size, p = len(self._linear), self._F.shape[-1]
-        always = np.concatenate([self._F[:, :size].reshape(-1, p), finer])
-        shared = (always != 0).any(axis=0)
-        rows = [x[..., shared].reshape(-1, int(shared.sum())) for x in (self._F, self._R, finer)]
+        size = len(self._linear)
+        shared = (self._F[:, :size] != 0).any(axis=(0, 1))
+        rows = [x[..., shared].reshape(-1, int(shared.sum())) for x in (self._F, self._R)]
         stacked = np.concatenate(rows)
         largest = np.abs(stacked).max(axis=1, initial=0.0, keepdims=True)
         stacked = stacked[largest[:, 0] > 0] / largest[largest[:, 0] > 0]
@@ -125,7 +107,6 @@ class Worth:
         #: Unknowns of all sets, and of each sensor.
         self._always = [*range(V.shape[1])]
         self._own = [np.flatnonzero(one).tolist() for one in used]
-        return reduced(finer)
 
     def _groups(self) -> list[Robot]:
         """Return robots that together use all candidates, each as many as a robot can."""
@@ -160,7 +141,7 @@ class Worth:
         return rows, by_motors
 
     def squared(self, chosen: Sequence[int], by: Criterion) -> float:
-        """Return a criterion of the position, squared, m², with these sensors and tolerances.
+        """Return a criterion of the position, squared, m², with these sensors.
 
         With `angle`, of the position or the angle, whichever is larger.
         """
@@ -168,87 +149,46 @@ class Worth:
 
     def each(self, chosen: Sequence[int], by: Criterion) -> list[float]:
         """Return a criterion of the position, and with `angle` of the angle, squared, m²."""
-        shares = np.zeros(len(self.names) + len(self._finer))
-        shares[list(chosen)] = 1.0
-        left = self._left(shares, [k for k in chosen if k < len(self.names)])
+        left = self._left(chosen)
         L = left.position
         N, noise = left.covariance - L @ L.swapaxes(1, 2), self._averaged(left.gains, chosen)
         U = L[..., :0]
-        if by.confidence is not None:
-            U = self._by_uniform(L @ (self._mixed[:, left.unknowns] @ left.G).T, shares)
+        if by.confidence is not None:  # errors by the parameters' own: L Gᵀ u
+            U = (L @ (self._mixed[:, left.unknowns] @ left.G).T)[..., self._uniform]
         return [by.squared(L[:, p], N[:, p, p], U[:, p], noise[:, p, p]) for p in self.parts.slices]
 
     def _averaged(self, gains: Array, chosen: Sequence[int]) -> Array:
         """Return the covariance of the position by the readings' noise, (T, c, c)."""
-        size, own = len(self._linear), [k for k in chosen if k < len(self.names)]
-        motors, sensors = self._random[0], self._random[1][own]
+        size, (motors, sensors) = len(self._linear), self._random
+        sensors = sensors[list(chosen)]
         if not (motors.any() or sensors.any()):
             return np.zeros((*gains.shape[:2], size))
-        rows = self._motors.take([size + k for k in own], 1)
+        rows = self._motors.take([size + k for k in chosen], 1)
         K = np.concatenate([self._motors[:, :size] - gains @ rows, -gains], axis=2)
         return K * np.concatenate([motors, sensors]) @ K.swapaxes(1, 2)
-
-    def _by_uniform(self, by_u: Array, shares: Array) -> Array:
-        """Return the columns, by uniform variables, of a position error by the parameters' own.
-
-        The estimate leaves Σ Σ₀⁻¹ of an error u of the parameters: KB (u - û) = L Gᵀ u + …, u in
-        units of Σ₀. Machined parts are uniform too, within √3 σ.
-        """
-        more = 1 + shares[len(self.names) :] @ self._share
-        own = self._uniform | (more > 1)
-        return by_u[..., own] * np.sqrt(more[own])
 
     def variance(self, chosen: Sequence[int]) -> float:
         """Return the mean variance of the position, m²."""
         return self.squared(chosen, SIGMA)
 
-    def _left(self, shares: Array, own: Sequence[int]) -> _Left:
-        """Return what the sensors `own` and the tolerances leave with these shares."""
+    def _left(self, own: Sequence[int]) -> _Left:
+        """Return the remaining uncertainty with these sensors."""
         from scipy.linalg.lapack import dtrtri  # inverse of a triangle, an eighth of the work
 
-        sensors, size = len(self.names), len(self._linear)
+        size = len(self._linear)
         unknowns = [*self._always, *sorted({j for k in own for j in self._own[k]})]
-        d = np.sqrt(np.maximum(shares[own], 0.0))[:, None]
-        read = d * self._R.take(own, 1).take(unknowns, 2)
-        G = np.eye(len(unknowns))
-        if earlier := bool(len(read) or shares[sensors:].any()):
-            A = d * self._A.take(own, 1)
-            values, U, Z = _noise(A, read)
-            root = np.sqrt(1 + values)
-            white = read - A @ U @ (Z / (root * (1 + root))[..., None])  # (I + A Aᵀ)^-½ read
-            white = white.reshape(-1, len(G))
-            J = G + white.T @ white
-            if shares[sensors:].any():
-                J += np.tensordot(shares[sensors:], self._finer, 1)[np.ix_(unknowns, unknowns)]
-            G = dtrtri(np.linalg.cholesky(J), lower=1)[0].T
+        read, A = self._R.take(own, 1).take(unknowns, 2), self._A.take(own, 1)
         kept = [*range(size), *(size + k for k in own)]
-        F, eye = self._F.take(kept, 1).take(unknowns, 2), np.eye(len(own))
-        F = F @ G if earlier else F
+        F, G = self._F.take(kept, 1).take(unknowns, 2), np.eye(len(unknowns))
+        if read.size:
+            values, U = np.linalg.eigh(A.swapaxes(1, 2) @ A)
+            root = np.sqrt(1 + np.maximum(values, 0.0))
+            Z = (A @ U).swapaxes(1, 2) @ read / (root * (1 + root))[..., None]
+            white = (read - A @ U @ Z).reshape(-1, len(G))  # (I + A Aᵀ)^-½ read
+            G = dtrtri(np.linalg.cholesky(G + white.T @ white), lower=1)[0].T
+            F = F @ G
         P = F @ F.swapaxes(1, 2) + self._by_motors.take(kept, 1).take(kept, 2)
         across, told = P[:, size:, :size], P[:, size:, size:]
-        by = (d * np.linalg.solve(eye + d * told * d.T, d * across)).swapaxes(1, 2)
-        left = across.swapaxes(1, 2) - by @ told
+        by = np.linalg.solve(np.eye(len(own)) + told, across).swapaxes(1, 2)
         covariance, position = P[:, :size, :size] - by @ across, F[:, :size] - by @ F[:, size:]
-        return _Left(covariance, G, position, left, by, unknowns)
-
-    def relaxed(self, shares: Array) -> tuple[float, Array]:
-        """Return the mean variance with shares (N,), 0 to 1, of the information; its gradient."""
-        # A sensor of share w reads √w s + ε of its value s. The derivative by w is minus the
-        # squared remaining covariance of the position and s, summed over the readings.
-        left = self._left(shares, range(len(self.names)))
-        G = left.G
-        L = left.position.reshape(-1, len(G))
-        middle = L.T @ L / len(left.position)
-        d = np.sqrt(np.maximum(shares[: len(self.names)], 0.0))[:, None]
-        values, U, Z = _noise(d * self._A, d * self._R)
-        C = (self._R - self._A @ U @ (Z / (1 + values)[..., None])) @ G
-        by_sensors = (left.across**2).sum(axis=1).mean(axis=0) + ((C @ middle) * C).sum(axis=(0, 2))
-        by_levels = np.tensordot(self._finer, G @ middle @ G.T)
-        mean = float(left.covariance.trace(axis1=1, axis2=2).mean())
-        return mean, -np.concatenate([by_sensors, by_levels])
-
-
-def _noise(A: Array, read: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues and vectors U of AᵀA, and Uᵀ Aᵀ times the rows `read`, for each pose."""
-    values, U = np.linalg.eigh(A.swapaxes(1, 2) @ A)
-    return np.maximum(values, 0.0), U, (A @ U).swapaxes(1, 2) @ read
+        return _Left(covariance, G, position, by, unknowns)

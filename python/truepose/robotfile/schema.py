@@ -287,7 +287,7 @@ class Tolerance(Section):
     interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
         "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'", None
     )
-    price_steps: tuple[PriceStep, ...] = key("finer levels for truepose design, any order", ())
+    price_steps: tuple[PriceStep, ...] = key("of 0.5: not used since 0.6", ())
 
     @model_validator(mode="after")
     def _one(self) -> Self:

@@ -3,7 +3,7 @@
 import base64
 import platform
 import re
-from importlib import metadata, resources
+from importlib import metadata
 from typing import TYPE_CHECKING
 
 from truepose.show.table import Table
@@ -22,14 +22,7 @@ def render(template: str, package: str = "", **values: object) -> str:
 
     `package` has the template in its folder `templates`, which may use those of the core.
     """
-    page = _with_contents(_template(template, package).render(**values))
-    folder = resources.files("truepose") / _TEMPLATES
-    # Panzoom (Timmy Willison and others, MIT) is embedded: the page needs no network.
-    scripts = [
-        f"<script>\n{(folder / name).read_text(encoding='utf-8').strip()}\n</script>\n"
-        for name in ("panzoom.min.js", "zoom.js")
-    ]
-    return page.replace("</body>", "".join(scripts) + "</body>")
+    return _with_contents(_template(template, package).render(**values))
 
 
 def table_html(table: Table) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
+from truepose.design.criterion import Criterion
 from truepose.design.error_budget import ErrorBudget, error_budget, errors_at
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import plan_poses
@@ -166,9 +167,9 @@ def map_of(state: State, kind: str) -> Map:
 
 
 def front(robot: Robot, prices: Mapping[str, float], terms: Terms, **goal: Any) -> SensorSelection:
-    """Return the Pareto front of sensor sets, tolerances as they are."""
-    known = terms.known(robot) | {"confidence": terms.confidence}
-    return select_sensors(robot, prices, price_steps={}, **known, **goal)
+    """Return the Pareto front of sensor sets."""
+    by = Criterion(confidence=terms.confidence)
+    return select_sensors(robot, prices, use=terms.use(robot), criterion=by, **goal)
 
 
 def within(found: SensorSelection, budget: float) -> SensorSet | None:
@@ -196,12 +197,12 @@ def contributions(robot: Robot, terms: Terms) -> ErrorBudget:
     ('wire1',) 1.0
     ('theta', 'wire1') 1.0
     """
-    return error_budget(robot, **terms.known(robot), confidence=terms.confidence)
+    return error_budget(robot, terms.use(robot), Criterion(confidence=terms.confidence))
 
 
 def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
     """Return the position error that the share of robots keeps at each pose, (N,); NaN: none."""
-    return errors_at(robot, x, **terms.known(robot), confidence=terms.confidence)
+    return errors_at(robot, x, terms.use(robot), terms.confidence)
 
 
 def plan(robot: Robot, terms: Terms) -> PosePlan:

@@ -7,7 +7,8 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget
-from truepose.design.selection import SensorSelection, described
+from truepose.design.selection import SensorSelection
+from truepose.robot import units
 from truepose.robot.laws import LAWS
 from truepose.robot.units import summed
 from truepose.show.table import number
@@ -57,7 +58,7 @@ def front(found: SensorSelection, price: float, error: float, budget: float) -> 
     way = " ".join(f"{x:.1f},{y:.1f}" for x, y in [points[0], *itertools.chain(*corners)])
     parts = [f'<polyline fill="none" stroke="{LINE}" stroke-width="1.5" points="{way}"/>']
     for (left, up), choice, value in zip(points, found.front, y, strict=True):
-        said = f"{described(found.robot, choice)}: {paid(choice):g}, {value:.3g} {unit}"
+        said = f"{units.label(found.robot, choice.sensors)}: {paid(choice):g}, {value:.3g} {unit}"
         parts.append(
             f'<circle cx="{left:.1f}" cy="{up:.1f}" r="2.5" fill="{LINE}">'
             f"<title>{escape(said)}</title></circle>"

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from viser import GuiApi
 
-from truepose.commands.design import report_page
 from truepose.commands.options import file_text
 from truepose.commands.plan import notes, written
 from truepose.design.pose_plan import PosePlan
@@ -67,7 +66,7 @@ class DesignTab(Tab):
         page.on(gui.add_button("Plan the calibration poses"), lambda _: self._ask_plan())
         self._told = gui.add_html("")
         self._run = gui.add_checkbox("Play the plan", False)
-        saves = gui.add_button_group("Save", ("robot", "plan", "report"))
+        saves = gui.add_button_group("Save", ("robot", "plan"))
         page.on(saves, self._save)
         with gui.add_folder("Prices", expand_by_default=False):
             if len(of_file) < len(sensors):
@@ -185,11 +184,6 @@ class DesignTab(Tab):
         state, name = self.page.state, self.page.state.drawn.name
         if what == "robot":
             file, text = f"{name}.toml", file_text(state.robot)
-        elif what == "report":
-            goal = {"budget": self._budget.value} if self._budget.value > 0 else {}
-            found = answers.front(state.drawn, self._prices, state.terms, **goal)
-            text = report_page(found, **state.terms.known(state.drawn))
-            file = f"{name}-sensors.html"
         elif self._plan is not None:
             file, text = f"{name}-poses.csv", written(self._plan)
         else:

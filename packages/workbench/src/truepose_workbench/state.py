@@ -4,14 +4,14 @@ import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.design.selection import STEPS
-from truepose.design.where import practice
+from truepose.design.where import Use, practice
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import unit_of
@@ -31,10 +31,13 @@ class Terms:
     referenced: bool = False  #: at home
     confidence: float = 0.95
 
-    def known(self, robot: Robot) -> dict[str, Any]:
-        """Return arguments of :func:`truepose.accuracy` and of the functions here."""
-        visited = _practice(robot, self.poses) if self.poses else None
-        return {"calibrated_on": visited, "reference_pose": robot.home if self.referenced else None}
+    def use(self, robot: Robot, poses: ArrayLike | None = None) -> Use:
+        """Return the use of a robot, by default over its workspace."""
+        return Use(
+            poses=poses,
+            calibrated_on=_practice(robot, self.poses) if self.poses else None,
+            reference_pose=robot.home if self.referenced else None,
+        )
 
     @property
     def steps(self) -> tuple[str, ...]:
