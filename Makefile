@@ -115,7 +115,7 @@ wheel: $(VENV)/created
 # Instruction counts against benchmarks/instructions.json; the control path's symbols, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
-	  cmake --build --preset dev --target benchmark_instructions test_realtime && \
+	  cmake --build --preset dev --target benchmark_core test_realtime && \
 	  ctest --preset dev -R 'instructions|realtime'; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
 
