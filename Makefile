@@ -18,7 +18,7 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks 
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help paper reproduce report reference pkm-calibration test test-python test-cpp test-browser lint format fuzz realtime examples wheel instructions bench bench-peers page \
+.PHONY: help paper reproduce report reference pkm-calibration pkm-calibration-test test test-python test-cpp test-browser lint format fuzz realtime examples wheel instructions bench bench-peers page \
         random-mutants coverage coverage-python coverage-cpp pictures docs twin dev clean
 
 help:
@@ -35,21 +35,25 @@ reproduce: paper
 report: paper
 	@truepose reproduce --full --force $(ARGS)
 
-# Published results of others against truepose's (reference/); a failed verdict is an error. Some seconds.
+# Published results of others against truepose's (benchmarks/reference/); a failed verdict is an error. Some seconds.
 reference: $(VENV)/installed
-	@python reference/run.py $(ARGS)
+	@python benchmarks/reference/run.py $(ARGS)
 
 # The benchmark of calibrations: four baselines on its twelve logs, and their scores. ARGS='--seeds 1 2 3' (needs
-# MuJoCo) shows how far the scores depend on the generator's seed.
+# MuJoCo) shows how far the scores depend on the generator's seed. Its tests generate logs again.
 pkm-calibration: $(VENV)/installed
-	@PYTHONPATH=pkm-calibration python -m pkm.baselines $(ARGS)
+	@PYTHONPATH=benchmarks/pkm-calibration python -m pkm.baselines $(ARGS)
+
+pkm-calibration-test: $(VENV)/developing
+	@pip install --quiet --disable-pip-version-check -r benchmarks/pkm-calibration/requirements.txt
+	python -m pytest -q tests/python/benchmarks
 
 test: test-python test-cpp
 	@$(MAKE) --no-print-directory -C packages/paper test
 
 test-python: $(VENV)/developing
 	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal \
-	  $(ARGS) --pyargs truepose tests/python docs README.md
+	  --ignore=tests/python/benchmarks $(ARGS) --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
@@ -116,7 +120,7 @@ wheel: $(VENV)/created
 # Instruction counts against benchmarks/instructions.json; the control path's symbols, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
-	  cmake --build --preset dev --target benchmark_instructions test_realtime && \
+	  cmake --build --preset dev --target benchmark_core test_realtime && \
 	  ctest --preset dev -R 'instructions|realtime'; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
 
@@ -130,7 +134,7 @@ coverage: coverage-python coverage-cpp
 
 coverage-python: $(VENV)/developing
 	@mkdir -p build
-	OPENBLAS_NUM_THREADS=1 coverage run -m pytest -q -n auto tests/python
+	OPENBLAS_NUM_THREADS=1 coverage run -m pytest -q -n auto --ignore=tests/python/benchmarks tests/python
 	coverage combine
 	coverage report --skip-covered --show-missing
 

@@ -1,4 +1,4 @@
-"""Table of reference results: `python reference/run.py [FOLDER …]`; `make reference` calls it.
+"""Table of reference results: `python benchmarks/reference/run.py [FOLDER …]`, `make reference`.
 
 Every folder beside this file has a `check.py` whose `rows()` compares printed figures with
 truepose's. The exit status is 1 if a verdict failed.

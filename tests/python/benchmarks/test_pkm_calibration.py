@@ -6,13 +6,10 @@ import shutil
 
 import numpy as np
 import pytest
-from pkm import baselines, files, ideal, score, with_truepose
+from pkm import baselines, files, generate, ideal, mechanism, score, with_truepose
 from pkm.poses import difference
 
 import truepose as tp
-
-pytest.importorskip("mujoco")
-from pkm import generate, mechanism
 
 KINDS = sorted(path.stem for path in (files.HERE / "robots").glob("*.json"))
 

@@ -45,7 +45,7 @@ def position_rms(fit: tp.calibration.Calibration, q: np.ndarray, measured: np.nd
 def rows() -> list[Row]:
     """Compare."""
     robot = tp.load("jugglebot")
-    log = tp.logs.read(robot, HERE.parents[1] / "robots" / "jugglebot" / "log.csv")
+    log = tp.logs.read(robot, HERE.parents[2] / "robots" / "jugglebot" / "log.csv")
     other = tp.logs.read(robot, HERE / "session_60.csv")
     first, later = 1e3 / numbers(table(HERE / "factors.csv"), "first", "later").T
 

@@ -12,7 +12,7 @@ from truepose.integrations.klipper.assessment import MM, Residuals, assess, rms
 
 HERE = Path(__file__).parent
 #: The printers' files; their heads name repository, commit and licence (CC0-1.0).
-FILES = HERE.parents[1] / "tests" / "python" / "integrations" / "klipper" / "data"
+FILES = HERE.parents[2] / "tests" / "python" / "integrations" / "klipper" / "data"
 #: What the search begins with: not Klipper's result, mm.
 BEGIN = {"delta_radius": 2.0, "position_endstop": -1.0}
 
