@@ -99,8 +99,8 @@ realtime: $(VENV)/tools
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
 # Calibration in a browser, one file that loads nothing: build/page/truepose.html.
-page: $(VENV)/installed
-	$(MAKE) --no-print-directory -C deploy/page EIGEN="$$(cmeel cmake)/include/eigen3"
+page:
+	@$(MAKE) --no-print-directory -C packages/printers CORE=installed page
 
 # By the system's compilers; C++ projects by clang++-22 as well.
 examples: $(VENV)/developing

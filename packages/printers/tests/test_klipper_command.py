@@ -10,8 +10,8 @@ from printer_files import made_printer, made_text, read, text_of
 
 import truepose as tp
 from truepose.commands import cli
-from truepose.integrations.klipper.assessment import assess
-from truepose.integrations.klipper.assessment import read as read_file
+from truepose_printers.assessment import assess
+from truepose_printers.assessment import read as read_file
 
 #: Largest printer.cfg, bytes.
 MOST_BYTES = 1_000_000
@@ -421,7 +421,7 @@ def test_a_reading_that_departs_is_named(run, config):
 def test_heights_found_by_hand_come_first():
     text = read("phnxdrgn536")
     found = assess(text)
-    z = 1e3 * found.delta.positions(found.p, np.full((1, 3), 33000.0))[0, 2]
+    z = 1e3 * found.delta.positions(found.p, np.full((1, 3), 33000.0))[0][0, 2]
     by_hand = f"manual_height0: {z}\nmanual_height0_pos: 33000,33000,33000\n"
     text = text.replace("[delta_calibrate]\n", f"[delta_calibrate]\n{by_hand}", 1)
     readings = assess(text).readings()

@@ -1,7 +1,7 @@
 """Pictures of the page without installation: docs/pictures/page-printer.png and page-robot.png.
 
-Run as ``python tools/page_pictures.py`` after ``make page``; needs playwright, Pillow and Debian's
-chromium.
+Run as ``python packages/printers/tools/page_pictures.py`` after ``make page``; needs playwright,
+Pillow and Debian's chromium.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "build/page/truepose.html"
-PRINTER = ROOT / "tests/python/integrations/klipper/data/phnxdrgn536.cfg"
+PRINTER = ROOT / "packages/printers/tests/data/phnxdrgn536.cfg"
 
 
 def save(name: str, shot: bytes) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.integrations.klipper.assessment import MM, UNITS, Assessment, rms
 from truepose.show.table import Cell, Table, fixed
+from truepose_printers.assessment import MM, UNITS, Assessment, rms
 
 
 def tables(found: Assessment) -> list[Table]:
@@ -92,7 +92,7 @@ def points_text(found: Assessment) -> str:
     DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
     """
     probed = [of["steps"][0] for of in found.answer.get("readings", ()) if of["probed"]]
-    before = found.delta.positions(found.values, np.reshape(probed, (-1, 3))) / MM
+    before = found.delta.positions(found.values, np.reshape(probed, (-1, 3)))[0] / MM
     new = found.answer["next"]
     lines = [
         "# For Klipper: include this file in printer.cfg, then DELTA_CALIBRATE and SAVE_CONFIG.",

@@ -5,9 +5,8 @@
  * The text is a Klipper printer.cfg or klippy.log (linear and rotary deltas), or a session of a
  * Marlin or RepRapFirmware printer: M665, M666, M92 and the answers to G30, G33 or G32.
  *
- * Unlike truepose.h this allocates, takes up to seconds for hundreds of readings, and is linked
- * from a library of its own, truepose_printers, which needs a C++ runtime. It keeps no state:
- * threads may call it at once. */
+ * Unlike truepose.h this allocates, takes up to seconds for hundreds of readings, and needs a C++
+ * runtime. It keeps no state: threads may call it at once. */
 #ifndef TRUEPOSE_PRINTERS_H
 #define TRUEPOSE_PRINTERS_H
 
@@ -51,6 +50,18 @@ typedef struct truepose_printer_options {
 TRUEPOSE_API int truepose_printer(const char* text, size_t length,
                                   const truepose_printer_options* options, char* json,
                                   size_t capacity);
+
+/** Nozzle positions x at steps of the motors down from their endstops, `count` rows of 3; NaN where
+ * the rods do not meet. `rotary`: 0 or 1; `step`: motion of each motor per step, m or rad; `p` as
+ * `p` and `theta` in answers: 10 parameters, of a rotary delta 14.
+ *
+ * @param slopes  out: ∂x/∂p, `count` matrices of 3 rows */
+TRUEPOSE_API void truepose_printer_positions(int rotary, size_t count, const double* step,
+                                             const double* p, const double* steps, double* x,
+                                             double* slopes);
+/** Steps of the motors with the nozzle at x, `count` rows of 3; NaN where it cannot be. */
+TRUEPOSE_API void truepose_printer_steps(int rotary, size_t count, const double* step,
+                                         const double* p, const double* x, double* steps);
 
 #ifdef __cplusplus
 }

@@ -5,8 +5,8 @@ import pytest
 from printer_files import made_printer, text_of
 
 from truepose.exceptions import InputError
-from truepose.integrations.klipper import backups
-from truepose.integrations.klipper.assessment import MM, assess
+from truepose_printers import backups
+from truepose_printers.assessment import MM, assess
 
 SESSIONS = 40
 
@@ -17,7 +17,7 @@ def session(kinematics, truth_seed, seed, name, endstop=0.0):
     p = truth.p.copy()
     p[-3:] += endstop
     heights = truth.readings.heights_only()
-    touched = np.round(printer.delta.positions(truth.p, heights.height_steps), 6)
+    touched = np.round(printer.delta.positions(truth.p, heights.height_steps)[0], 6)
     touched[:, 2] = 0.04 * MM * np.random.default_rng(seed).standard_normal(len(touched))
     steps = np.round(printer.delta.steps(p, touched))
     return assess(text_of(printer, heights._replace(height_steps=steps)), name)

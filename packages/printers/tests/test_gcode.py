@@ -8,7 +8,7 @@ import pytest
 from printer_files import drawn
 
 from truepose.exceptions import InputError
-from truepose.integrations.klipper.assessment import assess
+from truepose_printers.assessment import assess
 
 SETTINGS = "echo: M665 L345.0 R160.0 H418.0 A0.0 B0.1 X0.2\nM666 X-0.1 Y0 Z-0.2 ; mine\n"
 TURNS = {"x": 210, "y": 330, "z": 90, "xy": 270, "yz": 30, "zx": 150}
@@ -34,7 +34,7 @@ def probed(settings, points=POINTS):
     """Coordinates at which the true printer's nozzle touches the bed, mm."""
     delta = drawn("delta").delta
     bed = 1e-3 * np.column_stack([points, np.zeros(len(points))])
-    return 1e3 * delta.positions(parameters(*settings), delta.steps(parameters(*TRUE), bed))
+    return 1e3 * delta.positions(parameters(*settings), delta.steps(parameters(*TRUE), bed))[0]
 
 
 def m503(settings, more="", prefix="Recv: echo:"):

@@ -9,9 +9,9 @@ import numpy as np
 
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError
-from truepose.integrations.klipper.assessment import MM, Assessment
-from truepose.integrations.klipper.review import mm
 from truepose.show.table import Cell, Table
+from truepose_printers.assessment import MM, Assessment
+from truepose_printers.review import mm
 
 #: Probability with which backups of an unchanged printer agree.
 AGREE = 0.999
@@ -36,14 +36,13 @@ def predict(by: Assessment, of: Assessment) -> Prediction:
     names = by.path, of.path
     heights = of.readings()
     steps = np.array([reading["steps"][0] for reading in heights]) * (of.step / by.step)
-    x = by.delta.positions(by.p, steps)
+    x, J = by.delta.positions(by.p, steps)
     if not np.isfinite(x).all():
         return Prediction(*names, np.inf, np.nan, False)
-    J = np.array([by.delta.slopes(by.p, at)[2] for at in x])
     noise = of.noise("heights") ** 2 * np.eye(len(x))
     center = np.eye(len(x)) - 1 / len(x)
     off = center @ (MM * np.array([reading["value_mm"] for reading in heights]) - x[:, 2])
-    V = center @ (J @ by.covariance[:-2, :-2] @ J.T + noise) @ center
+    V = center @ (J[:, 2] @ by.covariance[:-2, :-2] @ J[:, 2].T + noise) @ center
     chi2 = float(off @ np.linalg.pinv(V, hermitian=True) @ off)
     count = len(x) - 1
     rms, sigma = np.sqrt([off @ off / count, V.trace() / count]).tolist()

@@ -1,13 +1,12 @@
-"""Assessment of a delta printer: the core's answer to the text of its firmware.
+"""Assessment of a delta printer: the library's answer to the text of its firmware.
 
-Parsing, fits and judgement are the core's (include/truepose/printers): Klipper's printer.cfg and
-klippy.log, sessions of Marlin and RepRapFirmware. A *stable position*, Klipper's term, is the
+Parsing, fits and judgement are the library's (include/truepose/printers): Klipper's printer.cfg
+and klippy.log, sessions of Marlin and RepRapFirmware. A *stable position*, Klipper's term, is the
 number of steps of each motor down from its endstop.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,15 +16,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truepose import _core, files
+from truepose import files
 from truepose.arguments import Array
 from truepose.exceptions import InputError
+from truepose_printers.library import Delta, answer
 
 MM, DEGREE = 1e-3, math.pi / 180
 #: Largest file, bytes: a klippy.log.
 MOST_LOG = 100_000_000
-#: Assumed σ of build and measurements that a caller can change, in the core's order; m, rad.
-SIGMA = ("arm", "angle", "radius", "endstop", "height", "distance", "shrinkage", "width")
+#: Assumed σ of build and measurements that a caller can change, in the library's order and units.
+SIGMA = {"arm": MM, "angle": DEGREE, "radius": MM, "endstop": MM, "height": MM, "distance": MM}
+SIGMA |= {"shrinkage": 0.01, "width": MM}
 #: Names of the firmwares with lines to send.
 FIRMWARES = {"marlin": "Marlin", "rrf": "RepRapFirmware"}
 ESTIMATE = "estimate with tolerances"
@@ -50,15 +51,15 @@ class Bed(NamedTuple):
 
 @dataclass(frozen=True)
 class Assessment:
-    """A printer's text and the core's answer to it."""
+    """A printer's text and the library's answer to it."""
 
     path: str
     answer: dict[str, Any]
 
     @cached_property
-    def delta(self) -> _core.Delta:
+    def delta(self) -> Delta:
         """The printer's kinematics."""
-        return _core.Delta(self.answer["kinematics"] != "delta", np.array(self.answer["step"]))
+        return Delta(self.answer["kinematics"] != "delta", np.array(self.answer["step"]))
 
     @property
     def step(self) -> Array:
@@ -158,17 +159,17 @@ def assess(
 
     Examples
     --------
-    >>> from truepose.integrations.klipper.assessment import assess
+    >>> from truepose_printers.assessment import assess
     >>> assess("[printer]")
     Traceback (most recent call last):
     ...
     truepose.exceptions.InputError: printer.cfg: [printer] kinematics: is missing
     """
-    given = [(sigma or {}).get(name, 0.0) for name in SIGMA]
-    answer = json.loads(_core.printer(text, arm or 0.0, probe_radius or 0.0, plan, given))
-    if "error" in answer:
-        raise InputError(f"{path}: {answer['error']}")
-    return Assessment(str(path), answer)
+    given = [(sigma or {}).get(name, 0.0) / scale for name, scale in SIGMA.items()]
+    found = answer(text, [(arm or 0.0) / MM, probe_radius or 0.0, plan, *given])
+    if "error" in found:
+        raise InputError(f"{path}: {found['error']}")
+    return Assessment(str(path), found)
 
 
 def read(path: str | Path, **options: Any) -> Assessment:

@@ -1,4 +1,4 @@
-"""The page without installation, deploy/page, in headless Chromium against Python.
+"""The page without installation, page/, in headless Chromium against Python.
 
 Skipped where Chromium, clang-22 or its wasm libraries are not installed.
 """
@@ -13,11 +13,11 @@ from browsing import browser  # noqa: F401 – a fixture
 from compiling import for_wasm, told, wheels_eigen
 
 import truepose as tp
-from truepose import _core
 from truepose.deploy.json_export import to_json
+from truepose_printers.library import answer
 
-SOURCE = Path(__file__).parents[3]
-PRINTERS = SOURCE / "tests/python/integrations/klipper/data"
+PACKAGE = Path(__file__).parents[1]
+PRINTERS = PACKAGE / "tests/data"
 WITHIN = 1e-9
 pytestmark = for_wasm
 
@@ -26,8 +26,8 @@ pytestmark = for_wasm
 def file() -> Path:
     """Return the page, as its target makes it."""
     eigen = wheels_eigen() / "include" / "eigen3"
-    told("make", "-C", SOURCE / "deploy" / "page", f"EIGEN={eigen}", f"PYTHON={sys.executable}")
-    return SOURCE / "build/page/truepose.html"
+    told("make", "-C", PACKAGE / "page", f"EIGEN={eigen}", f"PYTHON={sys.executable}")
+    return PACKAGE.parents[1] / "build/page/truepose.html"
 
 
 class Opened:
@@ -180,8 +180,8 @@ def require_same(one, other, place=""):
 @pytest.mark.parametrize("name", TEXTS)
 def test_a_printers_answer_has_all_numbers_of_python(name, opened):
     text = TEXTS[name]
-    answer = opened.tab.evaluate("text => truepose.printerAnswer(text, [0, 0, 5])", text)
-    require_same(answer, json.loads(_core.printer(text, next=5)))
+    found = opened.tab.evaluate("text => truepose.printerAnswer(text, [0, 0, 5])", text)
+    require_same(found, answer(text, [0, 0, 5]))
 
 
 def test_a_log_of_ten_megabytes_is_read_and_its_markup_stays_text(opened):
@@ -220,7 +220,7 @@ def test_the_new_configuration_is_saved_as_a_file(opened):
         opened.tab.get_by_text("Save the new printer.cfg").click()
     assert saved.value.suggested_filename == "printer-new.cfg"
     text = Path(saved.value.path()).read_text(encoding="utf-8")
-    assert text == json.loads(_core.printer(REAL.read_text(encoding="utf-8"), next=5))["config"]
+    assert text == answer(REAL.read_text(encoding="utf-8"), [0, 0, 5])["config"]
 
 
 BAD = {

@@ -12,10 +12,10 @@ import typer
 from truepose import files
 from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
-from truepose.integrations.klipper import backups, review
-from truepose.integrations.klipper.assessment import FIRMWARES, MM, Assessment, read
 from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
+from truepose_printers import backups, review
+from truepose_printers.assessment import FIRMWARES, MM, Assessment, read
 
 #: Plausible range of arm lengths, mm.
 _ARMS = (10.0, 5000.0)

@@ -5,7 +5,7 @@ import pytest
 from printer_files import made_printer, text_of
 from printer_trials import trials
 
-from truepose.integrations.klipper.assessment import assess
+from truepose_printers.assessment import assess
 
 
 @pytest.mark.parametrize(
