@@ -15,7 +15,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
 CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks deploy examples packages \
-         -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
+         -name '*.[hc]pp' -o -name '*.[hc]')
 
 .DEFAULT_GOAL := help
 .PHONY: help paper reproduce report reference pkm-calibration pkm-calibration-test test test-python test-cpp test-browser lint format fuzz realtime examples wheel instructions bench bench-peers page \

@@ -40,7 +40,7 @@ def row(said: str, name: str) -> list[float]:
     return [float(cell) for cell in found.split("|")]
 
 
-def test_it_answers_as_python_did_when_the_reference_was_written(said):
+def test_it_answers_as_python_does(said):
     (line,) = re.findall(r"differences from the reference.*: (.*)", said)
     differences = [int(number) for number in re.findall(r"[a-z] *(\d+)", line)]
     assert len(differences) == 7

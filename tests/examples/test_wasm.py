@@ -43,7 +43,7 @@ def agreement(module: Path) -> tuple[int, tuple[float, ...]]:
     return asked, struct.unpack("<7d", memory.read(store, start, start + 56))
 
 
-def test_it_answers_as_python_did_when_the_reference_was_written(built):
+def test_it_answers_as_python_does(built):
     asked, worst = agreement(built / "agree.wasm")
     assert asked == 5
     assert all(off <= most for off, most in zip(worst, ALLOWED, strict=True)), worst

@@ -1,7 +1,7 @@
 """Reference vectors for every build of the core, seeded.
 
-Run as ``python tools/reference_vectors.py [HEADER]`` after an intended change of the model. It
-writes tests/reference/vectors.h by default; agree.c compares it with the C interface's results.
+Run as ``python tests/reference/vectors.py HEADER``: what the installed truepose answers in Python,
+which agree.c compares with what a build of the C interface answers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import truepose as tp
 from truepose.arguments import Array
 from truepose.deploy.c_tables import identifier, to_c
 
-PATH = Path(__file__).parents[1] / "tests" / "reference" / "vectors.h"
 #: One robot of each mobility (with two axes for all rotational ones), and of each actuator.
 ROBOTS = ("five-bar", "3rrr", "linear-delta", "h4", "stewart", "g1-ankle")
 POSES, SEED = 6, 20261122
@@ -69,7 +68,7 @@ def header() -> str:
         known = f"&{word}_knowledge" if robot.r else "0"
         rows.append(f"  {{&{word}, {known}, {', '.join(f'{word}_{key}' for key in answers)}}}")
     return (
-        "/* Written by tools/reference_vectors.py: what Python's truepose answers. */\n"
+        "/* Written by tests/reference/vectors.py: what Python's truepose answers. */\n"
         "#ifndef TRUEPOSE_VECTORS_H\n#define TRUEPOSE_VECTORS_H\n\n"
         + "\n".join(tables)
         + "\n"
@@ -83,6 +82,4 @@ def header() -> str:
 
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else PATH
-    path.write_text(header(), encoding="utf-8")
-    print(f"Wrote {path}")
+    Path(sys.argv[1]).write_text(header(), encoding="utf-8")
