@@ -1,4 +1,4 @@
-// The assessment of a printer as JSON (docs/guides/delta-printer.md lists its members).
+// The assessment of a printer as JSON (docs/delta-printer.md lists its members).
 #pragma once
 
 #include "truepose/printers/assess.hpp"
