@@ -43,13 +43,18 @@ def noise(robots: int) -> None:
             cases: dict = {}
             for seed in range(robots):
                 robot, truth = drawn(which, seed, True, None)
-                healthy = tp.simulate(robot, truth, law, seed=seed)
+                healthy = tp.simulate(robot, truth, law, run=tp.simulation.Run(seed=seed))
                 for reading in ("q1", *SETS[which][1]):
                     for name, faults in kinds(robot, reading).items():
                         off, failed = [], 0
                         for monitor in (None, tp.FaultMonitor()):
                             run = tp.simulate(
-                                robot, truth, law, seed=seed, faults=faults, monitor=monitor
+                                robot,
+                                truth,
+                                law,
+                                faults=faults,
+                                monitor=monitor,
+                                run=tp.simulation.Run(seed=seed),
                             )
                             away = (run.x - healthy.x[: len(run.x)])[:, :3]
                             off.append(1e3 * np.linalg.norm(away, axis=1).max())
@@ -70,7 +75,8 @@ def loose(robots: int) -> None:
         cases: dict = {}
         for seed in range(robots):
             robot, truth = drawn(which, seed, True, effects)
-            usual = {"effects": effects, "seed": seed, "monitor": monitor, "hold": 0.3}
+            run = tp.simulation.Run(seed=seed, hold=0.3)
+            usual = {"effects": effects, "monitor": monitor, "run": run}
             controller = tp.Controller.for_robot(robot, effects)
             healthy = tp.simulate(robot, truth, controller, **usual)
             for reading, at in product(robot.readings, np.arange(0.03, 0.22, 0.035)):
@@ -96,12 +102,15 @@ def payload(robots: int) -> None:
         for seed in range(robots):
             robot, truth = drawn("h4 θ", seed, True, None)
             picked = [tp.faults.Disturbance("payload", AT, mass)]
-            healthy = tp.simulate(robot, truth, hold=0.4, seed=seed)
+            healthy = tp.simulate(robot, truth, run=tp.simulation.Run(hold=0.4, seed=seed))
             away = []
             for carry in (False, True):
                 monitor = tp.FaultMonitor(carry=carry)
                 run = tp.simulate(
-                    robot, truth, hold=0.4, seed=seed, disturbances=picked, monitor=monitor
+                    robot,
+                    truth,
+                    monitor=monitor,
+                    run=tp.simulation.Run(hold=0.4, seed=seed, disturbances=picked),
                 )
                 away.append(1e3 * np.linalg.norm((run.x - healthy.x)[-1, :3]))
             sag.append(away)
@@ -139,10 +148,9 @@ def alarms(robots: int) -> None:
                 run = tp.simulate(
                     robot,
                     truth,
-                    disturbances=given,
                     monitor=tp.FaultMonitor(effects=effects),
                     effects=effects,
-                    seed=seed,
+                    run=tp.simulation.Run(disturbances=given, seed=seed),
                 )
                 names = dict.fromkeys(KINDS[k] for k in run.disturbance if k)
                 case = found.setdefault(name, [0, Counter()])

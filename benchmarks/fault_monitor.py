@@ -72,7 +72,9 @@ def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     control = tp.Controller(law="joint", **SOFT)
     try:
         path = way(robot, seconds, seed, 0.7)
-        run = tp.simulate(robot, truth, control, path=path, effects=effects, seed=seed)
+        run = tp.simulate(
+            robot, truth, control, path=path, effects=effects, run=tp.simulation.Run(seed=seed)
+        )
     except tp.PoseError:
         return {}
     found = {}
@@ -89,7 +91,9 @@ def rates(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     robot, truth = (normal(one) for one in drawn(which, seed, calibrated, None))
     try:
         path = way(robot, seconds, seed, 0.7)
-        run = tp.simulate(robot, truth, tp.Controller(law="joint"), path=path, seed=seed)
+        run = tp.simulate(
+            robot, truth, tp.Controller(law="joint"), path=path, run=tp.simulation.Run(seed=seed)
+        )
     except tp.PoseError:
         return {}
     pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
@@ -147,7 +151,7 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
     )
     law, rows = "estimated", []
     try:
-        healthy = tp.simulate(robot, truth, law, path=path, seed=seed)
+        healthy = tp.simulate(robot, truth, law, path=path, run=tp.simulation.Run(seed=seed))
     except tp.PoseError:
         return []
     for c, reading in enumerate(robot.readings):
@@ -158,7 +162,13 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
             if rest and kind not in AT_REST:
                 continue
             run = tp.simulate(
-                robot, truth, law, path=path, seed=seed, faults=fault, monitor=tp.FaultMonitor()
+                robot,
+                truth,
+                law,
+                path=path,
+                faults=fault,
+                monitor=tp.FaultMonitor(),
+                run=tp.simulation.Run(seed=seed),
             )
             lines = slice(None, min(len(run.x), len(healthy.x)))
             moves = ~run.stops[lines]  # a stop leads off the path

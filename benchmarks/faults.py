@@ -77,9 +77,14 @@ def own_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: in
 
     def run(faults: tuple = (), monitor: tp.FaultMonitor | None = None) -> Trail:
         ran = tp.simulate(
-            robot, truth, control, path=path, seed=seed, faults=faults, monitor=monitor,
-            safety=tp.control.SafetyShell(),
-        )  # fmt: skip
+            robot,
+            truth,
+            control,
+            path=path,
+            faults=faults,
+            monitor=monitor,
+            run=tp.simulation.Run(seed=seed, safety=tp.control.SafetyShell()),
+        )
         columns = ran.q_e, ran.torque, ran.stop_cause, ran.brakes, ran.health
         return Trail(ran.time, ran.x, *columns, ran.ended)
 
@@ -204,9 +209,14 @@ def frozen(which: str, law: str, counter: bool, seed: int) -> list[dict]:
         fault = [tp.faults.Fault("frame", "stuck", at)]
         try:
             run = tp.simulate(
-                robot, None, controller, start=start, end=end, duration=duration, hold=0.2,
-                seed=seed, faults=fault, safety=shell,
-            )  # fmt: skip
+                robot,
+                None,
+                controller,
+                faults=fault,
+                run=tp.simulation.Run(
+                    start=start, end=end, duration=duration, hold=0.2, seed=seed, safety=shell
+                ),
+            )
         except (tp.PoseError, tp.InputError):
             continue
         k = round(at / controller.period)
@@ -260,11 +270,18 @@ def healthy(seconds: float, which: str, law: str, kind: str, seed: int) -> dict:
     try:
         control = tp.Controller.for_robot(robot, effects, law)
         run = tp.simulate(
-            robot, truth, control, path=fm.way(robot, seconds, seed, 0.7), effects=effects,
-            seed=seed, safety=tp.control.SafetyShell(effects=effects),
+            robot,
+            truth,
+            control,
+            path=fm.way(robot, seconds, seed, 0.7),
+            effects=effects,
             monitor=tp.FaultMonitor(effects=effects),
-            disturbances=disturbances(robot, kind, seed),
-        )  # fmt: skip
+            run=tp.simulation.Run(
+                seed=seed,
+                safety=tp.control.SafetyShell(effects=effects),
+                disturbances=disturbances(robot, kind, seed),
+            ),
+        )
     except (tp.PoseError, tp.InputError) as error:
         return {"cycles": 0, "alarm": "", "status": str(error), "names": []}
     alarm = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, Self, cast
 
 from numpy.typing import ArrayLike
 
@@ -195,15 +195,3 @@ def require_same_readings(robot: Robot, truth: Robot) -> None:
     """Raise InputError unless the controller's and the true robot have the same readings."""
     if (robot.spec.mobility, robot.sensors) != (truth.spec.mobility, truth.sensors):
         raise InputError(f"{robot!r} and {truth!r} must have the same mobility and sensors")
-
-
-class ControllerInput(NamedTuple):
-    """Inputs of an own control law at the start of a control period."""
-
-    time: float  #: s
-    x: Array  #: (n,) desired pose
-    rate: Array  #: (n,) its free twist
-    acceleration: Array  #: (n,) and the derivative
-    q_e: Array  #: (n + r,) readings
-    torque: Array  #: (n,) last command
-    robot: Robot  #: the controller's robot
