@@ -10,8 +10,9 @@ import truepose as tp
 from truepose import robotfile
 from truepose.control import gains
 from truepose.control.effects import Effects
-from truepose.control.linear import ControllerSettings, plants
+from truepose.control.linear import plants
 from truepose.control.loci import Responses, worst
+from truepose.control.settings import ControllerSettings
 from truepose.simulation.paths import default_move
 
 

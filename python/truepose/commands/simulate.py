@@ -40,7 +40,7 @@ VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
 #: A path, or None and the ends of a move.
-Motion = tuple[Circle | SampledPath | Waypoints | None, dict[str, Array]]
+Motion = tuple[Circle | SampledPath | Waypoints | None, Array | None, Array | None]
 _UNITS = ("N", "N·m")
 #: Options of the start-up test.
 _START = {"--start-test", "--from", "--true", "--effects", "--fault", "--seed"}
@@ -173,7 +173,7 @@ def command(
                 effects=forgotten,
                 faults=faults,
                 monitor=watching,
-                run=replace(run, **motion[1]),
+                run=replace(run, start=motion[1], end=motion[2]),
             )
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
@@ -235,7 +235,7 @@ def _asked(
         return x_d if time is None else _timed(SampledPath(time=time, x=x_d), duration)
     if way_points is not None:
         each = MOVE_DURATION if duration is None else duration
-        return Waypoints(poses=read_poses(robot, way_points), duration=each), {}
+        return Waypoints(poses=read_poses(robot, way_points), duration=each), None, None
     first = options.parse_pose(robot, start, "--from", False)
     last = options.parse_pose(robot, end, "--to", False)
     if circle is not None:
@@ -249,14 +249,14 @@ def _asked(
     if first is None or last is None:
         usual = default_move(robot)
         first, last = usual[0] if first is None else first, usual[1] if last is None else last
-    return None, {"start": first, "end": last}
+    return None, first, last
 
 
 def _timed(path: Circle | SampledPath, duration: float | None) -> Motion:
     """Return a path with times of its own; InputError with --duration."""
     if duration is not None:
         raise InputError("--duration: --circle and a --path with times have their own: leave out")
-    return path, {}
+    return path, None, None
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:

@@ -124,26 +124,26 @@ def _names(spec: RobotFile) -> Iterator[Problem]:
 def _parameters(spec: RobotFile) -> Iterator[Problem]:
     """Yield names and values that no parameter has in three tables of a file."""
     known, learnt = names_of(spec), spec.calibration
-    names, means = (learnt.parameters, learnt.mean) if learnt else ((), ())
-    entries: list[tuple[tuple[str | int, ...], str]]
-    entries = [
-        ((key, name), name) for key in ("tolerances", "parameters") for name in getattr(spec, key)
-    ]
-    entries += [(("calibration", "parameters", k), name) for k, name in enumerate(names)]
-    for path, name in entries:
-        table = ".".join(map(str, path[:-1]))
-        if name not in known and not (table == "tolerances" and fnmatch.filter(known, name)):
-            yield Problem(path, f"{table}: {choose('parameter', name, known)}")
-        elif path[0] == "calibration" and name in names[: path[-1]]:
-            yield Problem(path, f"{table}: {name}: a parameter is listed twice")
+    values: list[tuple[tuple[str | int, ...], str, str, float]]
     values = [(("parameters", n), f"parameters.{n}", n, v) for n, v in spec.parameters.items()]
-    values += [
-        (("calibration", "mean", k), f"calibration.mean of {name}", name, mean)
-        for k, (name, mean) in enumerate(zip(names, means, strict=True))
-    ]
-    for path, what, name, value in values:
+    for glob in spec.tolerances:
+        if not fnmatch.filter(known, glob):
+            yield Problem(("tolerances", glob), f"tolerances: {choose('parameter', glob, known)}")
+    for name in spec.parameters:
+        if name not in known:
+            yield Problem(("parameters", name), f"parameters: {choose('parameter', name, known)}")
+    for k, name in enumerate(learnt.parameters if learnt else ()):
+        path, where = ("calibration", "parameters", k), "calibration.parameters"
+        if name not in known:
+            yield Problem(path, f"{where}: {choose('parameter', name, known)}")
+        elif learnt and name in learnt.parameters[:k]:
+            yield Problem(path, f"{where}: {name}: a parameter is listed twice")
+        if learnt:
+            what = f"calibration.mean of {name}"
+            values.append((("calibration", "mean", k), what, name, learnt.mean[k]))
+    for at, what, name, value in values:
         if wrong := wrong_value(name, value):
-            yield Problem(path, f"{what} = {value}: {wrong}")
+            yield Problem(at, f"{what} = {value}: {wrong}")
 
 
 def wrong_value(name: str, value: float) -> str | None:
