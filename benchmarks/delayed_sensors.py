@@ -56,10 +56,10 @@ def drawn(sensors: list[str], calibrated: bool, effects: tp.Effects, seed: int) 
     return robot, truth
 
 
-def driven(believed: tp.Robot, truth: tp.Robot, seed: int, **run) -> np.ndarray:
+def driven(believed: tp.Robot, truth: tp.Robot, seed: int, controller, **run) -> np.ndarray:
     """Return the rms errors of a run: pose and position, mm, angle, degrees; NaN if it ended."""
     try:
-        run = tp.simulate(believed, truth, seed=seed, **run)
+        run = tp.simulate(believed, truth, controller, **run, run=tp.simulation.Run(seed=seed))
     except tp.PoseError:  # left its workspace
         return np.full(3, np.nan)
     square = (run.error**2).mean(axis=0)

@@ -51,7 +51,13 @@ def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
     found = []
     for seed in range(seeds):
         truth = robot.sample(seed)
-        run = tp.simulate(robot, truth, controller, hold=HOLD, seed=seed, effects=tp.Effects())
+        run = tp.simulate(
+            robot,
+            truth,
+            controller,
+            effects=tp.Effects(),
+            run=tp.simulation.Run(hold=HOLD, seed=seed),
+        )
         last = run.time >= run.time[-1] - LAST
         swing = np.ptp(run.x[last], axis=0)
         shake = (run.torque[last].std(axis=0) / limits).max()

@@ -76,11 +76,10 @@ def slow(without: list[str], seed: int) -> dict:
     for law in LAWS:
         controller = tp.Controller.for_robot(robot, effects, law)
         known = believed[law, True]
-        settings = {"effects": effects, "seed": seed}
-        x, _, _ = visit(known, truth, places, controller, **settings)
+        x, _, _ = visit(known, truth, places, controller, effects, run=tp.simulation.Run(seed=seed))
         rest = np.linalg.norm((x - places)[:, :3], axis=1)
         run = tp.simulation.path_accuracy(
-            known, circle(0.1, 1), truth, controller, runs=1, **settings
+            known, circle(0.1, 1), truth, controller, runs=1, effects=effects, seed=seed
         )
         found[law] = np.sqrt((rest**2).mean()), run.tracking
     return found

@@ -23,5 +23,8 @@ for law in ("joint", "tej", "cartesian"):
 
 # All settings are arguments: the start and the end, the gains, feed-forward, integral action …
 gentle = tp.Controller(law="tej", frequency=80, integral=10)
-show("gentle, integral", tp.simulate(nominal, true, gentle, duration=0.4, hold=0.6))
+show(
+    "gentle, integral",
+    tp.simulate(nominal, true, gentle, run=tp.simulation.Run(duration=0.4, hold=0.6)),
+)
 print("a run's log:", run.time.shape, run.x.shape, run.q_e.shape, run.torque.shape)

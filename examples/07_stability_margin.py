@@ -28,7 +28,9 @@ def swing(robot, controller, effects):
     """Return the peak-to-peak motion of the nacelle in the last 0.1 s of a long hold, m."""
     warnings.simplefilter("ignore")  # gains too high for compliant arms are the subject
     try:
-        run = tp.simulate(robot, robot, controller, effects=effects, hold=0.8)
+        run = tp.simulate(
+            robot, robot, controller, effects=effects, run=tp.simulation.Run(hold=0.8)
+        )
     except tp.PoseError:  # left its workspace
         return np.inf
     return np.ptp(run.x[-100:, :3], axis=0).max()

@@ -53,7 +53,11 @@ def test_a_simulated_robot_says_where_its_controller_was_damped(sinking):
     robot, path, parallel = sinking
     controller = tp.Controller(law="joint", damped_below=0.3)
     end = path[np.argmax(parallel < 0.25)]
-    run = tp.simulate(robot.without_quantization(), controller=controller, start=path[0], end=end)
+    run = tp.simulate(
+        robot.without_quantization(),
+        controller=controller,
+        run=tp.simulation.Run(start=path[0], end=end),
+    )
     near = robot.conditioning(run.x_d).parallel < 0.3
     assert (run.near_singular == near).all()
     assert near.any() and not near.all()

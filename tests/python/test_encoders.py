@@ -102,7 +102,9 @@ def test_without_noise_a_reading_is_the_nearest_count(h4, table2):
 
 def test_a_simulations_noise_repeats_with_its_seed(h4, spoil):
     noisy = spoil(**NOISE)
-    runs = [tp.simulate(h4, noisy, seed=seed, hold=0.0) for seed in (1, 1, 2)]
+    runs = [
+        tp.simulate(h4, noisy, run=tp.simulation.Run(seed=seed, hold=0.0)) for seed in (1, 1, 2)
+    ]
     assert np.array_equal(runs[0].q_e, runs[1].q_e)
     assert not np.array_equal(runs[0].q_e, runs[2].q_e)
     spread = (runs[0].q_e - noisy.extended_positions(runs[0].x)).std(axis=0)
@@ -136,7 +138,7 @@ def test_controllers_refuse_setpoints_beyond_a_joint_limit(limited, h4):
         with pytest.raises(tp.PoseError, match=r"chain 1: beyond a joint limit, 0.97"):
             tp.steady_state(limited, limited, beyond, law)
     with pytest.raises(tp.PoseError, match=r"end of the move: .*: chain 1: beyond a joint limit"):
-        tp.simulate(limited, start=[0, 0, -0.5, 0], end=beyond)
+        tp.simulate(limited, run=tp.simulation.Run(start=[0, 0, -0.5, 0], end=beyond))
 
 
 def test_a_robot_may_be_pushed_beyond_its_limits(limited, h4):

@@ -42,8 +42,10 @@ def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
 def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
     robot = tp.load(name)
     truth = robot.expected().sample(1)
-    blind = tp.simulate(robot, truth, law, hold=0.1)  # type: ignore[arg-type]
-    seen = tp.simulate(robot, truth, law, hold=0.1, monitor=tp.FaultMonitor())  # type: ignore[arg-type]
+    blind = tp.simulate(robot, truth, law, run=tp.simulation.Run(hold=0.1))  # type: ignore[arg-type]
+    seen = tp.simulate(
+        robot, truth, law, monitor=tp.FaultMonitor(), run=tp.simulation.Run(hold=0.1)
+    )  # type: ignore[arg-type]
     assert (seen.health == HEALTH.index("valid")).all()
     assert np.array_equal(seen.x, blind.x)
     assert not seen.stops.any()
@@ -151,8 +153,7 @@ def test_in_the_shell_a_drift_stops_the_robot_along_its_path(
         truth,
         faults=[tp.faults.Fault(reading, "drift", at=at, size=-0.1)],
         monitor=tp.FaultMonitor(),
-        safety=tp.control.SafetyShell(),
-        hold=0.6,
+        run=tp.simulation.Run(safety=tp.control.SafetyShell(), hold=0.6),
     )
     assert not run.failed
     assert run.status.startswith("safety shell: readings disagree")
@@ -165,7 +166,14 @@ def test_in_the_shell_a_drift_stops_the_robot_along_its_path(
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
     robot, truth = calibrated["θ"]
     fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
-    run = tp.simulate(robot, truth, "tej", faults=[fault], monitor=tp.FaultMonitor(), hold=0.5)
+    run = tp.simulate(
+        robot,
+        truth,
+        "tej",
+        faults=[fault],
+        monitor=tp.FaultMonitor(),
+        run=tp.simulation.Run(hold=0.5),
+    )
     assert run.stops.any()
     assert not run.failed
     assert "readings disagree" in run.status
@@ -318,7 +326,14 @@ def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
     robot = tp.load(name).with_sensors("theta" if name == "h4" else "z_telemeter").expected()
     truth = robot.sample(seed)
     lost = [tp.faults.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
-    run = tp.simulate(robot, truth, "joint", faults=lost, monitor=tp.FaultMonitor(), hold=0.3)
+    run = tp.simulate(
+        robot,
+        truth,
+        "joint",
+        faults=lost,
+        monitor=tp.FaultMonitor(),
+        run=tp.simulation.Run(hold=0.3),
+    )
     held = run.brakes == (1 << robot.n) - 1
     assert held[-1]
     assert run.time[held.argmax()] < 0.13
@@ -371,6 +386,13 @@ def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time
     robot = tp.calibrate(effects.allowed_for(nominal), read).robot
     control = tp.Controller.for_robot(robot, effects, "joint")
     monitor = tp.FaultMonitor(effects=effects)
-    run = tp.simulate(robot, truth, control, effects=effects, seed=0, time=time, monitor=monitor)
+    run = tp.simulate(
+        robot,
+        truth,
+        control,
+        effects=effects,
+        monitor=monitor,
+        run=tp.simulation.Run(seed=0, time=time),
+    )
     assert not run.health.any()
     assert run.warm[-1] == (time > 0)

@@ -348,5 +348,7 @@ def test_coarse_counts_are_multiples_of_the_readings_own(h4):
 
 def test_noise_differs_from_seed_to_seed_and_repeats_with_it(h4):
     noisy = [tp.faults.Fault("theta", "noise", size=0.01)]
-    one, two, other = (tp.simulate(h4, faults=noisy, seed=seed) for seed in (1, 1, 2))
+    one, two, other = (
+        tp.simulate(h4, faults=noisy, run=tp.simulation.Run(seed=seed)) for seed in (1, 1, 2)
+    )
     assert one.q_e.tobytes() == two.q_e.tobytes() != other.q_e.tobytes()

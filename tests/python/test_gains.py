@@ -61,7 +61,9 @@ def test_a_machine_moves_alike_however_its_encoders_count(h4, law):
         (h4.without_quantization(), truth.without_quantization()),
         (counting(h4), counting(truth)),
     ]
-    plain, other = (tp.simulate(*pair, law, duration=0.1, hold=0.05) for pair in pairs)
+    plain, other = (
+        tp.simulate(*pair, law, run=tp.simulation.Run(duration=0.1, hold=0.05)) for pair in pairs
+    )
     assert other.x == pytest.approx(plain.x, abs=1e-9)
     rest = [tp.steady_state(*pair, h4.spec.home, law, gravity=True) for pair in pairs]
     assert rest[1] == pytest.approx(rest[0], abs=1e-10)
@@ -72,7 +74,7 @@ def test_what_springs_and_plays_does_so_in_the_motors_own_turns(h4):
     values = {"chain1.gain": 1.3, "chain3.gain": -0.8}
     effects = tp.Effects().only("compliance", "ripple", "friction")
     runs = [
-        tp.simulate(a, a, "joint", duration=0.1, hold=0.0, effects=effects)
+        tp.simulate(a, a, "joint", effects=effects, run=tp.simulation.Run(duration=0.1, hold=0.0))
         for a in (h4.without_quantization(), h4.without_quantization().replace(values))
     ]
     assert runs[1].x == pytest.approx(runs[0].x, abs=1e-8)

@@ -20,7 +20,7 @@ LOGS, ROBOTS, OUTPUTS = range(120), range(120), range(60)
 def good(h4, tmp_path_factory):
     """Return good logs, one of each format, as bytes."""
     folder = tmp_path_factory.mktemp("good")
-    run = tp.simulate(h4, duration=0.1, hold=0.0)
+    run = tp.simulate(h4, run=tp.simulation.Run(duration=0.1, hold=0.0))
     for ending in ("csv", "parquet", "mcap"):
         logs.write(run, folder / f"log.{ending}")
     return {p.suffix[1:]: p.read_bytes() for p in folder.iterdir()}

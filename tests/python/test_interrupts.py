@@ -54,7 +54,7 @@ LONG = {
     "read": lambda: tp._core.spoil(H4.core, np.tile(MANY_Q_E, (3, 1)), 0),
     "estimate": lambda: H4.estimate(MANY_Q_E[:40_000]),
     "settle": lambda: tp.steady_state(H4, TRUE, MANY),
-    "simulate": lambda: tp.simulate(H4, TRUE, hold=100.0),
+    "simulate": lambda: tp.simulate(H4, TRUE, run=tp.simulation.Run(hold=100.0)),
     "visit": lambda: visit(H4, TRUE, X[:500]),
     "calibrate": lambda: tp.calibrate(H4, MANY_Q_E[:40_000]),
     "after visiting": lambda: tp.accuracy(H4, X[:1], calibrated_on=MANY[:200_000]),

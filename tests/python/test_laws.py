@@ -44,7 +44,7 @@ def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
     true = robot.replace({"chain1.rod": robot.parameters["chain1.rod"].value + 1e-4})
     runs = (
         lambda: tp.steady_state(robot, true, robot.home, law),
-        lambda: tp.simulate(robot, true, law, duration=0.3, hold=0.0).x[-1],
+        lambda: tp.simulate(robot, true, law, run=tp.simulation.Run(duration=0.3, hold=0.0)).x[-1],
         lambda: robot.cross_sensitivity(robot.home, law),
         lambda: tp.Controller.for_robot(robot, tp.Effects.none(), law),
     )
@@ -127,7 +127,9 @@ def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, 
         with pytest.raises(tp.InputError, match=f"{UNMEASURED}: its file has none"):
             tp.simulate(robot, controller=law)
         return
-    run = tp.simulate(robot, controller=law, start=robot.home, end=(robot.home + end) / 2)
+    run = tp.simulate(
+        robot, controller=law, run=tp.simulation.Run(start=robot.home, end=(robot.home + end) / 2)
+    )
     assert np.abs(run.error[-1]).max() < 1e-5
 
 

@@ -10,8 +10,9 @@ import truepose as tp
 from truepose import robotfile
 from truepose.control import gains
 from truepose.control.effects import Effects
-from truepose.control.linear import ControllerSettings, plants
+from truepose.control.linear import plants
 from truepose.control.loci import Responses, worst
+from truepose.control.settings import ControllerSettings
 from truepose.simulation.paths import default_move
 
 
@@ -30,11 +31,13 @@ def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups)
         run = tp.simulate(
             robot,
             controller=controller,
-            start=robot.home + np.array([1e-5, 0, 0, 0]),
-            end=robot.home,
-            duration=0.01,
-            hold=1.5,
             effects=effects,
+            run=tp.simulation.Run(
+                start=robot.home + np.array([1e-5, 0, 0, 0]),
+                end=robot.home,
+                duration=0.01,
+                hold=1.5,
+            ),
         )
         late.append(np.ptp(run.x[-200:], axis=0).max())
     assert late[0] < 1e-6
@@ -69,7 +72,9 @@ def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
 def test_with_all_effects_a_robot_comes_to_rest_under_chosen_gains(name, law, period):
     robot = tp.load(name)
     controller = tp.Controller.for_robot(robot, law=law, period=period)
-    run = tp.simulate(robot, controller=controller, effects=Effects(), hold=2)
+    run = tp.simulate(
+        robot, controller=controller, effects=Effects(), run=tp.simulation.Run(hold=2)
+    )
     last = run.time >= run.time[-1] - 0.2
     swing = np.ptp(run.x[last], axis=0)
     for (_, unit), far in zip(robot.coordinates, swing, strict=True):
@@ -88,7 +93,9 @@ def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, p
     swings = []
     for seed in range(3):
         truth = robot.sample(seed)
-        run = tp.simulate(robot, truth, controller, effects=effects, hold=1.2, seed=seed)
+        run = tp.simulate(
+            robot, truth, controller, effects=effects, run=tp.simulation.Run(hold=1.2, seed=seed)
+        )
         swings.append(np.ptp(run.x[-200:], axis=0))
     ratio = np.max(swings, axis=0)[:3].max() / found.limit_cycle[0, :3].max()
     assert 0.6 < ratio < 1.6
@@ -106,16 +113,18 @@ def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
     controller = tp.Controller(law="joint", period=2e-3, **soft)
     effects = Effects().only("compliance")
     run = tp.simulate(delta, controller=controller, effects=effects)
-    fine = tp.simulate(delta, controller=controller, effects=effects, steps=60)
+    fine = tp.simulate(
+        delta, controller=controller, effects=effects, run=tp.simulation.Run(steps=60)
+    )
     assert abs(run.x - fine.x).max() < 1e-5
     with pytest.raises(tp.PoseError):
-        tp.simulate(delta, controller=controller, effects=effects, steps=4)
+        tp.simulate(delta, controller=controller, effects=effects, run=tp.simulation.Run(steps=4))
 
 
 @pytest.mark.parametrize("law", ["joint", "tej"])
 def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     chosen = gains.choose(h4, law, Effects(), ControllerSettings())
-    run = tp.simulate(h4, controller=law, effects=Effects(), hold=0.8)
+    run = tp.simulate(h4, controller=law, effects=Effects(), run=tp.simulation.Run(hold=0.8))
     loop = Responses(plants(h4, [run.x_d[-1]], law, Effects()))
     predicted = loop.dither(chosen, h4.reading_sigma).max()
     # Counts at rest are no white noise: a loop hunts by one.
@@ -273,7 +282,9 @@ def test_a_calibrated_robot_has_gains_for_the_law_of_its_estimate(h4, sensors, s
     assert controller.sigma_scale == scale and controller.frequency > 35
     assert tp.control.stability_margins(fit.robot, controller).kept
     assert not tp.control.stability_margins(fit.robot, replace(controller, sigma_scale=1)).kept
-    run = tp.simulate(fit.robot, truth, controller, effects=Effects(), hold=2.0)
+    run = tp.simulate(
+        fit.robot, truth, controller, effects=Effects(), run=tp.simulation.Run(hold=2.0)
+    )
     last = run.x[run.time >= run.time[-1] - 0.2]
     swing = np.ptp(last, axis=0)
     assert run.status == "ok"

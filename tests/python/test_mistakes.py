@@ -146,7 +146,9 @@ MISTAKES = {
         r"truepose\.Controller\(…\), or None",
     ),
     "one disturbance": (
-        lambda: tp.simulate(H4, disturbances=Disturbance("payload", size=1.0)),
+        lambda: tp.simulate(
+            H4, run=tp.simulation.Run(disturbances=Disturbance("payload", size=1.0))
+        ),
         "list of Disturbance: .disturbance.",
     ),
     "a late fault": (
@@ -154,15 +156,23 @@ MISTAKES = {
         r"theta:stuck@5: begins after the end of the run, 0\.4 s: begin earlier",
     ),
     "a late payload": (
-        lambda: tp.simulate(H4, disturbances=[Disturbance("payload", at=9.0, size=1.0)]),
+        lambda: tp.simulate(
+            H4, run=tp.simulation.Run(disturbances=[Disturbance("payload", at=9.0, size=1.0)])
+        ),
         "payload=1@9: begins after the end of the run",
     ),
-    "learning as a flag": (lambda: tp.simulate(H4, learn=True), r"truepose\.OnlineCalibrator\(…\)"),
+    "learning as a flag": (
+        lambda: tp.simulate(H4, run=tp.simulation.Run(learn=True)),
+        r"truepose\.OnlineCalibrator\(…\)",
+    ),
     "an end out of reach": (
-        lambda: tp.simulate(H4, start=H4.home, end=[1, 0, -0.4, 0]),
+        lambda: tp.simulate(H4, run=tp.simulation.Run(start=H4.home, end=[1, 0, -0.4, 0])),
         r"end of the move: .*chain 1: unreachable",
     ),
-    "no duration": (lambda: tp.simulate(H4, duration=0), "duration = 0: must be .* greater than 0"),
+    "no duration": (
+        lambda: tp.simulate(H4, run=tp.simulation.Run(duration=0)),
+        "duration = 0: must be .* greater than 0",
+    ),
     "a circle in mm": (
         lambda: tp.simulate(H4, path=tp.simulation.Circle(centre=H4.home, radius=50, frequency=1)),
         "is it in mm or degrees",

@@ -189,7 +189,10 @@ def test_a_robot_is_saved_in_the_place_of_a_file_by_force_only(h4, tmp_path, kin
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])
 def test_a_log_replaces_a_file_by_force_only(h4, tmp_path, ending):
-    run, path = tp.simulate(h4, duration=0.1, hold=0.0), tmp_path / f"log.{ending}"
+    run, path = (
+        tp.simulate(h4, run=tp.simulation.Run(duration=0.1, hold=0.0)),
+        tmp_path / f"log.{ending}",
+    )
     logs.write(run, path)
     with pytest.raises(tp.InputError, match="exists; --force"):
         logs.write(run, path)

@@ -78,8 +78,8 @@ def test_a_hexapods_samples_are_passed_and_turns_go_on(rng):
 
 def test_two_way_points_are_the_default_move(h4, truth):
     poses = [[0, 0, -0.5, 0], [0.1, -0.1, -0.4, 0.2]]
-    alone = tp.simulate(h4, truth, seed=3)
-    run = tp.simulate(h4, truth, path=poses, seed=3)
+    alone = tp.simulate(h4, truth, run=tp.simulation.Run(seed=3))
+    run = tp.simulate(h4, truth, path=poses, run=tp.simulation.Run(seed=3))
     assert run.time.shape == alone.time.shape
     assert run.x == pytest.approx(alone.x, abs=1e-9)
     assert run.status == alone.status == "ok"
@@ -88,7 +88,7 @@ def test_two_way_points_are_the_default_move(h4, truth):
 def test_way_points_rest_at_each_and_hold_the_last(h4):
     poses = waypoints(h4)
     path = tp.simulation.Waypoints(poses=poses, duration=0.2)
-    run = tp.simulate(h4.without_quantization(), path=path, hold=0.1)
+    run = tp.simulate(h4.without_quantization(), path=path, run=tp.simulation.Run(hold=0.1))
     for k in range(3):
         assert run.x_d[200 * k] == pytest.approx(poses[k], abs=1e-12)
     assert len(run.time) == 501 and (run.x_d[400:] == run.x_d[-1]).all()
@@ -163,7 +163,7 @@ def test_a_function_of_time_is_derived_as_if_it_said_it_itself(h4):
     assert spline.x == pytest.approx(exact.x, abs=1e-12)
     assert spline.rate == pytest.approx(exact.rate, abs=1e-7)
     assert spline.acceleration == pytest.approx(exact.acceleration, abs=1e-3)
-    assert len(tp.simulate(h4, path=pose, duration=0.5, hold=0).time) == 501
+    assert len(tp.simulate(h4, path=pose, run=tp.simulation.Run(duration=0.5, hold=0)).time) == 501
 
 
 def test_any_object_with_setpoints_is_a_path(h4):
@@ -172,7 +172,7 @@ def test_any_object_with_setpoints_is_a_path(h4):
             x = np.tile(robot.home, (50, 1))
             return x, 0 * x, 0 * x
 
-    run = tp.simulate(h4.without_quantization(), path=Still(), hold=0)
+    run = tp.simulate(h4.without_quantization(), path=Still(), run=tp.simulation.Run(hold=0))
     assert len(run.time) == 50 and np.abs(run.error).max() < 1e-9
 
 
@@ -185,7 +185,7 @@ def test_a_path_that_leaves_the_workspace_is_refused_before_anything_moves(h4, m
     monkeypatch.delattr("truepose._core.Loop")
     line = r"^h4: path at t = 0\.\d+ s: pose x = \[.*\]: chain \d: (unreachable|beyond a joint l)"
     with pytest.raises(tp.PoseError, match=line):
-        tp.simulate(h4, path=[h4.home, [0, 0, -2, 0]], duration=2)
+        tp.simulate(h4, path=[h4.home, [0, 0, -2, 0]], run=tp.simulation.Run(duration=2))
     with pytest.raises(tp.PoseError, match=r"^h4: path at t = 0\.\d+ s: .*branch lost"):
         tp.simulate(limited(h4, torque_limit=None), path=[h4.home, [0, 0, -0.4, 3.0]])
 
@@ -244,7 +244,7 @@ def test_a_path_says_what_is_wrong_with_it(h4, path, message):
 
 def test_a_path_names_all_poses_itself(h4):
     with pytest.raises(tp.InputError, match=r"^path: names all poses itself: leave out start and"):
-        tp.simulate(h4, path=[h4.home, h4.home], start=h4.home)
+        tp.simulate(h4, path=[h4.home, h4.home], run=tp.simulation.Run(start=h4.home))
 
 
 def test_what_is_not_installed_is_named_with_its_extra(h4, monkeypatch):
@@ -254,38 +254,27 @@ def test_what_is_not_installed_is_named_with_its_extra(h4, monkeypatch):
         tp.simulate(h4, path=path)
 
 
-def test_a_law_of_ones_own_sees_the_cycle_and_commands_the_motors(h4, truth):
-    """The paper's joint PD, without its rate: it ends where the core's statics say."""
-    settings = tp.Controller(law="joint", gains="diagonal").settings(h4, [0, 0, -0.5, 0])
-    kp, kd = np.array(settings.kp[:4]), np.array(settings.kd[:4])
-    seen, last = [], [None]
+def test_a_law_of_ones_own_sees_the_robot_the_setpoint_and_the_readings(h4):
+    seen = []
 
-    def law(cycle):
-        error = cycle.robot.ikm(cycle.x) - cycle.q_e[:4]
-        rate = 0 if last[0] is None else (error - last[0]) / PERIOD
-        last[0] = error
-        seen.append(cycle)
-        fed = cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
-        return fed + kp * error + 0.7 * kd * rate
+    def law(robot, x_d, q_e):
+        seen.append((robot, x_d, q_e))
+        return robot.ikm(x_d) - q_e[:4]
 
-    pair = h4.without_quantization(), truth.without_quantization()
-    controller = tp.Controller(law="joint", gains="diagonal")
-    run = tp.simulate(*pair, controller, law=law, hold=0.4)
-    alone = tp.simulate(*pair, controller, hold=0.4)
-    assert run.x[-1] == pytest.approx(alone.x[-1], abs=1e-7)
-    assert len(seen) == len(run.time) and seen[0].robot is pair[0]
-    assert np.array([cycle.time for cycle in seen]) == pytest.approx(run.time)
-    assert (np.array([cycle.q_e for cycle in seen]) == run.q_e).all()
-    assert (np.array([cycle.torque for cycle in seen])[1:] == run.torque[:-1]).all()
+    run = tp.simulate(h4, controller=tp.Controller(law=law))
+    seen = seen[-len(run.time) :]  # before, the search for the pose at rest
+    assert seen[0][0] is h4
+    assert (np.array([x_d for _, x_d, _ in seen]) == run.x_d).all()
+    assert (np.array([q_e for *_, q_e in seen]) == run.q_e).all()
 
 
 def test_a_law_of_ones_own_stays_within_the_motors_limits_and_says_what_is_wrong(h4):
     limit = h4.spec.chain[0].torque_limit
-    run = tp.simulate(h4, law=lambda cycle: [1e3, -1e3, 0, 0], duration=0.1, hold=0)
-    assert run.torque[0].tolist() == [limit, -limit, 0, 0]
-    with pytest.raises(tp.InputError, match=r"^law: returns shape \(3,\), must be \(4,\)"):
-        tp.simulate(h4, law=lambda cycle: [0, 0, 0])
-    with pytest.raises(tp.PoseError, match=r"^h4: simulation stopped after 0\.000 s: .*not finite"):
-        tp.simulate(h4, law=lambda cycle: [np.nan] * 4)
+
+    def jumps(robot, x_d, q_e):
+        return robot.ikm(x_d) - q_e[:4] + 0.05 * (x_d[0] > 0.01)
+
+    run = tp.simulate(h4, controller=jumps, run=tp.simulation.Run(hold=0))
+    assert np.abs(run.torque).max() == limit
     with pytest.raises(ZeroDivisionError):
-        tp.simulate(h4, law=lambda cycle: 1 / 0)
+        tp.simulate(h4, controller=tp.Controller(law=lambda *_: 1 / 0))

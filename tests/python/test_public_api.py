@@ -125,6 +125,7 @@ def test_copies_answer_bit_for_bit(copied, h4, truth, table2):
     assert same.covariance.tobytes() == online.covariance.tobytes()
     controller = tp.Controller(law="estimated")
     runs = [
-        tp.simulate(h4, truth, c, duration=0.1, hold=0) for c in (controller, copied(controller))
+        tp.simulate(h4, truth, c, run=tp.simulation.Run(duration=0.1, hold=0))
+        for c in (controller, copied(controller))
     ]
     assert runs[0].x.tobytes() == copied(runs[1]).x.tobytes()

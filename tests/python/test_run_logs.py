@@ -15,7 +15,7 @@ FORMATS = ["csv", "parquet", "mcap"]
 
 @pytest.fixture(scope="module")
 def move(h4):
-    return tp.simulate(h4, duration=0.1, hold=0.02)
+    return tp.simulate(h4, run=tp.simulation.Run(duration=0.1, hold=0.02))
 
 
 @pytest.mark.parametrize("ending", FORMATS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,10 @@ def test_a_healthy_robot_moves_as_without_the_shell_bit_for_bit(
     name: str, law: Any, counter: bool
 ) -> None:
     robot = tp.load(name)
-    usual = tp.simulate(robot, controller=law, hold=0.1)
-    run = tp.simulate(robot, controller=law, hold=0.1, safety=Shell(counter=counter))
+    usual = tp.simulate(robot, controller=law, run=tp.simulation.Run(hold=0.1))
+    run = tp.simulate(
+        robot, controller=law, run=tp.simulation.Run(hold=0.1, safety=Shell(counter=counter))
+    )
     for column in ("x", "q_e", "torque"):
         assert np.array_equal(getattr(run, column), getattr(usual, column))
     assert (run.safety_state == RUNNING).all() and run.status == usual.status
@@ -44,7 +47,9 @@ def test_a_monitored_robot_with_geometry_errors_starts_without_an_alarm(
 ) -> None:
     robot = tp.load(name).with_sensors(*[sensor.name for sensor in tp.load(name).spec.sensor][:2])
     truth = robot.sample(2)
-    run = tp.simulate(robot, truth, law, safety=Shell(), monitor=tp.FaultMonitor())
+    run = tp.simulate(
+        robot, truth, law, monitor=tp.FaultMonitor(), run=tp.simulation.Run(safety=Shell())
+    )
     assert not run.stop_cause.any() and not run.health.any()
 
 
@@ -55,9 +60,13 @@ def test_slow_motors_that_dither_by_counts_are_no_frozen_frame(counter: bool) ->
         ways = np.random.default_rng(seed).normal(size=(2, h4.n)) * [1, 1, 1, 0]
         ends = h4.home + 0.04 * ways / np.linalg.norm(ways, axis=1)[:, None]
         run = tp.simulate(
-            h4, None, "estimated", start=ends[0], end=ends[1], duration=1.2, seed=seed,
-            safety=Shell(counter=counter),
-        )  # fmt: skip
+            h4,
+            None,
+            "estimated",
+            run=tp.simulation.Run(
+                start=ends[0], end=ends[1], duration=1.2, seed=seed, safety=Shell(counter=counter)
+            ),
+        )
         assert not run.stop_cause.any()
 
 
@@ -74,7 +83,9 @@ def test_a_frozen_bus_is_stopped_within_the_printed_distance(
     at = round(duration / 2, 3)
     fault = [Fault(FRAME, "stuck", at=at)]
     run = tp.simulate(
-        robot, start=robot.home, end=end, duration=duration, faults=fault, safety=shell
+        robot,
+        faults=fault,
+        run=tp.simulation.Run(start=robot.home, end=end, duration=duration, safety=shell),
     )
     k = round(at / 1e-3)
     stop = int((run.stop_cause > 0).argmax())
@@ -102,7 +113,7 @@ def test_a_fault_without_monitor_is_stopped_by_the_shell_alone(
 ) -> None:
     h4, shell = tp.load("h4"), Shell()
     healthy = tp.simulate(h4, controller="joint")
-    run = tp.simulate(h4, controller="joint", faults=fault, safety=shell)
+    run = tp.simulate(h4, controller="joint", faults=fault, run=tp.simulation.Run(safety=shell))
     assert run.status.startswith(f"safety shell: {cause}") and not run.ended
     stop = int((run.stop_cause > 0).argmax())
     assert 1e3 * np.abs(run.x - healthy.x)[: stop + 1, :3].max() < most
@@ -113,7 +124,9 @@ def test_a_fault_without_monitor_is_stopped_by_the_shell_alone(
 @pytest.mark.parametrize("law", ["joint", "tej"])
 def test_online_calibration_begins_without_a_step(law: Any) -> None:
     h4 = tp.load("h4")  # its rods' mean error is 3.5 mm
-    run = tp.simulate(h4, controller=law, learn=tp.OnlineCalibrator(h4), safety=Shell())
+    run = tp.simulate(
+        h4, controller=law, run=tp.simulation.Run(learn=tp.OnlineCalibrator(h4), safety=Shell())
+    )
     assert not run.stop_cause.any() and np.abs(run.motor_error[0]).max() < h4.resolution[0]
 
 
@@ -132,33 +145,26 @@ def test_motors_may_rest_off_by_three_times_the_friction_of_given_effects(
 def test_a_lost_motor_of_the_monitor_stops_all_brakes() -> None:
     h4 = tp.load("h4")
     lost = [Fault("q1", "dropout", at=0.1)]
-    run = tp.simulate(h4, faults=lost, monitor=tp.FaultMonitor(), safety=Shell())
+    run = tp.simulate(
+        h4, faults=lost, monitor=tp.FaultMonitor(), run=tp.simulation.Run(safety=Shell())
+    )
     assert run.failed == ["q1"]
     assert run.status.startswith("safety shell: suspected motor")
-
-
-def soft(cycle: tp.control.ControllerInput) -> Any:
-    error = cycle.robot.ikm(cycle.x) - cycle.q_e[: cycle.robot.n]
-    return 60 * error + cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
 
 
 def error_of(robot: tp.Robot, x: Any, q_e: Any) -> Any:
     return robot.ikm(x) - q_e[: robot.n]
 
 
-@pytest.mark.parametrize(
-    "own",
-    [{"law": soft}, {"controller": tp.Controller(law=error_of, frequency=60.0)}],
-    ids=["torques", "errors"],
-)
-def test_an_own_law_is_guarded(own: dict) -> None:
-    h4 = tp.load("h4")
-    usual = tp.simulate(h4, duration=0.3, **own)
-    healthy = tp.simulate(h4, duration=0.3, safety=Shell(), **own)
+def test_an_own_law_is_guarded() -> None:
+    h4, own = tp.load("h4"), tp.Controller(law=error_of, frequency=60.0)
+    slow = tp.simulation.Run(duration=0.3)
+    guarded = replace(slow, safety=Shell())
+    usual = tp.simulate(h4, controller=own, run=slow)
+    healthy = tp.simulate(h4, controller=own, run=guarded)
     assert np.array_equal(usual.x, healthy.x)
-    run = tp.simulate(
-        h4, duration=0.3, safety=Shell(), faults=[Fault("q1", "bias", at=0.1, size=0.3)], **own
-    )
+    bias = [Fault("q1", "bias", at=0.1, size=0.3)]
+    run = tp.simulate(h4, controller=own, faults=bias, run=guarded)
     assert "of motor 1 at 0.1" in run.status and run.safety_state[-1] == BRAKED
 
 
@@ -179,7 +185,7 @@ def test_limits_below_the_need_are_refused_before_anything_moves(
     settings: dict, message: str
 ) -> None:
     with pytest.raises(tp.InputError, match=message) as error:
-        tp.simulate(tp.load("h4"), safety=Shell(**settings))
+        tp.simulate(tp.load("h4"), run=tp.simulation.Run(safety=Shell(**settings)))
     assert "\n" not in str(error.value)
 
 
@@ -199,7 +205,7 @@ def test_a_shell_that_does_not_start_says_why() -> None:
     h4 = tp.load("h4")
     narrow = Shell(tracking=2e-3, deviation=2.1e-3)
     with pytest.raises(tp.PoseError, match="does not start: tracking error"):
-        tp.simulate(h4, h4.sample(1), "tej", safety=narrow)
+        tp.simulate(h4, h4.sample(1), "tej", run=tp.simulation.Run(safety=narrow))
 
 
 def test_a_shell_that_never_lets_the_law_act_does_not_start() -> None:

@@ -38,8 +38,12 @@ def test_laws(kept, law):
     }.items():
         found[name] = tried(tp.simulate, h4, truth, **{"controller": law, **options})
     slow = delayed(tp.load("h4"), "theta", "z_telemeter")
-    found["delayed"] = tp.simulate(slow, slow.sample(3), law, hold=0.02, effects=tp.Effects())
-    found["neck"] = tp.simulate(tp.load("neck"), tp.load("neck").sample(3), law, hold=0.02)
+    found["delayed"] = tp.simulate(
+        slow, slow.sample(3), law, effects=tp.Effects(), run=tp.simulation.Run(hold=0.02)
+    )
+    found["neck"] = tp.simulate(
+        tp.load("neck"), tp.load("neck").sample(3), law, run=tp.simulation.Run(hold=0.02)
+    )
     kept(answer({name: numbers(run) for name, run in found.items()}))
 
 
@@ -53,7 +57,9 @@ def test_own_law_of(kept, feed_forward):
     h4 = tp.load("h4")
     own = {"law": by_tej, "feed_forward": feed_forward, "integral": 1.0}
     runs = [
-        tp.simulate(h4, h4.sample(2), tp.Controller(gains=gains, **own), hold=0.05)
+        tp.simulate(
+            h4, h4.sample(2), tp.Controller(gains=gains, **own), run=tp.simulation.Run(hold=0.05)
+        )
         for gains in ("inertia", "diagonal")
     ]
     rest = tp.steady_state(h4, h4.sample(2), some(h4), tp.Controller(law=by_tej), gravity=True)
@@ -101,7 +107,13 @@ def test_path(kept, case):
             time=[0, 0.1, 0.2, 0.3], x=x[0] + np.outer([0, 0.002, 0.006, 0.007], [1, 2, -1])
         ),
     }[case]()
-    kept(answer(numbers(tp.simulate(delta, delta.sample(2), path=path, hold=0.05))))
+    kept(
+        answer(
+            numbers(
+                tp.simulate(delta, delta.sample(2), path=path, run=tp.simulation.Run(hold=0.05))
+            )
+        )
+    )
 
 
 @pytest.mark.parametrize("law", ["joint", "tej", "weighted"])
@@ -156,7 +168,9 @@ def test_fault_monitor(kept, fault):
     asked = tp.faults.Fault(reading, kind, at=float(rest), size=float(size) if size else None)
     monitor, found = tp.FaultMonitor(effects=tp.Effects().only("delay")), {}
     law = {"q1": "tej", "q2": "weighted", "wire1": "estimated"}.get(reading, "joint")
-    run = tp.simulate(h4, h4.sample(2), law, faults=[asked], monitor=monitor, hold=0.1)
+    run = tp.simulate(
+        h4, h4.sample(2), law, faults=[asked], monitor=monitor, run=tp.simulation.Run(hold=0.1)
+    )
     found["run"] = [*numbers(run), run.health.sum(axis=0), run.stops.sum(), run.symptom.sum(axis=0)]
     found["review"] = monitor.review(h4, run.q_e[:120], run.x_d[:120])
     kept(answer(found))

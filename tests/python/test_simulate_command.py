@@ -33,7 +33,10 @@ def test_it_prints_and_writes_what_the_library_simulates(run, tmp_path):
     assert status == 0
     truth = h4.sample(4).with_level("full")
     alone = tp.simulate(
-        h4, truth, "estimated", start=[0, 0, -0.5, 0], end=[0.05, 0, -0.4, 0.1], seed=4
+        h4,
+        truth,
+        "estimated",
+        run=tp.simulation.Run(start=[0, 0, -0.5, 0], end=[0.05, 0, -0.4, 0.1], seed=4),
     )
     assert rows(said)["x"]["at the end"] == 1e3 * alone.error[-1, 0]
     assert rows(said)["theta"]["largest"] == np.degrees(np.abs(alone.error[:, 3]).max())

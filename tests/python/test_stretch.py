@@ -304,7 +304,7 @@ def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff
     soft = h4.with_payload((0, 0, 0)).replace({"compliance.all_chains": 1e-7})
     for work in (
         lambda: tp.steady_state(soft, soft, soft.home, "joint"),
-        lambda: tp.simulate(soft, duration=0.2),
+        lambda: tp.simulate(soft, run=tp.simulation.Run(duration=0.2)),
         lambda: tp.OnlineCalibrator(soft),
     ):
         with pytest.warns(UserWarning, match="assumes stiff rods"):

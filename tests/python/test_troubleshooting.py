@@ -73,7 +73,7 @@ CAUSES = {
     "are Euler angles": lambda _: tracked("stewart", as_euler_angles),
     "times their noise": lambda _: tracked("stewart", lambda x, rng: rng.permutation(x)),
     "motors determine only the pose": motors_alone,
-    "would need": lambda _: tp.simulate(tp.load("h4"), duration=0.02),
+    "would need": lambda _: tp.simulate(tp.load("h4"), run=tp.simulation.Run(duration=0.02)),
     "cannot hold": lambda _: tp.Controller.for_robot(tp.load("h4"), period=0.02),
 }
 

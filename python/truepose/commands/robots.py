@@ -21,8 +21,7 @@ from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
 from truepose.robot.workspace import reach, told, workspace_grid
 from truepose.robotfile import reading, toml_lines
-from truepose.robotfile.consistency import Problem, tables
-from truepose.robotfile.schema import RobotFile
+from truepose.robotfile.base import Problem, tables
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import printed
@@ -105,8 +104,6 @@ def new_command(
 #: Grid values per coordinate in the check of a workspace, by the number of coordinates n.
 GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 
-_LARGEST = 20.0  # m; no part of a robot is as long; most files in mm have a greater number
-
 
 def check_command(
     file: Path = Argument(help="A robot file (TOML)."), how: options.How = Format.table
@@ -161,7 +158,7 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         line = re.search(r"at line (\d+)", str(error))
         return None, [f"{path}:{line[1] if line else max(last, 1)}: {error}"]
     where = toml_lines.lines(text)
-    robot, problems = _examine(data, text, str(path))
+    robot, problems = _examine(data)
     motif = len(tables(data, "chain"))
     written = ((reading.where_written(p.path, data, motif), p.text) for p in problems)
     found = {(toml_lines.nearest(where, at), shortened(t, reading.LINE)) for at, t in written}
@@ -225,22 +222,17 @@ def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     return int(found.regular.sum()) - beyond, lost, len(found.q)
 
 
-def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
+def _examine(data: dict) -> tuple[Robot | None, list[Problem]]:
     spec, problems = reading.examine(data)
-    moving = spec or reading.mechanism_of(data)
-    if moving:
-        problems += _in_millimetres(moving)
-    try:
-        robot = Robot(moving) if moving else None
-    except RobotFileError as error:
-        return None, [*problems, Problem(("home",), str(error))]
-    # Parts other than rod pairs may constrain the orientation (3-UPU).
-    single = robot and all(chain.actuator == "telescopic" for chain in robot.spec.chain)
-    if robot and robot.loose and not single:
-        problems.append(Problem(("chain",), f"{robot.name}: {robot.full.reason}"))
-    if problems:
+    if spec is None:
         return None, problems
-    robot = Robot(robotfile.parse(text, where))
+    try:
+        robot = Robot(spec)
+    except RobotFileError as error:
+        return None, [Problem(("home",), str(error))]
+    # Parts other than rod pairs may constrain the orientation (3-UPU).
+    if robot.loose and any(chain.actuator != "telescopic" for chain in spec.chain):
+        return None, [Problem(("chain",), f"{robot.name}: {robot.full.reason}")]
     try:
         conditions.require_small(robot, robot.home[None], robot.highest_level == "full")
     except InputError as error:
@@ -252,19 +244,3 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
             return None, [Problem(("workspace",), text)]
     wrong = [Problem(("tolerances", glob), text) for glob, text in assumptions.impossible(robot)]
     return (None, wrong) if wrong else (robot, [])
-
-
-def _in_millimetres(spec: RobotFile) -> list[Problem]:
-    """Return a problem where the largest length of a mechanism seems to be in mm."""
-    lengths: list[tuple[float, tuple]] = [(v, ("home",)) for v in spec.home[:3]]
-    for number, chain in enumerate(spec.chain):
-        limits = ["limits"] if chain.actuator != "revolute" else []
-        for key in ("base", "anchor", "arm", "rod", *limits):
-            values = np.ravel(getattr(chain, key) or 0.0)
-            lengths += [(v, ("chain", number, key)) for v in values]
-    largest, path = max(lengths, key=lambda pair: abs(pair[0]))
-    if abs(largest) <= _LARGEST:
-        return []
-    key = ".".join(str(part + 1) if isinstance(part, int) else part for part in path)
-    text = f"{key}: {largest:g} m: did you mean mm? {largest:g} mm are {largest / 1e3:g} m"
-    return [Problem(path, text)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from typer import Context, Option
@@ -30,6 +30,7 @@ from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.dynamic import visit
+from truepose.simulation.run import Run
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.start_test import start_test as prove
 
@@ -38,6 +39,8 @@ from truepose.simulation.start_test import start_test as prove
 VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
+#: A path, or None and the ends of a move.
+Motion = tuple[Circle | SampledPath | Waypoints | None, Array | None, Array | None]
 _UNITS = ("N", "N·m")
 #: Options of the start-up test.
 _START = {"--start-test", "--from", "--true", "--effects", "--fault", "--seed"}
@@ -144,35 +147,44 @@ def command(
         started = prove(believed, truth, faults, start=at, effects=forgotten, seed=seed)
         return show([started.table()], how, [started.summary])
     motion = _asked(believed, path, way_points, circle, start, end, duration)
-    visiting = not isinstance(motion, dict)
+    visiting = not isinstance(motion, tuple)
     wrong = ("--disturbance", "--safety") if visiting else ()
     options.refuse(given, wrong, "only for moves and paths in time, not for --path with poses")
-    shell = SafetyShell(effects=forgotten) if safety else None
     law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting)
     usual = VISIT if visiting else MOVE
-    settings: dict[str, Any] = {
-        "duration": usual[0] if duration is None else duration,
-        "hold": usual[1] if hold is None else hold,
-        "seed": seed,
-        "time": since,
-        "effects": forgotten,
-        "faults": faults,
-        "monitor": FaultMonitor(effects=forgotten) if monitor else None,
-    }
+    run = Run(
+        duration=usual[0] if duration is None else duration,
+        hold=usual[1] if hold is None else hold,
+        seed=seed,
+        time=since,
+        disturbances=disturbances,
+        safety=SafetyShell(effects=forgotten) if safety else None,
+    )
+    watching = FaultMonitor(effects=forgotten) if monitor else None
     ran: Simulation | Visit
     with progress("simulating"):
-        if isinstance(motion, dict):
-            settings |= {"disturbances": disturbances, "safety": shell}
-            ran = move = simulate(believed, truth, controller, **motion, **settings)
+        if isinstance(motion, tuple):
+            ran = move = simulate(
+                believed,
+                truth,
+                controller,
+                path=motion[0],
+                effects=forgotten,
+                faults=faults,
+                monitor=watching,
+                run=replace(run, start=motion[1], end=motion[2]),
+            )
             over, error, torque, status = move.time, move.error, move.torque, move.status
             tables = [move.table(), _motors(believed, move)]
-            if shell is not None:
-                limits = shell.limits(believed, controller)
+            if run.safety is not None:
+                limits = run.safety.limits(believed, controller)
                 tables += [limits.table(), limits.stops()]
         else:
-            require_within(faults, len(motion) * (settings["duration"] + settings["hold"]))
-            x, q_e, reasons = visit(believed, truth, motion, controller, **settings)
+            require_within(faults, len(motion) * (run.duration + run.hold))
+            x, q_e, reasons = visit(
+                believed, truth, motion, controller, forgotten, faults, watching, run
+            )
             ran, status = Visit(q_e, frames(truth, x), x, reasons), _reached(x, reasons)
             if not np.isfinite(x).any():
                 raise PoseError(f"{believed.name}: {status}")
@@ -209,8 +221,8 @@ def _asked(
     start: str | None,
     end: str | None,
     duration: float | None,
-) -> Array | dict[str, Any]:
-    """Return the poses to visit, or the path or the ends of a move as arguments of `simulate`."""
+) -> Array | Motion:
+    """Return the poses to visit, or a path, or the ends of a move."""
     given = {"--path": path, "--way-points": way_points, "--circle": circle}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
@@ -223,7 +235,7 @@ def _asked(
         return x_d if time is None else _timed(SampledPath(time=time, x=x_d), duration)
     if way_points is not None:
         each = MOVE_DURATION if duration is None else duration
-        return {"path": Waypoints(poses=read_poses(robot, way_points), duration=each)}
+        return Waypoints(poses=read_poses(robot, way_points), duration=each), None, None
     first = options.parse_pose(robot, start, "--from", False)
     last = options.parse_pose(robot, end, "--to", False)
     if circle is not None:
@@ -237,14 +249,14 @@ def _asked(
     if first is None or last is None:
         usual = default_move(robot)
         first, last = usual[0] if first is None else first, usual[1] if last is None else last
-    return {"start": first, "end": last}
+    return None, first, last
 
 
-def _timed(path: Circle | SampledPath, duration: float | None) -> dict[str, Any]:
-    """Return a path with times of its own as an argument; InputError with --duration."""
+def _timed(path: Circle | SampledPath, duration: float | None) -> Motion:
+    """Return a path with times of its own; InputError with --duration."""
     if duration is not None:
         raise InputError("--duration: --circle and a --path with times have their own: leave out")
-    return {"path": path}
+    return path, None, None
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:

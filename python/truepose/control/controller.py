@@ -5,24 +5,22 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, Literal, Self, cast
 
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, finite, fraction, positive, whole
+from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
-from truepose.control.linear import ControllerSettings
-from truepose.exceptions import InputError, PoseError, choose
+from truepose.control.settings import ControllerSettings
+from truepose.exceptions import InputError, PoseError
 from truepose.robot.batches import as_row
 from truepose.robot.laws import LAWS, Law, require_sensors, usual
 from truepose.robot.robot import Robot
 
 #: Motor error ê, (n,), from the controller's robot, the desired pose and the readings (n + r,).
 OwnLaw = Callable[[Robot, Array, Array], ArrayLike]
-MOST_SCALED = 1_000_000  #: largest `sigma_scale`
-LONGEST_PERIOD = 0.2  #: s
 LONGEST_STOP = 5.0  #: s, of a stop along the path
 
 
@@ -63,23 +61,6 @@ class Controller(ControllerSettings):
         errors by compliant arms and delayed torques; a larger scale amplifies less.
     """
 
-    def __post_init__(self) -> None:
-        if not callable(self.law) and self.law not in LAWS:
-            raise InputError(choose("law", self.law, LAWS))
-        choices = {"gains": ("inertia", "diagonal"), "feed_forward": ("none", "gravity", "full")}
-        for name, kinds in choices.items():
-            if getattr(self, name) not in kinds:
-                raise InputError(choose(name, getattr(self, name), kinds))
-        for name in ("frequency", "damping", "period", "velocity_bandwidth"):
-            positive(name, getattr(self, name))
-        finite("integral", self.integral, 0)
-        if self.period > LONGEST_PERIOD:
-            raise InputError(
-                f"period = {self.period}: must be at most {LONGEST_PERIOD} s; is it in ms?"
-            )
-        fraction("damped_below", self.damped_below)
-        whole("sigma_scale", self.sigma_scale, 1, MOST_SCALED)
-
     @property
     def built_in(self) -> Law:
         """The law's name; InputError where the law is a function, which cannot be linearized."""
@@ -99,7 +80,10 @@ class Controller(ControllerSettings):
         *,
         period: float = 1e-3,
         damping: float = 0.55,
-        **settings: Any,
+        integral: float = 0.0,
+        gains: Literal["inertia", "diagonal"] = "inertia",
+        feed_forward: Literal["none", "gravity", "full"] = "full",
+        damped_below: float = 0.0,
     ) -> Self:
         """Return the fastest controller that is stable with the effects that the model omits.
 
@@ -115,9 +99,9 @@ class Controller(ControllerSettings):
             The controller's robot.
         effects : Effects, optional
             All by default.
-        law, period, damping, **settings
-            As for the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which are
-            chosen. By default the TEJ law, without a sensor in use the joint law; an own law takes
+        law, period, damping, integral, gains, feed_forward, damped_below
+            As for the class, whose `frequency`, `velocity_bandwidth` and `sigma_scale` are chosen.
+            By default the TEJ law, without a sensor in use the joint law; an own law takes
             their gains. With less damping than the paper's 1 a loop of the same stiffness responds
             less to high frequencies: a count's step, an arm's ringing.
 
@@ -138,10 +122,15 @@ class Controller(ControllerSettings):
         'ok'
         """
         law = usual(robot) if law is None else law
-        for name in ("frequency", "velocity_bandwidth", "sigma_scale"):
-            if name in settings:
-                raise InputError(f"{name}: is chosen here; set it with Controller(…) instead")
-        rest = cls(law=law, period=period, damping=damping, **settings)
+        rest = cls(
+            law=law,
+            period=period,
+            damping=damping,
+            integral=integral,
+            gains=gains,
+            feed_forward=feed_forward,
+            damped_below=damped_below,
+        )
         like = usual(robot) if callable(law) else law
         require_sensors(robot, like)
         return cast(Self, choose_gains(robot, like, effects or Effects(), rest))
@@ -195,15 +184,3 @@ def require_same_readings(robot: Robot, truth: Robot) -> None:
     """Raise InputError unless the controller's and the true robot have the same readings."""
     if (robot.spec.mobility, robot.sensors) != (truth.spec.mobility, truth.sensors):
         raise InputError(f"{robot!r} and {truth!r} must have the same mobility and sensors")
-
-
-class ControllerInput(NamedTuple):
-    """Inputs of an own control law at the start of a control period."""
-
-    time: float  #: s
-    x: Array  #: (n,) desired pose
-    rate: Array  #: (n,) its free twist
-    acceleration: Array  #: (n,) and the derivative
-    q_e: Array  #: (n + r,) readings
-    torque: Array  #: (n,) last command
-    robot: Robot  #: the controller's robot

@@ -11,8 +11,9 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.control.linear import ControllerSettings, plants
+from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses
+from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot

@@ -9,10 +9,9 @@ correction by its samples is excluded too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array
 from truepose.control import delays
 from truepose.control.effects import Effects
+from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
@@ -28,33 +28,6 @@ from truepose.robotfile.to_core import PAIRED
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is possible
 _STEP = 1e-5  # m and rad, of the platform: finite difference for the weight's stiffness
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControllerSettings:
-    """Settings of a :class:`truepose.Controller`."""
-
-    law: Law | Callable[..., Any] = "tej"
-    frequency: float = 150.0
-    damping: float = 1.0
-    integral: float = 0.0
-    gains: Literal["inertia", "diagonal"] = "inertia"
-    feed_forward: Literal["none", "gravity", "full"] = "full"
-    period: float = 1e-3
-    velocity_bandwidth: float = 1500.0
-    damped_below: float = 0.0
-    sigma_scale: int = 1
-
-    def transfer(self, z: Array) -> Array:
-        """Return the transfer from a motor error to its commanded acceleration, at points z.
-
-        The tracking loop finds a reading's rate by (1-p)²/T · z (z-1)/(z-p)².
-        """
-        p, T = np.exp(-self.velocity_bandwidth * self.period), self.period
-        rate = (1 - p) ** 2 / T * z * (z - 1) / (z - p) ** 2
-        kp = self.frequency**2
-        summed = self.integral * kp * T * z / (z - 1) if self.integral else 0.0
-        return kp + 2 * self.damping * self.frequency * rate + summed
 
 
 _USUAL = ControllerSettings()

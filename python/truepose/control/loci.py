@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.control.linear import ControllerSettings, Plant
+from truepose.control.linear import Plant
+from truepose.control.settings import ControllerSettings
 
 _POINTS = 300
 _ANY = 1e6  # multipliers beyond this are rounding errors

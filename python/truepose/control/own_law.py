@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
-from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name
+from truepose.control.controller import Controller, OwnLaw, law_name
 from truepose.control.linear import joint_inertia
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
+from truepose.robotfile.to_core import padded
 
 
 def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
@@ -31,7 +32,7 @@ def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
 class Torques:
     """PD controller on the motor error of an own law, with the settings of a Controller.
 
-    Called once per control period, as the `law` of :func:`truepose.simulate`.
+    The core calls it once per control period.
     """
 
     controller: Controller
@@ -53,19 +54,20 @@ class Torques:
         moving = float(self.controller.feed_forward == "full")
         return self.robot.inverse_dynamics(x, moving * rate, moving * acceleration)
 
-    def __call__(self, cycle: ControllerInput) -> Array:
-        """Return the torques, (n,)."""
-        own = self.controller
-        error = motor_error(own.law, self.robot, cycle.x, cycle.q_e)  # type: ignore[arg-type]
+    def __call__(self, time: float, *vectors: list[float]) -> list[float]:
+        """Return the torques at the start of a control period; vectors have the core's size."""
+        own, n = self.controller, self.robot.n
+        x, rate, acceleration, q_e, _ = (np.array(vector) for vector in vectors)
+        seen = q_e[: n + self.robot.r]
+        error = motor_error(own.law, self.robot, x[:n], seen)  # type: ignore[arg-type]
         slow = error if self._slow is None else self._slow
         speed = own.velocity_bandwidth * (error - slow)
         self._slow = slow + (1 - math.exp(-own.velocity_bandwidth * own.period)) * (error - slow)
         self._sum = self._sum + own.integral * own.period * error
         w = own.frequency
         asked = w**2 * (error + self._sum) + 2 * own.damping * w * speed
-        return self.inertia(cycle.x) @ asked + self.feed_forward(
-            cycle.x, cycle.rate, cycle.acceleration
-        )
+        fed = self.feed_forward(x[:n], rate[:n], acceleration[:n])
+        return padded(self.inertia(x[:n]) @ asked + fed)
 
 
 def equilibrium(

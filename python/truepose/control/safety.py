@@ -84,7 +84,7 @@ class SafetyShell:
     >>> import truepose as tp
     >>> h4, shell = tp.load("h4"), tp.control.SafetyShell()
     >>> frozen = tp.faults.Fault("frame", "stuck", at=0.1)
-    >>> run = tp.simulate(h4, faults=[frozen], safety=shell)
+    >>> run = tp.simulate(h4, faults=[frozen], run=tp.simulation.Run(safety=shell))
     >>> run.status
     'safety shell: stale frame at 0.102 s, stopped by brake'
     """

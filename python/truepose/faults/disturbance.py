@@ -48,7 +48,8 @@ class Disturbance:
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
     >>> picked = tp.faults.Disturbance("payload", at=0.05, size=2.0)
-    >>> run = tp.simulate(h4, disturbances=[picked], monitor=tp.FaultMonitor())
+    >>> run = tp.simulation.Run(disturbances=[picked])
+    >>> run = tp.simulate(h4, monitor=tp.FaultMonitor(), run=run)
     >>> run.status.split(" from")[0]
     'payload of 2 kg'
     """

@@ -15,6 +15,7 @@ from truepose.arguments import Array, Level, finite, numbers_of, require, select
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
 from truepose.robotfile.base import ARMS, COMMON, is_compliance
+from truepose.robotfile.consistency import wrong_value
 from truepose.robotfile.schema import (
     CalibrationSection,
     Compliance,
@@ -277,7 +278,7 @@ class Description:
             if name not in self._values:
                 raise InputError(choose("parameter", name, self._values))
             finite(name, value)
-            if wrong := robotfile.reading.wrong_value(name, float(value)):
+            if wrong := wrong_value(name, float(value)):
                 raise InputError(f"{name} = {value}: {wrong}")
         return self._like(self._values | {k: float(v) for k, v in values.items()})
 

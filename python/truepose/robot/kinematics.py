@@ -1,4 +1,4 @@
-"""Kinematics and forces in batches: IKM, FKM, RKM, their Jacobians, torques, rod forces."""
+"""Kinematics in batches: IKM, FKM, RKM, their Jacobians, readings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import compliance
-from truepose.robot.batches import as_row, at_poses, flattened, require_answers, together
+from truepose.robot.batches import as_row, at_poses, flattened, require_answers
 from truepose.robot.description import Description
 from truepose.robotfile.base import is_compliance
 from truepose.robotfile.to_core import columns, padded
@@ -221,61 +221,6 @@ class Kinematics(Description):
         [0.5, -0.3]
         """
         return at_poses(self, x, errors, _core.gyro)[0]
-
-    def joint_torque(
-        self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
-    ) -> Array:
-        """Compute a rotational platform's joint torques, (..., n): Γ = J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
-
-        For other mobilities: the force and moment of the motors on the platform, along its free
-        twist. x, errors and level as for :meth:`ikm`; motor torques (..., n), N·m or N. Leading
-        shapes broadcast.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> ankle = tp.load("g1-ankle")
-        >>> print(ankle.joint_torque([0.1, 0.05], [10, 10]).round(2))  # pitch, roll
-        [ 0.81 19.17]
-        """
-        x, torque = together(self, errors, x=x, torque=torque)
-        J = self.jacobian(x, errors, level)
-        return np.linalg.solve(J.swapaxes(-1, -2), torque[..., None])[..., 0]
-
-    def motor_torque(
-        self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
-    ) -> Array:
-        """Compute motor torques from joint torques of a rotational platform: τ = Jᵀ Γ.
-
-        The inverse of :meth:`joint_torque`.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> ankle = tp.load("g1-ankle")
-        >>> print(ankle.motor_torque([0.1, 0.05], [30.0, 0.0]).round(2))  # toes down
-        [-11.36  10.07]
-        """
-        x, torque = together(self, errors, x=x, torque=torque)
-        return (self.jacobian(x, errors, level).swapaxes(-1, -2) @ torque[..., None])[..., 0]
-
-    def rod_forces(
-        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
-    ) -> Array:
-        """Compute the static tension of every chain at x, all its rods together, N, shape (..., n).
-
-        It carries the platform's weight, half of every rod's, and the file's load; negative is
-        compression. Parameters as for :meth:`ikm`.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> delta = tp.load("delta")
-        >>> print(delta.with_payload((0, 0, -30)).rod_forces(delta.home).round(2))
-        [18.13 18.13 18.13]
-        """
-        full = self.is_full(level)
-        return at_poses(self, x, errors, lambda _, rows: compliance.under_load(self, rows, full))[2]
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
         """Compute the distance from singularities at x, independent of size and units, 0 to 1.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,8 +14,8 @@ from truepose import _core, files, robotfile
 from truepose.arguments import Array, Errors, Level, check_seed, fraction, whole
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import compliance, conditions, knowledge
-from truepose.robot.batches import as_row, at_poses, flattened, require_answers, together
-from truepose.robot.kinematics import Kinematics
+from truepose.robot.batches import as_row, at_poses, flattened, require_answers
+from truepose.robot.dynamics import Dynamics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
 from truepose.robot.units import in_print
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 REFINED = 3
 
 
-class Robot(Kinematics, Shown):
+class Robot(Dynamics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
     Coordinates x follow the file's mobility (m, rad), motor positions q are readings of the motor
@@ -127,62 +127,6 @@ class Robot(Kinematics, Shown):
         q = as_row(self, q, "q")
         whole("starts", starts, 1, 1_000_000)
         return AssemblyModes(*_core.assembly_modes(self.core, padded(q), starts, check_seed(seed)))
-
-    def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Compute the mass matrix M(x) of the free twist, (..., n, n); kg, kg·m and kg·m².
-
-        It is symmetric; the kinetic energy is ẋᵀM ẋ/2 and the motors' joint inertia JᵀM J, see
-        :meth:`jacobian`. Parameters as for :meth:`ikm`.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> h4 = tp.load("h4")
-        >>> J, M = h4.jacobian(h4.home), h4.mass_matrix(h4.home)
-        >>> print((J.T @ M @ J).round(3)[0])  # of motor 1: its own inertia, and its pull at others
-        [ 0.108  0.04  -0.023 -0.023]
-        """
-        return at_poses(self, x, errors, _core.mass_matrix)[0]
-
-    def inverse_dynamics(
-        self, x: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, errors: Errors = "raise"
-    ) -> Array:
-        """Compute the motor torques, N·m (slides: N), of a motion, friction included; (..., n).
-
-        x, rate and acceleration, (..., n), are poses, free twists and their derivatives; leading
-        shapes broadcast. Torque limits are not checked. Errors as for :meth:`ikm`.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> h4 = tp.load("h4")
-        >>> print(h4.inverse_dynamics(h4.home, [0] * 4, [0] * 4).round(3))  # what holds its weight
-        [-2.655 -2.655 -0.467 -0.467]
-        """
-        motion = {"x": x, "rate": rate, "acceleration": acceleration}
-        return self._dynamics(_core.inverse_dynamics, errors, **motion)
-
-    def acceleration(
-        self, x: ArrayLike, rate: ArrayLike, torque: ArrayLike, errors: Errors = "raise"
-    ) -> Array:
-        """Compute the acceleration under motor torques, m/s² and rad/s², shape (..., n).
-
-        The inverse of :meth:`inverse_dynamics`. Torques (..., n) are in N·m (slides: N).
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> h4 = tp.load("h4")
-        >>> falling = h4.acceleration(h4.home, [0] * 4, [0] * 4)
-        >>> print((falling / 9.81).round(3)[2])  # no motor holds it; rotors and arms brake
-        -0.972
-        """
-        return self._dynamics(_core.acceleration, errors, x=x, rate=rate, torque=torque)
-
-    def _dynamics(self, function: Callable[..., Any], errors: Errors, **motion: ArrayLike) -> Array:
-        x, *others = together(self, errors, **motion)
-        rows = [np.ascontiguousarray(values.reshape(-1, self.n)) for values in others]
-        return at_poses(self, x, errors, function, *rows)[0]
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
         """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
@@ -29,6 +29,9 @@ Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 
 
+_LARGEST = 20.0  # m; no part of a robot is as long; most files in mm have a greater number
+
+
 def is_compliance(parameter: str) -> bool:
     """Return whether a parameter, or a glob of them, is a compliance: of one chain or of all."""
     return parameter.startswith("compliance.") or parameter.endswith("compliance")
@@ -43,6 +46,14 @@ def not_degrees(what: str, angles: float | Sequence[float]) -> None:
         raise ValueError(
             f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
         )
+
+
+def not_millimetres(what: str, lengths: float | Sequence[float]) -> None:
+    """Raise ValueError for a length that no robot has, which is likely in mm."""
+    largest = max([lengths] if isinstance(lengths, float) else lengths, key=abs, default=0.0)
+    if abs(largest) > _LARGEST:
+        mm = f"{largest:g} mm are {largest / 1e3:g} m"
+        raise ValueError(f"{what}: {largest:g} m: did you mean mm? {mm}")
 
 
 def unit(name: str) -> FieldInfo:
@@ -106,6 +117,19 @@ def _unit(vector: Vector) -> Vector:
 
 
 Direction = Annotated[Vector, AfterValidator(_unit), unit("length 1")]
+
+
+class Problem(NamedTuple):
+    """An error in a robot file: the key's path, and a line of text."""
+
+    path: tuple[str | int, ...]
+    text: str
+
+
+def tables(data: dict, key: str) -> list[dict]:
+    """Return the tables of an array of tables; anything else in it as an empty one."""
+    value = data.get(key)
+    return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []
 
 
 class Section(BaseModel):

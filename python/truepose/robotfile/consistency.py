@@ -1,12 +1,15 @@
-"""Checks that the parts of a robot file fit together."""
+"""Checks that the parts of a robot file of the right form fit together."""
 
-import itertools
+import fnmatch
 import re
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from truepose import _core
-from truepose.robotfile.base import COORDINATES, not_degrees
+from truepose.exceptions import choose
+from truepose.robotfile.base import Problem, not_degrees, not_millimetres
+from truepose.robotfile.schema import RobotFile
+from truepose.robotfile.to_core import names_of
 
 #: Names reserved for logs and parameters.
 _TAKEN = re.compile(
@@ -23,38 +26,86 @@ def taken(name: str) -> bool:
     return _TAKEN.fullmatch(name) is not None
 
 
-class Problem(NamedTuple):
-    """An error in a robot file: the key's path, and a line of text."""
+def problems(spec: RobotFile) -> Iterator[Problem]:
+    """Yield the inconsistencies of a robot file: sizes, references, then names."""
+    found = [*_sizes(spec), *_references(spec)]
+    yield from found
+    yield from _names(spec)
+    if not found:
+        yield from _parameters(spec)
 
-    path: tuple[str | int, ...]
-    text: str
 
-
-def problems(data: dict) -> Iterator[Problem]:
-    """Yield the inconsistencies of a robot file's contents with its shorthand expanded."""
-    mobility = data.get("mobility")
-    chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "passive_axis"))
-    if mobility == "rotational" and not 1 <= len(axes) <= _core.max_axes:
+def _sizes(spec: RobotFile) -> Iterator[Problem]:
+    """Yield another number of parts or coordinates than fits, degrees for rad and mm for m."""
+    n, rotational = spec.n, spec.mobility == "rotational"
+    if rotational and not 1 <= n <= _core.max_axes:
         text = f"a rotational platform has 1 to {_core.max_axes}, a table [[passive_axis]] each"
-        yield Problem(("passive_axis",), f"{len(axes)} passive axes: {text}")
-    elif mobility == "rotational":
-        if bars:
-            yield Problem(("bar",), "bar: a rotational platform has no lateral bars")
-        yield from _sizes(data, f"a platform on {len(axes)} passive axes", ["rad"] * len(axes))
-    elif axes:
-        text = f"passive_axis: needs mobility rotational, not {mobility}"
+        yield Problem(("passive_axis",), f"{n} passive axes: {text}")
+        return
+    if rotational and spec.bar:
+        yield Problem(("bar",), "bar: a rotational platform has no lateral bars")
+    if spec.passive_axis and not rotational:
+        text = f"passive_axis: needs mobility rotational, not {spec.mobility}"
         yield Problem(("passive_axis",), text)
-    if units := [unit for _, unit in COORDINATES.get(str(mobility), ())]:
-        yield from _sizes(data, f"{mobility} has {len(units)} freedoms", units)
-    if len(bars) > _core.max_bars:
-        text = f"{len(bars)} bars: a platform has at most {_core.max_bars} here"
+    if (count := len(spec.chain)) != n:
+        more = (
+            f"{n - count} of the platform's freedoms would be unconstrained"
+            if count < n
+            else f"{count - n} too many: the platform would be overconstrained"
+        )
+        has = (
+            f"a platform on {n} passive axes" if rotational else f"{spec.mobility} has {n} freedoms"
+        )
+        yield Problem(("mobility",), f"{has}: give {n} chains, not {count}; {more}")
+    if len(spec.bar) > _core.max_bars:
+        text = f"{len(spec.bar)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)
-    counts = {"chain": len(chains), "axis": len(axes), "bar": len(bars)}
-    for key in ("chain", "sensor"):
-        for number, table in enumerate(tables(data, key)):
-            yield from _missing((key, number), table, mobility, counts)
+    poses: dict[tuple[str, ...], tuple[float, ...]] = {("home",): spec.home}
+    for name in ("workspace", "fkm_region"):
+        if box := getattr(spec, name):
+            poses |= {(name, "minimum"): box.minimum, (name, "maximum"): box.maximum}
+    for path, pose in poses.items():
+        where = ".".join(path)
+        if len(pose) != n:
+            yield Problem(path, f"{where} needs {n} coordinates, has {len(pose)}")
+            continue
+        parts = {
+            of: [v for v, (_, unit) in zip(pose, spec.coordinates, strict=True) if unit == of]
+            for of in ("m", "rad")
+        }
+        try:
+            not_degrees(f"{where}: the platform's angle", parts["rad"])
+            not_millimetres(where, parts["m"])
+        except ValueError as error:
+            yield Problem(path, str(error))
+
+
+def _references(spec: RobotFile) -> Iterator[Problem]:
+    """Yield what chains and sensors need and the file has not: a mobility, or parts."""
+    counts = {
+        "chain": (len(spec.chain), "of {} chains"),
+        "axis": (len(spec.passive_axis), "but the file has {} axes"),
+        "bar": (len(spec.bar), "but the file has {} bars"),
+    }
+    parts: list[tuple[tuple[str | int, ...], str, Any]]
+    parts = [(("chain", k), f"chain {k + 1}", one) for k, one in enumerate(spec.chain)]
+    parts += [(("sensor", k), f"sensor {one.name}", one) for k, one in enumerate(spec.sensor)]
+    for path, what, part in parts:
+        kind = getattr(part, "kind", "")
+        if (needed := _NEEDS.get(kind)) and spec.mobility not in needed:
+            text = f"{what}: {kind} needs mobility {' or '.join(needed)}, not {spec.mobility}"
+            yield Problem((*path, "kind"), text)
+            continue
+        for key, (count, of) in counts.items():
+            value = getattr(part, key, None)
+            if isinstance(value, int) and value > count:
+                yield Problem((*path, key), f"{what}: {key} = {value}, {of.format(count)}")
+
+
+def _names(spec: RobotFile) -> Iterator[Problem]:
+    """Yield names that are used twice or reserved, and unknown sensors in use."""
     for key, what, several in (("passive_axis", "axis", "axes"), ("sensor", "sensor", "sensors")):
-        names = [str(table.get("name")) for table in tables(data, key)]
+        names = [part.name for part in getattr(spec, key)]
         for number, name in enumerate(names):
             path = (key, number, "name")
             if name in names[:number]:
@@ -62,57 +113,46 @@ def problems(data: dict) -> Iterator[Problem]:
             if taken(name) or (what == "axis" and name == "step"):
                 text = f"{what} {name}: logs and parameters use this name for something else"
                 yield Problem(path, text)
+    known = [sensor.name for sensor in spec.sensor]
+    for number, name in enumerate(spec.sensors):
+        if name not in known:
+            yield Problem(("sensors", number), choose("sensor", name, known))
+    if len(set(spec.sensors)) < len(spec.sensors):
+        yield Problem(("sensors",), f"a sensor is used twice: {', '.join(spec.sensors)}")
 
 
-def _missing(
-    path: tuple, table: dict, mobility: object, counts: dict[str, int]
-) -> Iterator[Problem]:
-    """Yield what a chain or a sensor needs and the file has not: a mobility, or parts."""
-    kind = str(table.get("kind"))
-    what = f"chain {path[1] + 1}" if path[0] == "chain" else f"sensor {table.get('name')}"
-    if (needed := _NEEDS.get(kind)) and mobility not in needed:
-        text = f"{what}: {kind} needs mobility {' or '.join(needed)}, not {mobility}"
-        yield Problem((*path, "kind"), text)
-        return
-    has = {"chain": "of {} chains", "axis": "but the file has {} axes"}
-    for key, count in counts.items():
-        value = table.get(key)
-        if type(value) is int and value > count:
-            of = has.get(key, "but the file has {} bars").format(count)
-            yield Problem((*path, key), f"{what}: {key} = {value}, {of}")
+def _parameters(spec: RobotFile) -> Iterator[Problem]:
+    """Yield names and values that no parameter has in three tables of a file."""
+    known, learnt = names_of(spec), spec.calibration
+    values: list[tuple[tuple[str | int, ...], str, str, float]]
+    values = [(("parameters", n), f"parameters.{n}", n, v) for n, v in spec.parameters.items()]
+    for glob in spec.tolerances:
+        if not fnmatch.filter(known, glob):
+            yield Problem(("tolerances", glob), f"tolerances: {choose('parameter', glob, known)}")
+    for name in spec.parameters:
+        if name not in known:
+            yield Problem(("parameters", name), f"parameters: {choose('parameter', name, known)}")
+    for k, name in enumerate(learnt.parameters if learnt else ()):
+        path, where = ("calibration", "parameters", k), "calibration.parameters"
+        if name not in known:
+            yield Problem(path, f"{where}: {choose('parameter', name, known)}")
+        elif learnt and name in learnt.parameters[:k]:
+            yield Problem(path, f"{where}: {name}: a parameter is listed twice")
+        if learnt:
+            what = f"calibration.mean of {name}"
+            values.append((("calibration", "mean", k), what, name, learnt.mean[k]))
+    for at, what, name, value in values:
+        if wrong := wrong_value(name, value):
+            yield Problem(at, f"{what} = {value}: {wrong}")
 
 
-def _sizes(data: dict, has: str, units: list[str]) -> Iterator[Problem]:
-    """Yield another number of chains or coordinates than there are units, and degrees for rad."""
-    n = len(units)
-    chains = data.get("chain")
-    if isinstance(chains, list) and len(chains) != n:
-        more = (
-            f"{n - len(chains)} of the platform's freedoms would be unconstrained"
-            if len(chains) < n
-            else f"{len(chains) - n} too many: the platform would be overconstrained"
-        )
-        text = f"{has}: give {n} chains, not {len(chains)}; {more}"
-        yield Problem(("mobility",), text)
-    boxes = itertools.product(("workspace", "fkm_region"), ("minimum", "maximum"))
-    for path in [("home",), *boxes]:
-        value: Any = data
-        for key in path:
-            value = value.get(key) if isinstance(value, dict) else None
-        if not isinstance(value, list):
-            continue
-        if len(value) != n:
-            yield Problem(path, f"{'.'.join(path)} needs {n} coordinates, has {len(value)}")
-            continue
-        turns = [v for v, unit in zip(value, units, strict=True) if unit == "rad"]
-        if turns and all(type(turn) in (int, float) for turn in turns):
-            try:
-                not_degrees(f"{'.'.join(path)}: the platform's angle", turns)
-            except ValueError as error:
-                yield Problem(path, str(error))
-
-
-def tables(data: dict, key: str) -> list[dict]:
-    """Return the tables of an array of tables; anything else in it as an empty one."""
-    value = data.get(key)
-    return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []
+def wrong_value(name: str, value: float) -> str | None:
+    """Return what is wrong with a parameter's value, if anything."""
+    if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
+        return "must be greater than 0 (m)"
+    if name.endswith(".gain") and value == 0:
+        part = "motor whose encoder" if name.startswith("chain") else "sensor that"
+        return f"a {part} reads nothing"
+    if ".eccentricity." in name and abs(value) >= 0.1:
+        return "must be between -0.1 and 0.1 (rad)"
+    return None

@@ -13,8 +13,7 @@ from pydantic import ValidationError
 
 from truepose import _core
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.base import COORDINATES, Section
-from truepose.robotfile.consistency import tables
+from truepose.robotfile.base import COORDINATES, Section, tables
 from truepose.robotfile.pattern import LISTS, TURNED, expand
 from truepose.robotfile.schema import (
     Bar,

@@ -1,7 +1,6 @@
 """Reader of robot files; every error is one line."""
 
 import contextlib
-import fnmatch
 import itertools
 import os
 import re
@@ -16,13 +15,11 @@ from pydantic import ValidationError
 from truepose import files
 from truepose.exceptions import InputError, RobotFileError, choose, shortened
 from truepose.robotfile import consistency
-from truepose.robotfile.base import COORDINATES, Section
-from truepose.robotfile.consistency import Problem, tables
+from truepose.robotfile.base import Problem, Section, tables
 from truepose.robotfile.pattern import expand, misfits
 from truepose.robotfile.quantities import in_si
-from truepose.robotfile.schema import ACTUATORS, Chain, Pattern, RobotFile, Tolerance
+from truepose.robotfile.schema import Chain, Pattern, RobotFile, Tolerance
 from truepose.robotfile.sensors import SENSORS
-from truepose.robotfile.to_core import parameter_names
 
 
 def _sections(annotation: Any) -> Iterator[type[Section]]:
@@ -52,12 +49,6 @@ SHORTHAND = {
     "Other quantities, and [calibration], are in SI units",
     "chain_defaults": "keys of 'chain' that all chains share; a chain's own key wins",
 }
-#: Keys that determine a robot's motion, then those of a chain.
-_MECHANISM = ("mobility", "home", "chain", "bar", "passive_axis", "platform")
-_MOVES = {"actuator", "base", "axis", "arm_zero", "arm", "rod", "working_mode", "anchor", "bar"}
-_MOVES |= {"limits", "rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset"}
-_MOVES |= {"gain", "spool_buildup"}
-
 #: Largest robot file. A calibration of the most parameters possible takes 0.7 MB.
 MOST_BYTES = 1_000_000
 
@@ -141,20 +132,24 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
         whole, motif, problems = _resolved(data)
     except RobotFileError as error:
         return None, [Problem(*error.args)]
-    problems += itertools.islice(consistency.problems(whole), _TOLD)
-    problems += itertools.islice(_unknown_names(whole), _TOLD)
     try:
         spec = RobotFile.model_validate(whole)
-        return (None, problems) if problems else (spec, [])
     except ValidationError as error:
-        found = error.errors(include_url=False)[:_TOLD]
+        return None, [*_form_problems(error, data, motif), *problems]
+    problems += itertools.islice(consistency.problems(spec), _TOLD)
+    return (None, problems) if problems else (spec, [])
+
+
+def _form_problems(error: ValidationError, data: dict, motif: int) -> list[Problem]:
+    """Return what is wrong with the form of a robot file, each once."""
+    found = error.errors(include_url=False)[:_TOLD]
     found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
     described = {}  # copies of a chain have the same problem: report it once
     for problem in found:
         location = where_written(problem["loc"], data, motif)
         text = _describe(problem | {"loc": location})
         described[text] = Problem(tuple(p for p in location if p not in SENSORS), text)
-    return None, [*described.values(), *problems]
+    return [*described.values()]
 
 
 def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnySection:
@@ -176,87 +171,6 @@ def where_written(location: tuple, data: dict, motif: int) -> tuple:
     if location[2:] and not (own and location[2] in own[number]) and location[2] in shared:
         return ("chain_defaults", *location[2:])
     return ("chain", number, *location[2:])
-
-
-def _unknown_names(whole: dict) -> Iterator[Problem]:
-    """Yield unknown names of parameters and of sensors in use, even if other keys are wrong."""
-    chains, bars, axes, sensors = (
-        tables(whole, key)[:_TOLD] for key in ("chain", "bar", "passive_axis", "sensor")
-    )
-    mobility = str(whole.get("mobility"))
-    actuators = [str(chain.get("actuator")) for chain in chains]
-    known, kinds = ([str(sensor.get(key)) for sensor in sensors] for key in ("name", "kind"))
-    right = mobility in (*COORDINATES, "rotational") and set(actuators) <= set(ACTUATORS)
-    if right and set(kinds) <= set(SENSORS):
-        mounted = zip(known, map(SENSORS.__getitem__, kinds), strict=True)
-        names = parameter_names(mobility, actuators, len(bars), mounted, len(axes))
-        yield from _wrong_parameters(whole, names)
-    used = whole.get("sensors")
-    used = [s for s in used if isinstance(s, str)] if isinstance(used, list) else []
-    for number, name in enumerate(used):
-        if name not in known:
-            yield Problem(("sensors", number), choose("sensor", name, known))
-    if len(set(used)) < len(used):
-        yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
-
-
-def _wrong_parameters(whole: dict, known: list[str]) -> Iterator[Problem]:
-    """Yield names and values that no parameter has in three tables of a file."""
-    tolerances, values, learnt = (
-        whole[key] if isinstance(whole.get(key), dict) else {}
-        for key in ("tolerances", "parameters", "calibration")
-    )
-    names, means = (
-        learnt[key] if isinstance(learnt.get(key), list) else [] for key in ("parameters", "mean")
-    )
-    entries: list[tuple[tuple[str | int, ...], Any]]
-    entries = [(("tolerances", name), name) for name in tolerances]
-    entries += [(("parameters", name), name) for name in values]
-    entries += [(("calibration", "parameters", k), name) for k, name in enumerate(names)]
-    for path, name in entries:
-        table = ".".join(map(str, path[:-1]))
-        if name not in known and not (table == "tolerances" and fnmatch.filter(known, name)):
-            yield Problem(path, f"{table}: {choose('parameter', name, known)}")
-        elif path[0] == "calibration" and name in names[: path[-1]]:
-            yield Problem(path, f"{table}: {name}: a parameter is listed twice")
-    for name, value in values.items():
-        if wrong := wrong_value(name, value):
-            yield Problem(("parameters", name), f"parameters.{name} = {value}: {wrong}")
-    for k, (name, mean) in enumerate(zip(names, means, strict=False)):
-        if wrong := wrong_value(str(name), mean):
-            text = f"calibration.mean of {name} = {mean}: {wrong}"
-            yield Problem(("calibration", "mean", k), text)
-
-
-def wrong_value(name: str, value: object) -> str | None:
-    """Return what is wrong with a parameter's value, if it is a number."""
-    if not isinstance(value, int | float):
-        return None
-    if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
-        return "must be greater than 0 (m)"
-    if name.endswith(".gain") and value == 0:
-        part = "motor whose encoder" if name.startswith("chain") else "sensor that"
-        return f"a {part} reads nothing"
-    if ".eccentricity." in name and abs(value) >= 0.1:
-        return "must be between -0.1 and 0.1 (rad)"
-    return None
-
-
-def mechanism_of(data: dict) -> RobotFile | None:
-    """Return the moving part of a robot file if that part is right, whatever else is wrong."""
-    try:
-        whole, _, _ = _resolved(data)
-    except RobotFileError:
-        return None
-    moving = {key: whole[key] for key in _MECHANISM if key in whole}
-    moving |= {"name": str(whole.get("name")), "parameters": {}}
-    moving["chain"] = [
-        {key: chain[key] for key in chain if key in _MOVES} for chain in tables(whole, "chain")
-    ]
-    if isinstance(values := whole.get("parameters"), dict):
-        wrong = {problem.path[1:] for problem in examine(moving | {"parameters": values})[1]}
-        moving["parameters"] = {n: v for n, v in values.items() if (n,) not in wrong}
-    return examine(moving)[0]
 
 
 def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:

@@ -30,6 +30,7 @@ from truepose.robotfile.base import (
     is_compliance,
     key,
     not_degrees,
+    not_millimetres,
     unit,
 )
 from truepose.robotfile.sensors import Sensor
@@ -120,6 +121,9 @@ class Chain(Section):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         turns = self.actuator == "revolute"
+        lengths = ("base", "anchor", "arm", "rod", *(("limits",) * (not turns)))
+        for name in lengths:
+            not_millimetres(name, getattr(self, name) or ())
         if turns and self.arm is None:
             raise ValueError("a revolute chain needs 'arm' (m)")
         if not turns and self.arm_compliance is not None:
@@ -370,7 +374,9 @@ class RobotFile(Section):
     compliance: Compliance | None = key("deflection of rods, legs, belts; without it: stiff", None)
     prices: Prices | None = key("of one-time steps, for truepose design", None)
     conditions: Conditions | None = key("uncertain conditions at work", None)
-    sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
+    sensor: Annotated[tuple[Sensor, ...], Field(max_length=100)] = key(
+        "each sensor, in use or not", ()
+    )
     tolerances: dict[str, Tolerance] = key("of parameters; the first glob that fits counts", {})
     parameters: Annotated[dict[str, Number], unit("m or rad")] = key(
         "values other than nominal; tolerances stay about the nominal ones", {}

@@ -67,6 +67,14 @@ def parameter_names(
     return names + [f"axis{number}.{key}" for number in range(1, axes + 1) for key in axis]
 
 
+def names_of(spec: RobotFile, stretches: bool = True) -> list[str]:
+    """Return the names of all geometric parameters of a robot file."""
+    actuators = [chain.actuator for chain in spec.chain]
+    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
+    axes = len(spec.passive_axis)
+    return parameter_names(spec.mobility, actuators, len(spec.bar), sensors, axes, stretches)
+
+
 def drawn(spec: RobotFile) -> dict[str, float]:
     """Return name and nominal value of every geometric parameter."""
     parts: dict[str, object] = {"compliance": spec.compliance or Compliance()}
@@ -74,10 +82,7 @@ def drawn(spec: RobotFile) -> dict[str, float]:
         parts |= {f"{kind}{number}": part for number, part in enumerate(of_kind, 1)}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
     values = {}
-    actuators = [chain.actuator for chain in spec.chain]
-    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
-    counts = len(spec.bar), sensors, len(spec.passive_axis)
-    for name in parameter_names(spec.mobility, actuators, *counts, spec.stretches):
+    for name in names_of(spec, spec.stretches):
         part, key, *component = name.split(".")
         value: Any = getattr(parts[part], key) or 0.0  # a chain's own compliance may be None
         values[name] = value[_COMPONENTS[component[0]]] if component else value

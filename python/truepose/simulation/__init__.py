@@ -2,6 +2,7 @@
 
 from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, SampledPath, Waypoints
+from truepose.simulation.run import Run
 from truepose.simulation.simulate import Simulation
 from truepose.simulation.start_test import StartTest, start_test
 
@@ -9,6 +10,7 @@ __all__ = [
     "Circle",
     "Line",
     "PathAccuracy",
+    "Run",
     "SampledPath",
     "Simulation",
     "StartTest",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, check_seed, finite, positive, whole
-from truepose.calibration.online import OnlineCalibrator
+from truepose.arguments import Array, check_seed
 from truepose.control import delays
 from truepose.control.controller import (
     Controller,
@@ -23,8 +20,7 @@ from truepose.control.controller import (
     warn_if_for_rigid,
 )
 from truepose.control.effects import Effects
-from truepose.control.linear import ringing
-from truepose.control.safety import STATES, SafetyLimits, SafetyShell, not_started
+from truepose.control.safety import STATES, SafetyLimits, not_started
 from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
@@ -34,54 +30,11 @@ from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
-from truepose.simulation.paths import MOVE_DURATION
+from truepose.simulation.run import Run
 
 RESTLESS = 1e-3  #: m or rad, largest peak to peak at rest in the last 50 ms
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
 SATURATED = "saturated: "  #: prefix of the status of a robot that rests despite saturation
-_STEPS, _RINGING = 2, 1.0  #: least per period, and largest phase of a rotor's ringing per step, rad
-_MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Settings of a run, see :func:`truepose.simulate`."""
-
-    duration: float = MOVE_DURATION
-    hold: float = 0.2
-    steps: int | None = None
-    seed: int = 0
-    effects: Effects | None = None
-    time: float = 0.0
-    learn: OnlineCalibrator | None = None
-    faults: Sequence[Fault] = ()
-    monitor: FaultMonitor | None = None
-    disturbances: Sequence[Disturbance] = ()
-    safety: SafetyShell | None = None
-
-    def check(self, controller: Controller, own: object = None) -> None:
-        """Raise InputError for settings without a meaning."""
-        positive("duration", self.duration)
-        finite("hold", self.hold, 0, " (s)")
-        if (total := self.duration + self.hold) / controller.period > _MOST_PERIODS:
-            raise InputError(
-                f"duration + hold = {total:g} s: at most {_MOST_PERIODS} control periods"
-            )
-        whole("steps", 1 if self.steps is None else self.steps, 1, 1000)
-        law = controller.law if own is None else own
-        if callable(law) and (self.learn is not None or self.monitor is not None):
-            raise InputError(
-                f"law {law_name(law)}: learn and monitor need a built-in law ({', '.join(LAWS)})"
-            )
-
-    def steps_of(self, truth: Robot, period: float) -> int:
-        """Return the integration steps per period: as given, or enough for the rotors."""
-        if self.steps is not None:
-            return self.steps
-        if self.effects is None or not self.effects.arm_stiffness:
-            return _STEPS
-        fastest = ringing(truth, truth.home, self.effects)
-        return max(_STEPS, math.ceil(fastest * period / _RINGING))
 
 
 class Drive(NamedTuple):
@@ -111,24 +64,30 @@ def begin(
     truth: Robot,
     controller: Controller,
     start: tuple[str, ArrayLike],
-    settings: Settings,
-    own: object = None,
+    run: Run,
+    effects: Effects | None,
+    faults: Sequence[Fault],
+    monitor: FaultMonitor | None,
 ) -> Drive:
-    """Check the settings and find the true robot's initial rest.
+    """Check the options and find the true robot's initial rest.
 
-    `start` is the pose and before it its name in messages; `own` is the own law that replaces the
-    controller's, if any.
+    `start` is the pose and before it its name in messages.
     """
     require_same_readings(robot, truth)
-    settings.check(controller, own)
-    steps = settings.steps_of(truth, controller.period)
-    effects, learn, seed = settings.effects, settings.learn, settings.seed
+    run.check(controller)
+    learn, seed = run.learn, run.seed
+    if callable(controller.law) and (learn is not None or monitor is not None):
+        raise InputError(
+            f"law {law_name(controller.law)}: learn and monitor need a built-in law "
+            f"({', '.join(LAWS)})"
+        )
+    steps = run.steps_of(truth, controller.period, effects)
     if learn is not None and learn.prior != robot:
         raise InputError("learn: must be an OnlineCalibrator of the robot that is controlled")
-    faults = in_core(truth, settings.faults, controller.period)
+    wrong = in_core(truth, faults, controller.period)
     plant = _core.Effects()
     if effects is not None:
-        truth, plant = effects.geometry(truth, settings.time, seed), effects.plant(truth, seed)
+        truth, plant = effects.geometry(truth, run.time, seed), effects.plant(truth, seed)
     name, x = start
     origin = pose_of(robot, x, name)
     gains = controller.settings(robot, origin[: robot.n])
@@ -141,14 +100,13 @@ def begin(
     if callable(controller.law):
         at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
     filtered = None if learn is None else learn._filter
-    monitor = settings.monitor
     fault_setup = None if monitor is None else monitor.setup(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
-    events = events_of(truth, settings.disturbances)
-    limits = None if settings.safety is None else settings.safety.limits(robot, controller)
+    events = events_of(truth, run.disturbances)
+    limits = None if run.safety is None else run.safety.limits(robot, controller)
     shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     belief = (believed.core, truth.core, gains, known)
-    first = (*belief, plant, filtered, faults, fault_setup, slow, events)
+    first = (*belief, plant, filtered, wrong, fault_setup, slow, events)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, origin, (*first, shell), (steps, held, check_seed(seed)), limits)
 

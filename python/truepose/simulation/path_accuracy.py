@@ -24,6 +24,7 @@ from truepose.simulation.chart import Setpoints, difference
 from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
 from truepose.simulation.paths import MOVE_DURATION, Path, path_of
+from truepose.simulation.run import Run
 from truepose.simulation.simulate import simulate
 
 #: Share of a path's largest speed below which it stands. Cosine of a corner's turn in one period.
@@ -256,9 +257,8 @@ def path_accuracy(
             _shifted(truth, shift),
             controller,
             path=asked,
-            hold=0.0,
-            seed=int(own),
             effects=effects,
+            run=Run(hold=0.0, seed=int(own)),
         )
         for shift, own in zip(shifts, rng.integers(2**31, size=runs), strict=True)
     ]

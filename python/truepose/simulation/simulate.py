@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_of, require, require_or_none
-from truepose.calibration.online import OnlineCalibrator
-from truepose.control.controller import Controller, ControllerInput, OwnLaw, law_name, pose_of
+from truepose.arguments import Array, require, require_or_none
+from truepose.control.controller import Controller, OwnLaw, law_name, pose_of
 from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
-from truepose.control.safety import SafetyShell, stop_text
+from truepose.control.safety import stop_text
 from truepose.exceptions import InputError, PoseError
-from truepose.faults.disturbance import Disturbance, named
+from truepose.faults.disturbance import named
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
@@ -33,7 +32,6 @@ from truepose.simulation.chart import Setpoints
 from truepose.simulation.drive import (
     NO_REST,
     RESTLESS,
-    Settings,
     begin,
     controller_of,
     require_within,
@@ -41,9 +39,11 @@ from truepose.simulation.drive import (
     unanswered,
 )
 from truepose.simulation.feasible import require_feasible, require_feasible_move
-from truepose.simulation.paths import MOVE_DURATION, Line, Path, default_move, path_of
+from truepose.simulation.paths import Line, Path, default_move, path_of
+from truepose.simulation.run import Run, with_former
 
 _REST = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
+_USUAL = Run()
 
 
 @dataclass(frozen=True, repr=False)
@@ -205,20 +205,11 @@ def simulate(
     controller: Controller | Law | OwnLaw | None = None,
     *,
     path: Path | Callable[[float], Any] | ArrayLike | None = None,
-    law: Callable[[ControllerInput], ArrayLike] | None = None,
-    start: ArrayLike | None = None,
-    end: ArrayLike | None = None,
-    duration: float = MOVE_DURATION,
-    hold: float = 0.2,
-    steps: int | None = None,
-    seed: int = 0,
     effects: Effects | None = None,
-    time: float = 0.0,
-    learn: OnlineCalibrator | None = None,
     faults: Sequence[Fault] = (),
     monitor: FaultMonitor | None = None,
-    disturbances: Sequence[Disturbance] = (),
-    safety: SafetyShell | None = None,
+    run: Run = _USUAL,
+    **former: Any,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
@@ -238,44 +229,25 @@ def simulate(
         (poses at times), or an object of your own with `setpoints`; a function of time, t -> x (or
         x, rate and acceleration), for `duration`; or poses, (N, n), `duration` from each to the
         next.
-    law : callable, optional
-        An own law, called in every period: from a :class:`truepose.control.ControllerInput` to the
-        torques, (n,), within the motors' limits. `controller` then only sets the period and the
-        initial rest. Without `learn` and `monitor`.
-    start, end : array_like, shape (n,)
-        Desired poses; by default those of :func:`default_move`.
-    duration, hold : float
-        Time of the move, and after it, s.
-    steps : int, optional
-        Integration steps per control period; by default 2, with compliant arms at least one per
-        radian of a rotor's oscillation against its arm.
-    seed : int
-        Seed of the true robot's reading noise and the effects' phases.
     effects : Effects, optional
         Effects that the model omits; none by default.
-    time : float
-        Time since the true robot was switched on, s: sets its warm-up.
-    learn : OnlineCalibrator, optional
-        Online calibration of `robot` from every new row of readings; the controller uses its
-        current estimate. It keeps that for the next run.
-    monitor : FaultMonitor, optional
-        Fault monitor of the controller's readings; none by default.
-    disturbances : sequence of Disturbance
-        Payloads, friction and contacts of the true robot. Where one takes it out of its workspace,
-        the run ends early, as after a fault.
-    safety : SafetyShell, optional
-        Safety shell around the law; none by default. The operator has acknowledged and started it:
-        the run begins when the law acts. Without an answer or after a violation the run goes on.
     faults : sequence of Fault
         Faulty readings. The robot is at rest before the first of them. Without a result from the
         controller the last torque is held, as on a machine (:attr:`Simulation.cycle_status`). The
         run ends early where the robot leaves its workspace (:attr:`Simulation.ended`).
+    monitor : FaultMonitor, optional
+        Fault monitor of the controller's readings; none by default.
+    run : truepose.simulation.Run
+        The move's ends and duration, the hold after it, seed, disturbances, safety shell and
+        online calibration.
+    **former
+        The same as arguments, as in 0.5, with a warning; gone with 0.7.
 
     Raises
     ------
     InputError
         A limit of `safety` is below what the path needs. A fault or disturbance begins after the
-        end of the run. An own law with `learn` or `monitor`.
+        end of the run. An own law with online calibration or `monitor`.
     PoseError
         Beforehand: the path or move leaves the robot's reach, or needs more motor speed or torque
         than the file allows; names time and motor, for a move the shortest duration. Later, without
@@ -296,36 +268,31 @@ def simulate(
     >>> h4 = tp.load("h4")
     >>> true, online = h4.sample(seed=1), tp.OnlineCalibrator(h4)
     >>> usual = tp.simulate(h4, true, "joint")
-    >>> run = tp.simulate(h4, true, "estimated", learn=online)
+    >>> learning = tp.simulation.Run(learn=online)
+    >>> run = tp.simulate(h4, true, "estimated", run=learning)
     >>> bool(abs(run.error[-1, 3]) < abs(usual.error[-1, 3]) / 10), online.lines > 100
     (True, True)
 
-    An own law, a PD on each motor:
+    An own law, here that of each motor alone:
 
-    >>> def soft(cycle):
-    ...     error = cycle.robot.ikm(cycle.x) - cycle.q_e[:4]
-    ...     fed = cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
-    ...     return fed + 50 * error
-    >>> run = tp.simulate(h4, law=soft, duration=0.3)
-    >>> run.law
-    'soft'
-    >>> bool(abs(run.error[:, :3]).max() < 2e-3)
-    True
+    >>> def mine(robot, x_d, q_e):
+    ...     return robot.ikm(x_d) - q_e[:4]
+    >>> run = tp.simulate(h4, controller=tp.Controller(law=mine))
+    >>> run.law, bool(abs(run.error[:, :3]).max() < 2e-3)
+    ('mine', True)
     """
-    truth = robot if truth is None else truth
+    truth, run = robot if truth is None else truth, with_former(run, former)
     for one, name in ((robot, "robot"), (truth, "truth")):
         require(one, Robot, name, "truepose.load(name)")
-    for name, value, kind, prefix in (
-        ("effects", effects, Effects, ""),
-        ("learn", learn, OnlineCalibrator, ""),
-        ("monitor", monitor, FaultMonitor, ""),
-        ("safety", safety, SafetyShell, "control."),
+    for name, value, kind in (
+        ("effects", effects, Effects),
+        ("monitor", monitor, FaultMonitor),
     ):
-        require_or_none(value, kind, name, f"truepose.{prefix}{kind.__name__}(…)")
+        require_or_none(value, kind, name, f"truepose.{kind.__name__}(…)")
     for one in {robot, truth}:
         warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)
-    setpoints = None
+    setpoints, start, end, duration, hold = None, run.start, run.end, run.duration, run.hold
     if path is not None:
         if start is not None or end is not None:
             raise InputError("path: names all poses itself: leave out start and end")
@@ -337,14 +304,12 @@ def simulate(
         usual = default_move(robot)
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
-    settings = Settings(
-        duration, hold, steps, seed, effects, time, learn, faults, monitor, disturbances, safety
-    )
-    drive = begin(robot, truth, controller, ("start", start), settings, law)
-    require_within([*faults, *disturbances], duration + hold)
-    if law is None and callable(controller.law):
-        law = Torques(controller, robot, drive.origin[: robot.n])
-    own = None if law is None else _torque_of(law, robot)
+    timed = replace(run, duration=duration)
+    drive = begin(robot, truth, controller, ("start", start), timed, effects, faults, monitor)
+    require_within([*faults, *run.disturbances], duration + hold)
+    own = None
+    if callable(controller.law):
+        own = Torques(controller, robot, drive.origin[: robot.n])
     loop = _core.Loop(*drive.first)
     if setpoints is None:
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
@@ -362,11 +327,11 @@ def simulate(
         rows = len(x)
         status, chain, *log = loop.follow(x, rate, acceleration, *drive.last, own)  # type: ignore[call-arg]
     ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * controller.period)
-    if ended and not (len(log[0]) and (faults or disturbances or safety is not None)):
+    if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")
     if not ended:
         drive.require_started(robot, rows, *log[-3:-1])
-    name = law_name(controller.law if law is None or isinstance(law, Torques) else law)
+    name = law_name(controller.law)
     return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 
@@ -374,20 +339,3 @@ def _ended(status: int, chain: int, after: float) -> str:
     """Return when, s, and why a run ended early."""
     guilty = f"chain {chain + 1}: " if chain >= 0 else ""
     return f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
-
-
-def _torque_of(
-    law: Callable[[ControllerInput], ArrayLike], robot: Robot
-) -> Callable[..., list[float]]:
-    """Wrap an own law for the core, which calls it with vectors of fixed size."""
-    n, e = robot.n, robot.n + robot.r
-
-    def call(time: float, *vectors: list[float]) -> list[float]:
-        x, rate, acceleration, q_e, torque = (np.array(vector) for vector in vectors)
-        seen = (x[:n], rate[:n], acceleration[:n], q_e[:e], torque[:n])
-        asked = numbers_of(law(ControllerInput(time, *seen, robot)), "law")
-        if asked.shape != (n,):
-            raise InputError(f"law: returns shape {asked.shape}, must be ({n},)")
-        return [*asked.tolist(), *[0.0] * (6 - n)]
-
-    return call

@@ -132,12 +132,9 @@ def _run(
     ran = simulate(
         *robots,
         controller=law,
-        start=move.start,
-        end=move.end,
-        duration=DURATION,
-        hold=HOLD,
         faults=[faults for _, faults in cases(move.at)][number],
         monitor=monitor,
+        run=Run(start=move.start, end=move.end, duration=DURATION, hold=HOLD),
     )
     return Run(
         float(1e3 * np.linalg.norm(ran.error[:, :3], axis=1).max()),

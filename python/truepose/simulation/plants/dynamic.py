@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +13,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
+from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot.batches import as_rows
@@ -24,13 +24,15 @@ from truepose.simulation.drive import (
     NO_REST,
     RESTLESS,
     SATURATED,
-    Settings,
     begin,
     controller_of,
     saturated,
     unanswered,
 )
 from truepose.simulation.plants import Visit
+from truepose.simulation.run import Run
+
+_USUAL = Run()
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ class DynamicPlant:
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
         """See :class:`truepose.simulation.plants.Plant`."""
-        x, q_e, status = visit(robot, x_d=x_d, controller=controller, **vars(self))
+        run = Run(duration=self.duration, hold=self.hold, seed=self.seed, time=self.time)
+        wrong = self.effects, self.faults, self.monitor
+        x, q_e, status = visit(robot, self.truth, x_d, controller, *wrong, run=run)
         for _ in x:
             progress()
         status[np.char.startswith(status, SATURATED)] = "ok"  # arrived despite saturation
@@ -97,14 +101,16 @@ def visit(
     truth: Robot,
     x_d: ArrayLike,
     controller: Controller | Law | None = None,
-    **settings: Any,
+    effects: Effects | None = None,
+    faults: Sequence[Fault] = (),
+    monitor: FaultMonitor | None = None,
+    run: Run = _USUAL,
 ) -> tuple[Array, Array, Array]:
     """Drive from pose to pose, in the dynamics, and let each settle.
 
-    Friction and backlash carry over from one pose to the next. Robots, controller and settings
-    (`duration`, `hold`, `steps`, `seed`, `effects`, `time`, `learn`, `faults`, `monitor`) as for
-    :func:`truepose.simulate`; `duration` and `hold` are those of each pose, the faults' time counts
-    from the start of the first move.
+    Friction and backlash carry over from one pose to the next. Parameters as for
+    :func:`truepose.simulate`; `duration` and `hold` of `run` are those of each pose, `start` and
+    `end` are refused. The faults' time counts from the start of the first move.
 
     Returns
     -------
@@ -125,9 +131,10 @@ def visit(
     (['ok', 'ok'], (2, 4), (2, 5))
     """
     rows = as_rows(robot, x_d, "x_d")
-    controller = controller_of(controller, robot, settings.get("effects"))
-    run = Settings(**settings)
-    drive = begin(robot, truth, controller, ("home", robot.home), run)
+    if run.start is not None or run.end is not None:
+        raise InputError("run: x_d names all poses: leave out start and end")
+    controller = controller_of(controller, robot, effects)
+    drive = begin(robot, truth, controller, ("home", robot.home), run, effects, faults, monitor)
     x, q_e, swing, held, status, cycles, reason = _core.Loop(*drive.first).visit(
         rows, run.duration, run.hold, *drive.last
     )
