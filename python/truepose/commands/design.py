@@ -78,7 +78,7 @@ def command(
     wrong = {"--within", "--out"} if place is None else _CHOOSING
     other = "needs --place" if place is None else "is for sensor selection, not for --place"
     options.refuse(options.given(context), wrong, other)
-    inputs = (robot, use.poses, use.path, use.calibrated)
+    inputs = (robot, use.poses, use.calibrated)
     write = options.writer(inputs, force, robot=out, plot=plot)
     loaded = under(load(robot), conditions)
     options.tell_exact(loaded, (sensor.name for sensor in loaded.spec.sensor))

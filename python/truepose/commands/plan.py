@@ -74,9 +74,7 @@ def command(
     if seen and outside is None:
         raise InputError("--seen: needs --outside, the σ of the tracker")
     given = options.count_or_file(candidates, "--candidates", SAMPLED)
-    write = options.writer(
-        (robot, after, where.poses, where.path, candidates), force, plan=out, plot=plot
-    )
+    write = options.writer((robot, after, where.poses, candidates), force, plan=out, plot=plot)
     loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = given if isinstance(given, int) else read_poses(loaded, given)

@@ -14,7 +14,7 @@ from typer import Option
 from truepose.arguments import Array
 from truepose.commands import options
 from truepose.design.criterion import Criterion, Measure
-from truepose.design.where import Use, path_poses, practice, volume_poses
+from truepose.design.where import Use, practice, volume_poses
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
@@ -42,20 +42,11 @@ class Where:
             "reach.",
         ),
     ] = None
-    path: Annotated[
-        Path | None,
-        Option(
-            help="Instead: 32 poses along the path through the poses of this CSV file, as simulate "
-            "reads it."
-        ),
-    ] = None
 
     def over(self, robot: Robot) -> Array | None:
         """Return the poses; None for the default."""
-        given = {"--poses": self.poses, "--volume": self.volume, "--path": self.path}
-        named = [name for name, value in given.items() if value is not None]
-        if len(named) > 1:
-            raise InputError(f"{named[0]}, {named[1]}: name one of them")
+        if self.poses is not None and self.volume is not None:
+            raise InputError("--poses, --volume: name one of them")
         if self.volume is not None:
             units = dict(robot.coordinates)
 
@@ -65,8 +56,6 @@ class Where:
                 return units[name]
 
             return volume_poses(robot, parse_ranges(self.volume.split(","), "--volume", unit_of))
-        if self.path is not None:
-            return path_poses(robot, read_poses(robot, self.path, reached=True))
         return None if self.poses is None else read_poses(robot, self.poses, reached=True)
 
 
