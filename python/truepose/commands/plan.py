@@ -48,7 +48,6 @@ def command(
         help="σ of a tracker, in a frame of its own, that measures each pose.",
     ),
     where: Where = Where(),
-    reference_pose: options.ReferencePose = None,
     seen: bool = Option(
         False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
     ),
@@ -83,9 +82,8 @@ def command(
         count,
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=None if after is None else fit_of(loaded, after),
-        poses=where.over(loaded),
         target=options.parse_target(loaded, target),
-        reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
+        use=where.use(loaded),
         relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,7 +26,7 @@ MOST = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Options that state where accuracy counts: one of them, or none."""
+    """Options that state where accuracy counts, and the reference pose."""
 
     poses: Annotated[
         Path | None,
@@ -43,8 +43,14 @@ class Where:
         ),
     ] = None
 
-    def over(self, robot: Robot) -> Array | None:
-        """Return the poses; None for the default."""
+    reference_pose: options.ReferencePose = None
+
+    def use(self, robot: Robot) -> Use:
+        """Return the use that these options state."""
+        pose = options.parse_pose(robot, self.reference_pose, "--reference-pose")
+        return Use(poses=self._over(robot), reference_pose=pose)
+
+    def _over(self, robot: Robot) -> Array | None:
         if self.poses is not None and self.volume is not None:
             raise InputError("--poses, --volume: name one of them")
         if self.volume is not None:
@@ -67,22 +73,16 @@ class UseOptions(Where):
         str | None,
         Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
     ] = None
-    reference_pose: options.ReferencePose = None
 
     def use(self, robot: Robot) -> Use:
         """Return the use that these options state."""
-        visited: Array | None = None
-        if self.calibrated is not None:
-            given = options.count_or_file(self.calibrated, "--calibrated", MOST)
-            if isinstance(given, int):
-                visited = practice(robot, given)
-            else:
-                visited = read_poses(robot, given, reached=True)
-        return Use(
-            poses=self.over(robot),
-            calibrated_on=visited,
-            reference_pose=options.parse_pose(robot, self.reference_pose, "--reference-pose"),
-        )
+        use = super().use(robot)
+        if self.calibrated is None:
+            return use
+        given = options.count_or_file(self.calibrated, "--calibrated", MOST)
+        if isinstance(given, int):
+            return replace(use, calibrated_on=practice(robot, given))
+        return replace(use, calibrated_on=read_poses(robot, given, reached=True))
 
 
 @dataclass(frozen=True, kw_only=True)
