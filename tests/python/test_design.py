@@ -445,6 +445,15 @@ def test_prices_that_are_given_apart_add_up(run):
     assert run(*words, "t*=9,theta=8,wire1=5") == run(*words, "t*=9,theta=8", "--price", "wire1=5")
 
 
+def test_a_file_of_version_0_5_with_prices_of_machining_loads_and_says_so(run, tmp_path):
+    entry = '"chain*.rod" = { interval = [-0.003, 0.010]'
+    steps = ", price_steps = [{ sigma = 1e-3, price = 300 }]"
+    file = tmp_path / "priced.toml"
+    file.write_text(path_of("h4").read_text().replace(entry, entry + steps))
+    status, _, err = run("design", file, "--price", "theta=90")
+    assert status == 0 and "chain*.rod: price_steps: not used since 0.6" in err
+
+
 def test_prices_stand_in_the_file_too(h4):
     sensors = [s.model_copy(update={"price": 10.0 * k}) for k, s in enumerate(h4.spec.sensor)]
     robot = tp.Robot(h4.spec.model_copy(update={"sensor": sensors}))
