@@ -1,6 +1,6 @@
 # make reproduce   the paper, run end to end; report in truepose-report/
 # make test        pytest, the C++ tests under ASan and UBSan, the examples, the tests of the paper
-# make deployments what others build with it: C library, C and C++ projects, Cortex-M7, WebAssembly
+# make examples    what others build with it: C library, C and C++ projects, Cortex-M7, WebAssembly
 #
 # make dev T=fkm   the C++ tests that ask about fkm.hpp (or T=control, …), quickly; P=tests/python/test_….py:
 #                  that file of pytest, with a module that is built quickly
@@ -15,10 +15,10 @@ export PATH := $(abspath $(BIN)):$(PATH)
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
 CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks deploy examples packages \
-         -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
+         -name '*.[hc]pp' -o -name '*.[hc]')
 
 .DEFAULT_GOAL := help
-.PHONY: help paper reproduce report reference pkm-calibration test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers page \
+.PHONY: help paper reproduce report reference pkm-calibration pkm-calibration-test test test-python test-cpp test-browser lint format fuzz realtime examples wheel instructions bench bench-peers page \
         random-mutants coverage coverage-python coverage-cpp pictures docs twin dev clean
 
 help:
@@ -35,25 +35,33 @@ reproduce: paper
 report: paper
 	@truepose reproduce --full --force $(ARGS)
 
-# Published results of others against truepose's (reference/); a failed verdict is an error. Some seconds.
+# Published results of others against truepose's (benchmarks/reference/); a failed verdict is an error. Some seconds.
 reference: $(VENV)/installed
-	@python reference/run.py $(ARGS)
+	@python benchmarks/reference/run.py $(ARGS)
 
 # The benchmark of calibrations: four baselines on its twelve logs, and their scores. ARGS='--seeds 1 2 3' (needs
-# MuJoCo) shows how far the scores depend on the generator's seed.
+# MuJoCo) shows how far the scores depend on the generator's seed. Its tests generate logs again.
 pkm-calibration: $(VENV)/installed
-	@PYTHONPATH=pkm-calibration python -m pkm.baselines $(ARGS)
+	@PYTHONPATH=benchmarks/pkm-calibration python -m pkm.baselines $(ARGS)
+
+pkm-calibration-test: $(VENV)/developing
+	@pip install --quiet --disable-pip-version-check -r benchmarks/pkm-calibration/requirements.txt
+	python -m pytest -q tests/python/benchmarks
 
 test: test-python test-cpp
 	@$(MAKE) --no-print-directory -C packages/paper test
 
 test-python: $(VENV)/developing
 	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal \
-	  --ignore=tests/python/deployments --pyargs truepose tests/python docs README.md
+	  --ignore=tests/python/benchmarks $(ARGS) --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
 	ctest --preset asan --parallel $$(nproc)
+
+# Reports in a real browser (Debian: chromium).
+test-browser: $(VENV)/developing
+	python -m pytest -q -k a_browser tests/python
 
 lint: $(VENV)/developing
 	ruff check .
@@ -72,8 +80,9 @@ format: $(VENV)/tools
 # Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/asan/corpus. An input that
 # breaks a promise is left in build/asan: hand it to the target again to see it break.
 SECONDS ?= 60
-fuzz: build/asan/build.ninja
+fuzz: $(VENV)/tools
 	@if [ -n "$(COMPILER_asan)" ]; then \
+	  cmake --preset asan -DPython_EXECUTABLE=$(abspath $(BIN))/python -DCMAKE_CXX_COMPILER=$(COMPILER_asan) && \
 	  cmake --build --preset asan --target libfuzzers && \
 	  cd build/asan && for target in tests/fuzz/libfuzzer_*; do \
 	    mkdir -p corpus/$${target##*_} && $$target -max_total_time=$(SECONDS) -max_len=2000 \
@@ -90,15 +99,15 @@ realtime: $(VENV)/tools
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
 # Calibration in a browser, one file that loads nothing: build/page/truepose.html.
-page: $(VENV)/installed
-	$(MAKE) --no-print-directory -C deploy/page EIGEN="$$(cmeel cmake)/include/eigen3"
+page:
+	@$(MAKE) --no-print-directory -C packages/printers CORE=installed page
 
 # By the system's compilers; C++ projects by clang++-22 as well.
-deployments: $(VENV)/developing
-	python -m pytest -q -n auto --dist loadfile tests/python/deployments
+examples: $(VENV)/developing
+	python -m pytest -q -n auto --dist loadfile tests/examples
 	@if command -v clang++-22 >/dev/null; then \
-	  CXX=clang++-22 python -m pytest -q tests/python/deployments/test_package.py; \
-	else echo "deployments: by clang SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
+	  CXX=clang++-22 python -m pytest -q tests/examples/test_package.py; \
+	else echo "examples: by clang SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
 
 # One wheel for Python 3.11 and later in dist/, tried away from the source tree on every Python found.
 wheel: $(VENV)/created
@@ -111,7 +120,7 @@ wheel: $(VENV)/created
 # Instruction counts against benchmarks/instructions.json; the control path's symbols, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
-	  cmake --build --preset dev --target benchmark_instructions test_realtime && \
+	  cmake --build --preset dev --target benchmark_core test_realtime && \
 	  ctest --preset dev -R 'instructions|realtime'; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
 
@@ -125,7 +134,7 @@ coverage: coverage-python coverage-cpp
 
 coverage-python: $(VENV)/developing
 	@mkdir -p build
-	OPENBLAS_NUM_THREADS=1 coverage run -m pytest -q -n auto --ignore=tests/python/deployments tests/python
+	OPENBLAS_NUM_THREADS=1 coverage run -m pytest -q -n auto --ignore=tests/python/benchmarks tests/python
 	coverage combine
 	coverage report --skip-covered --show-missing
 

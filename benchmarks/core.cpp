@@ -1,236 +1,417 @@
-// Speed of the core: the time of one call each.
+// Time and instructions of each operation of the core, on the same inputs.
+//
+//   benchmark_core             median and fastest time of a call
+//   benchmark_core --count     for instructions.py: callgrind counts each call by itself
+//
+// Inputs are the tests' H4, 6-UPS and ankle at a thousand random poses, which defeats branch
+// prediction; for counts also hostile inputs, which no robot should meet. All are seeded: a count
+// is the same on every run, whatever else the machine does; a time is not.
+#if __has_include(<valgrind/callgrind.h>)
+#include <valgrind/callgrind.h>
+#else  // built all the same where nothing can be counted
+#define CALLGRIND_ZERO_STATS
+#define CALLGRIND_DUMP_STATS_AT(name) static_cast<void>(name)
+#endif
+
+#include <chrono>
 #include <cstring>
 
-#include "bench.hpp"
-#include "inputs.hpp"
-#include "truepose/full/linearise.hpp"
-#include "truepose/offline/simulate.hpp"
-#include "truepose/offline/statics.hpp"
+#include "../tests/cpp/rotational.hpp"
+#include "truepose/control/command.hpp"
+#include "truepose/control/safe_control.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
+#include "truepose/offline/plant.hpp"
+#include "truepose/offline/safety_defaults.hpp"
 
-using namespace inputs;
+using namespace truepose;
 
 namespace {
 
-constexpr int kRepeats = 51;
+constexpr Mobility kH4 = Mobility::schoenflies;
+constexpr int kPoses = 1000, kRepeats = 51, kCounted = 300, kHostile = 420;
 
+bool counting = false;
+struct Row {
+  const char* name;
+  double median, fastest;  ///< seconds per call
+};
+std::vector<Row> rows;
+
+/// Calls by reference, so that the compiler leaves out no work.
+template <class F>
+[[gnu::noinline]] Status once(F& call, int i) {
+  return call(i);
+}
+
+template <class F>
+void count(const char* name, bool usual, int calls, F& call) {
+  char trigger[64];
+  std::snprintf(trigger, sizeof trigger, "%s%s", name, usual ? "" : "!");
+  for (int i = 0; i < calls; ++i) {
+    CALLGRIND_ZERO_STATS;
+    const Status status = once(call, i);
+    CALLGRIND_DUMP_STATS_AT(trigger);
+    if (usual && status > Status::ok) std::printf("%s: no answer: %s\n", name, describe(status));
+  }
+}
+
+/// Times or counts call(i) of usual inputs i; each round begins with i = 0.
+template <class F>
+void usual(const char* name, F&& call) {
+  if (counting) return count(name, true, kCounted, call);
+  std::vector<double> seconds;
+  for (int repeat = -1; repeat < kRepeats; ++repeat) {  // the first one warms up
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < kPoses; ++i) static_cast<void>(once(call, i));
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    if (repeat >= 0) seconds.push_back(taken.count() / kPoses);
+  }
+  std::sort(seconds.begin(), seconds.end());
+  rows.push_back({name, seconds[kRepeats / 2], seconds.front()});
+}
+
+/// Counts call(k) of hostile inputs k, of which only the worst is asked for.
+template <class F>
+void hostile(const char* name, F&& call) {
+  if (counting) count(name, false, kHostile, call);
+}
+
+/// Setpoints, readings and guesses of a robot, by cycle.
+struct Inputs {
+  std::vector<Setpoint> setpoint;
+  std::vector<Extended> q_e;
+  std::vector<Coordinates> guess;
+};
+
+/// Random poses: readings a little off the setpoint, guesses 1 mm and 1 mrad away (ankle: 10 mrad).
 template <Mobility K>
-void kinematics(const std::string& name, const Inputs<K>& in, std::vector<bench::Row>& rows) {
-  const auto add = [&](const char* what, auto f) {
-    rows.push_back(bench::measure(name + " " + what, kPoses, kRepeats, f));
-  };
-  add("IKM", [&](int i) {
+Inputs anywhere(const mechanisms::Mechanism& mechanism) {
+  Inputs in;
+  check::Random random(1);
+  for (int i = 0; i < kPoses; ++i) {
+    Setpoint at;
     Joint q;
-    bench::keep(ikm(in.robot, in.x[i], q));
-    bench::keep(q);
-  });
-  add("IKM + J", [&](int i) {
+    Extended q_e;
+    do at.x = mechanisms::random_pose(mechanism, random);
+    while (!ikm(mechanism.robot, at.x, q));  // an ankle's cranks cannot follow to every corner
+    const Pose pose = to_pose<K>(at.x);
+    in.guess.push_back(
+        to_coordinates<K>(mechanisms::nearby<K>(pose, random, kRotational<K> ? 1e-2 : 1e-3)));
+    at.rate = mechanisms::random_joint(random, 0.5);
+    at.acceleration = mechanisms::random_joint(random, 5);
+    if (!extended<K>(mechanism.robot, mechanisms::nearby<K>(pose, random, 1e-4), q_e))
+      std::printf("pose %d is out of reach\n", i);
+    in.setpoint.push_back(at);
+    in.q_e.push_back(q_e);
+  }
+  return in;
+}
+
+/// A path about home at 1 kHz, up to 0.4 m/s, on which what is cached lasts; readings 0.1 mm off
+/// it, or in counts of the encoders.
+Inputs path(const Robot& robot, double off, double step) {
+  Inputs in;
+  for (int k = 0; k < kPoses; ++k) {
+    Setpoint at;
+    for (int i = 0; i < 4; ++i) {
+      const double omega = 3 + i, phase = omega * 1e-3 * k;
+      at.x[i] = robot.home[i] + 0.03 * std::sin(phase);
+      at.rate[i] = 0.03 * omega * std::cos(phase);
+      at.acceleration[i] = -0.03 * omega * omega * std::sin(phase);
+    }
+    Pose pose = to_pose<kH4>(at.x);
+    pose.D += Vec3(off, -off, off);
+    Extended q_e{};
+    Parasitic rest;
+    if (!exact_readings<kH4>(robot, pose, q_e, rest)) std::printf("the path is out of reach\n");
+    for (int c = 0; c < 5 && step > 0; ++c) q_e[c] = quantized(q_e[c], step);
+    in.setpoint.push_back(at);
+    in.q_e.push_back(q_e);
+  }
+  return in;
+}
+
+/// What a controller may be handed: setpoints and readings that fit neither the robot nor each
+/// other.
+Inputs never(const mechanisms::Mechanism& mechanism) {
+  Inputs in;
+  const Robot& robot = mechanism.robot;
+  check::Random random(2);
+  const auto any = [&](double size) { return mechanisms::random_joint(random, size); };
+  const auto pose = [&](int kind) {
+    Coordinates x = random_pose(mechanism, random);
+    if (kind == 1) x = any(0.6);
+    if (kind == 2 || kind == 3) {  // as far as the chains reach, or the motors hold the platform
+      Coordinates inside = robot.home, out = robot.home;
+      const Coordinates way = any(kind == 2 ? 1 : 0.05);
+      for (int i = 0; i < 4; ++i) out[i] += way[i];
+      if (kind == 3) out[3] += random() < 0 ? -2.5 : 2.5;
+      for (int k = 0; k < 45; ++k) {
+        for (int i = 0; i < 4; ++i) x[i] = 0.5 * (inside[i] + out[i]);
+        Joint q;
+        (command(robot, x, q) ? inside : out) = x;
+      }
+    }
+    return x;
+  };
+  const double odd[]{NAN, INFINITY, -INFINITY, 1e300, -1e6};
+  for (int k = 0; k < kHostile; ++k) {
+    Setpoint at{pose(k % 4)};
+    Extended read{};
+    if (!extended<kH4>(robot, to_pose<kH4>(k % 3 == 0 ? at.x : pose(k / 4 % 4)), read))
+      for (double& value : read) value = 4 * random();
+    if (k % 7 == 1) read[k % 5] += std::pow(10, -3 + 3.5 * std::fabs(random()));
+    if (k % 7 == 2) read = Extended{3 * random(), 3 * random(), 3 * random(), 3 * random(), 0.4};
+    if (k % 7 == 3) read[k % 4] += 6.283185307179586 * (k % 9 - 4);
+    if (k % 28 == 4) read[k % 5] = odd[k % 5];
+    if (k % 28 == 11) at.x[k % 4] = odd[k % 5];
+    if (k % 28 == 18) at.rate[k % 4] = odd[k % 5];
+    in.setpoint.push_back(at);
+    in.q_e.push_back(read);
+    in.guess.push_back(k % 2 == 0 ? robot.home : pose(k / 2 % 4));
+  }
+  return in;
+}
+
+/// Kinematics from coordinates; names are those of the H4, the 6-UPS or the ankle.
+template <Mobility K>
+void kinematics(const std::array<const char*, 5>& name, const Robot& robot, const Inputs& in,
+                const Inputs* odd = nullptr) {
+  const auto each = [&](const char* named, auto call) {
+    usual(named, [&](int i) { return call(in, i); });
+    if (odd) hostile(named, [&](int k) { return call(*odd, k); });
+  };
+  Joint q;
+  JointMatrix J;
+  Coordinates x;
+  each(name[0], [&](const Inputs& of, int i) { return ikm(robot, of.setpoint[i].x, q).status; });
+  each(name[1],
+       [&](const Inputs& of, int i) { return jacobian(robot, of.setpoint[i].x, J).status; });
+  each(name[2], [&](const Inputs& of, int i) {
     Closure<K> closure;
     Jacobians<K> jacobians;
-    bench::keep(ikm<K>(in.robot, to_pose<K>(in.x[i]), closure));
-    bench::keep(jacobian<K>(closure, jacobians));
-    bench::keep(jacobians);
+    const Outcome closed = ikm<K>(robot, to_pose<K>(of.setpoint[i].x), closure);
+    return closed ? jacobian<K>(closure, jacobians).status : closed.status;
   });
-  // The calls that Python makes: coordinates in, any mobility, joint limits asked for.
-  add("q = IKM(x)", [&](int i) {
-    Joint q;
-    bench::keep(ikm(in.robot, in.x[i], q));
-    bench::keep(q);
+  each(name[3], [&](const Inputs& of, int i) {
+    x = of.guess[i];
+    return fkm(robot, motors_of<K>(of.q_e[i]), x).status;
   });
-  add("J(x)", [&](int i) {
-    JointMatrix J;
-    bench::keep(jacobian(in.robot, in.x[i], J));
-    bench::keep(J);
-  });
-  add(kRotational<K> ? "FKM from 10 mrad" : "FKM from 1 mm, 1 mrad", [&](int i) {
-    Coordinates x = in.near[i];
-    bench::keep(fkm(in.robot, in.q[i], x));
-    bench::keep(x);
-  });
-  add(kRotational<K> ? "FKM from neutral" : "FKM from home", [&](int i) {
-    Coordinates x = kRotational<K> ? Coordinates{} : in.robot.home;
-    bench::keep(fkm(in.robot, in.q[i], x));
-    bench::keep(x);
+  each(name[4], [&](const Inputs& of, int i) {
+    x = kRotational<K> ? Coordinates{} : robot.home;
+    return fkm(robot, motors_of<K>(of.q_e[i]), x).status;
   });
 }
 
-/// The full level: its own Newton both ways, 8 rods of an H4.
-template <Mobility K>
-void full_level(const std::string& name, const Inputs<K>& in, std::vector<bench::Row>& rows) {
-  const auto add = [&](const char* what, auto f) {
-    rows.push_back(bench::measure(name + " full level, " + what, kPoses, kRepeats, f));
+/// A law on usual inputs, then on hostile ones, each a cycle after a usual one.
+void cycles(const char* name, const Robot& robot, const ControlSettings& settings,
+            Weighing weighing, const Inputs& in, const Inputs& odd) {
+  ControlState state;
+  CachedGain kept;
+  const bool caches = weighing.kept != nullptr;
+  if (caches) weighing.kept = &kept;
+  usual(name, [&](int i) {
+    return control<kH4>(robot, settings, in.setpoint[i], in.q_e[i], state, weighing).status;
+  });
+  hostile(name, [&](int k) {
+    ControlState after = state;
+    CachedGain then = kept;
+    if (caches) weighing.kept = &then;
+    return control<kH4>(robot, settings, odd.setpoint[k], odd.q_e[k], after, weighing).status;
+  });
+}
+
+/// Fault monitor and safety shell where nothing is wrong: alone, then around the TEJ law.
+void monitors(Robot robot, const ControlSettings& settings, const Weighing& weighing,
+              const Inputs& on_path, const Inputs& odd) {
+  FaultTolerantSettings monitoring;
+  monitoring.monitor.fastest.fill(500);
+  monitoring.monitor.moved.fill(2e-3);
+  monitoring.momentum.period = 4e-3;  // as FaultMonitor's: every fourth cycle
+  monitoring.momentum.sigma.fill(50);
+  prepare(monitoring.monitor);
+  FaultMonitor seen;
+  usual("H4 fault monitor", [&](int i) {
+    if (i == 0) seen = {};
+    Extended believed;
+    const Extended& q_e = on_path.q_e[i];
+    return monitor_faults<kH4>(robot, monitoring.monitor, weighing, motors_of<kH4>(q_e), q_e, seen,
+                               believed)
+        .status;
+  });
+  ControlState state;
+  FaultTolerantState fault_state;
+  const FaultTolerantState unmonitored;
+  usual("H4 fault-tolerant TEJ", [&](int i) {
+    if (i == 0) fault_state = unmonitored;
+    return control_fault_tolerant<kH4>(robot, settings, monitoring, on_path.setpoint[i],
+                                       on_path.q_e[i], state, weighing, fault_state)
+        .status;
+  });
+
+  for (int i = 0; i < 4; ++i) robot.chain[i].torque_limit = 1000 * settings.kp[i] / 150 / 150;
+  SafetyLimits limits;
+  if (!default_limits(robot, settings, limits)) std::printf("no limits\n");
+  struct Shelled {
+    ControlState state;
+    FaultTolerantState fault_state;
+    SafetyShell shell, alone;
+    SafetyCycle cycle;
+  } begun, now;
+  const auto cycle = [&](Shelled& of, int k) {
+    of.cycle = {};
+    of.cycle.counter = {true, static_cast<std::uint64_t>(100 + k)};
+    of.cycle.request = {k == 40, false, k == 20};
+    const int i = std::max(k - 80, 0);
+    const Monitored monitored{&monitoring, &of.fault_state};
+    return control_safely<kH4>(robot, settings, limits, on_path.setpoint[i], on_path.q_e[i],
+                               of.state, of.shell, of.cycle, weighing, monitored)
+        .status;
   };
-  add("IKM", [&](int i) {
-    Joint q;
-    bench::keep(ikm_full(in.robot, in.x[i], q));
-    bench::keep(q);
+  const auto guarded = [&] {
+    guard<kH4>(robot, limits, now.cycle, now.alone);
+    return now.alone.follows ? Status::ok : Status::unfinished;
+  };
+  for (int k = 0; k < 80; ++k) {  // acknowledged, started, brakes open
+    static_cast<void>(cycle(begun, k));
+    guard<kH4>(robot, limits, begun.cycle, begun.alone);
+  }
+  usual("H4 safe TEJ", [&](int i) {
+    if (i == 0) now = begun;
+    return cycle(now, 80 + i);
   });
-  add("J from x", [&](int i) {
-    JointMatrix J;
-    bench::keep(jacobian_full(in.robot, in.x[i], J));
-    bench::keep(J);
+  std::vector<SafetyCycle> seen_cycles;
+  now = begun;
+  for (int i = 0; i < kPoses; ++i) {
+    static_cast<void>(cycle(now, 80 + i));
+    seen_cycles.push_back(now.cycle);
+  }
+  usual("H4 safety shell", [&](int i) {
+    if (i == 0) now = begun;
+    now.cycle = seen_cycles[i];
+    return guarded();
   });
-  std::vector<double> H_xi((kDof<K> + in.robot.r) * parameter_count(in.robot));
-  add("q_e, H_x, H_ξ from x", [&](int i) {
-    Extended q_e;
-    Matrix<kMaxReadings, kDof<K>> H_x;
-    bench::keep(linearise_full<K>(in.robot, to_pose<K>(in.x[i]), q_e, H_x, H_xi.data()));
-    bench::keep(H_x);
-  });
-  add("FKM from 1 mm, 1 mrad", [&](int i) {
-    Coordinates x = in.near[i];
-    bench::keep(fkm_full(in.robot, in.q[i], x));
-    bench::keep(x);
+  const Shelled last = now;
+  hostile("H4 safety shell", [&](int k) {
+    now.alone = last.alone;
+    now.cycle = last.cycle;
+    now.cycle.counter.value += 1;
+    now.cycle.q = motors_of<kH4>(odd.q_e[k]);
+    return guarded();
   });
 }
 
-/// The robot as built: rods of -3 to +10 mm, arms of -0.4 to +0.6 mm, as in the paper's simulation.
-Robot built(const Robot& nominal) {
-  check::Random random(2);
-  Robot truth = nominal;
-  for (int i = 0; i < 4; ++i) {
-    truth.chain[i].rod += 3.5e-3 + 6.5e-3 * random();
-    truth.chain[i].arm += 1e-4 + 5e-4 * random();
-  }
-  return truth;
+ControlSettings settings_for(const Robot& robot, Law law, FeedForward feed_forward,
+                             Gains gains = {}) {
+  ControlSettings settings;
+  settings.law = law;
+  settings.feed_forward = feed_forward;
+  settings.gains = gains;
+  if (!place_poles(robot, robot.home, 150, 1, settings)) std::printf("home is singular\n");
+  return settings;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr Mobility K = Mobility::schoenflies;
-  const Inputs<K> h4(mechanisms::h4());
-  const Inputs<Mobility::spatial> ups(mechanisms::hexapod("6-UPS", Actuator::telescopic));
-  std::vector<bench::Row> rows;
+  counting = argc > 1 && std::strcmp(argv[1], "--count") == 0;
+  const mechanisms::Mechanism mechanism = mechanisms::h4();
+  const Robot& h4 = mechanism.robot;
+  const Inputs in = anywhere<kH4>(mechanism), odd = never(mechanism);
+  kinematics<kH4>(
+      {"H4 IKM", "H4 J(x)", "H4 IKM + J", "H4 FKM from 1 mm, 1 mrad", "H4 FKM from home"}, h4, in,
+      &odd);
+  const mechanisms::Mechanism ups = mechanisms::hexapod("6-UPS", Actuator::telescopic);
+  kinematics<Mobility::spatial>({"6-UPS IKM", "6-UPS J(x)", "6-UPS IKM + J",
+                                 "6-UPS FKM from 1 mm, 1 mrad", "6-UPS FKM from home"},
+                                ups.robot, anywhere<Mobility::spatial>(ups));
+  const mechanisms::Mechanism ankle = pivots_tested::g1_ankle();
+  kinematics<Mobility::rotational_2>({"ankle IKM", "ankle J(x)", "ankle IKM + J",
+                                      "ankle FKM from 10 mrad", "ankle FKM from neutral"},
+                                     ankle.robot, anywhere<Mobility::rotational_2>(ankle));
 
-  kinematics<K>("H4", h4, rows);
-  Inputs<K> turned = h4;  // axes 0.1° off: the full level then differs from the ideal one
+  const auto each = [&](const char* name, auto call) {
+    usual(name, [&](int i) { return call(in, i); });
+    hostile(name, [&](int k) { return call(odd, k); });
+  };
+  each("H4 FKM from home, 12 steps", [&](const Inputs& of, int i) {
+    Coordinates x = h4.home;
+    return fkm(h4, motors_of<kH4>(of.q_e[i]), x, 12).status;
+  });
+  each("H4 FKM, closed, θ known", [&](const Inputs& of, int i) {
+    Vec3 D = Vec3::Zero();
+    return fkm_closed<kH4>(h4, motors_of<kH4>(of.q_e[i]), to_pose<kH4>(of.setpoint[i].x).R,
+                           Vec3(0, 0, -0.4), D)
+        .status;
+  });
+  ExtendedColumns M;
+  ExtendedRows M_plus;
+  each("H4 TEJ",
+       [&](const Inputs& of, int i) { return tej(h4, of.setpoint[i].x, M, M_plus).status; });
+  usual("H4 forward dynamics", [&](int i) {
+    Coordinates acceleration;
+    return forward_dynamics<kH4>(h4, to_pose<kH4>(in.setpoint[i].x), in.setpoint[i].rate, Joint{},
+                                 acceleration)
+        .status;
+  });
+
+  mechanisms::Prior prior(h4);
+  each("H4 estimate", [&](const Inputs& of, int i) {
+    Pose pose = to_pose<kH4>(&of == &odd ? of.guess[i] : of.setpoint[i].x);
+    return estimate<kH4>(h4, prior.known(), of.q_e[i], pose, prior.weighing().work).outcome.status;
+  });
+  {
+    mechanisms::Prior taught(h4);
+    OnlineCalibrator learner;
+    usual("H4 online calibration", [&](int i) {
+      if (i == 0) learner = taught.learner(h4);
+      return calibrate_online<kH4>(learner, in.q_e[i]).status;
+    });
+    for (int k = 0; k < kHostile && counting; ++k) {  // each a row after a usual one
+      learner = taught.learner(h4);
+      static_cast<void>(calibrate_online<kH4>(learner, in.q_e[k % kCounted]));
+      const auto call = [&](int) { return calibrate_online<kH4>(learner, odd.q_e[k]).status; };
+      count("H4 online calibration", false, 1, call);
+    }
+  }
+
+  const ControlSettings tej = settings_for(h4, Law::tej, FeedForward::none),
+                        weighted = settings_for(h4, Law::weighted, FeedForward::none),
+                        estimated = settings_for(h4, Law::estimated, FeedForward::none);
+  cycles("H4 joint", h4, settings_for(h4, Law::joint, FeedForward::none), {}, in, odd);
+  cycles("H4 TEJ law", h4, tej, {}, in, odd);
+  cycles("H4 cartesian", h4, settings_for(h4, Law::cartesian, FeedForward::none), {}, in, odd);
+  cycles("H4 TEJ law, feed-forward", h4, settings_for(h4, Law::tej, FeedForward::full), {}, in,
+         odd);
+  cycles("H4 TEJ law, feed-forward, inertia", h4,
+         settings_for(h4, Law::tej, FeedForward::full, Gains::inertia), {}, in, odd);
+  cycles("H4 weighted", h4, weighted, prior.weighing(), in, odd);
+  cycles("H4 estimated", h4, estimated, prior.weighing(), in, odd);
+
+  Robot rods = h4;  // every rod is modelled, axes 0.1° off
+  rods.level = Level::full;
   for (int i = 0; i < 4; ++i) {
-    Chain& chain = turned.robot.chain[i];
+    Chain& chain = rods.chain[i];
     const double angle = mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1);
     chain.axis = exp_so3(angle * chain.zero()) * chain.axis();
   }
-  full_level<K>("H4", turned, rows);
-  rows.push_back(bench::measure("H4 FKM, closed, θ known", kPoses, kRepeats, [&](int i) {
-    Vec3 D = Vec3::Zero();
-    bench::keep(fkm_closed<K>(h4.robot, h4.q[i], h4.R[i], Vec3(0, 0, -0.4), D));
-    bench::keep(D);
-  }));
-  rows.push_back(bench::measure("H4 TEJ from x (IKM, J, RKM, TEJ)", kPoses, kRepeats, [&](int i) {
-    ExtendedColumns M;
-    ExtendedRows M_plus;
-    bench::keep(tej(h4.robot, h4.x[i], M, M_plus));
-    bench::keep(M_plus);
-  }));
-  for (const FeedForward feed : {FeedForward::none, FeedForward::full})
-    for (const Law law : kLaws) {
-      const ControlSettings settings = settings_for(h4.robot, law, feed);
-      ControlState state;
-      rows.push_back(bench::measure(
-          std::string("H4 control cycle, ") + kLawNames[static_cast<int>(law)] +
-              (feed == FeedForward::none ? ", no feed-forward" : ", full feed-forward"),
-          kPoses, kRepeats, [&](int i) {
-            bench::keep(control<K>(h4.robot, settings, h4.setpoint[i], h4.q_e[i], state));
-          }));
-    }
+  if (!finish(rods) || !finish_full(rods)) std::printf("the rods do not close at home\n");
+  const Inputs of_h4 = path(h4, 1e-4, 0), of_rods = path(rods, 1e-4, 0);
+  Weighing plain = prior.weighing(), kept = plain;
+  CachedGain cache;
+  plain.kept = nullptr;
+  kept.kept = &cache;
+  cycles("H4 weighted, cached", h4, weighted, kept, of_h4, odd);
+  cycles("H4 estimated, cached", h4, estimated, kept, of_h4, odd);
+  cycles("H4 full weighted", rods, weighted, plain, of_rods, odd);
+  cycles("H4 full weighted, cached", rods, weighted, kept, of_rods, odd);
+  cycles("H4 full estimated", rods, estimated, plain, of_rods, odd);
+  cycles("H4 full estimated, cached", rods, estimated, kept, of_rods, odd);
+  monitors(h4, tej, prior.weighing(), path(h4, 0, 3e-5), odd);
 
-  mechanisms::Prior prior(h4.robot);
-  for (const Law law : kWeighing) {
-    const ControlSettings settings = settings_for(h4.robot, law, FeedForward::full);
-    ControlState state;
-    rows.push_back(bench::measure(std::string("H4 control cycle, ") +
-                                      kLawNames[static_cast<int>(law)] + ", full feed-forward",
-                                  kPoses, kRepeats, [&](int i) {
-                                    bench::keep(control<K>(h4.robot, settings, h4.setpoint[i],
-                                                           h4.q_e[i], state, prior.weighing()));
-                                  }));
-  }
-
-  // On a path, in counts, as a machine's readings are: what the monitor adds to the paper's law.
-  {
-    const ControlSettings settings = settings_for(h4.robot, Law::tej, FeedForward::full);
-    FaultTolerantSettings fault_settings;
-    fault_settings.monitor.fastest.fill(500);
-    fault_settings.monitor.moved.fill(2e-3);
-    prepare(fault_settings.monitor);
-    std::vector<Setpoint> path(kPoses);
-    std::vector<Extended> read(kPoses);
-    for (int i = 0; i < kPoses; ++i) {
-      path[i] =
-          quintic<K>({-0.05, 0, -0.42, 0.2}, {0.05, 0.05, -0.4, -0.2}, 1e-3 * kPoses, 1e-3 * i);
-      if (!extended<K>(h4.robot, to_pose<K>(path[i].x), read[i])) std::printf("out of reach\n");
-      for (int c = 0; c < 5; ++c) read[i][c] = 3e-5 * std::nearbyint(read[i][c] / 3e-5);
-    }
-    ControlState plain, state;
-    FaultMonitor seen;
-    FaultTolerantState fault_state;
-    Extended believed;
-    rows.push_back(bench::measure("H4 control cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
-      if (i == 0) plain = {};
-      bench::keep(control<K>(h4.robot, settings, path[i], read[i], plain));
-    }));
-    rows.push_back(bench::measure("H4 monitor, on a path", kPoses, kRepeats, [&](int i) {
-      if (i == 0) seen = {};
-      bench::keep(monitor_faults<K>(h4.robot, fault_settings.monitor, prior.weighing(),
-                                    motors_of<K>(read[i]), read[i], seen, believed));
-    }));
-    rows.push_back(
-        bench::measure("H4 fault-tolerant cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
-          if (i == 0) {
-            state = {};
-            fault_state = {};
-          }
-          bench::keep(control_fault_tolerant<K>(h4.robot, settings, fault_settings, path[i],
-                                                read[i], state, prior.weighing(), fault_state));
-        }));
-  }
-
-  Robot rods = turned.robot;
-  rods.level = Level::full;
-  for (const Law law : {Law::joint, Law::weighted, Law::estimated}) {
-    const ControlSettings settings = settings_for(rods, law, FeedForward::full);
-    ControlState state;
-    rows.push_back(bench::measure(std::string("H4 control cycle rod by rod, ") +
-                                      kLawNames[static_cast<int>(law)] + ", full feed-forward",
-                                  kPoses, kRepeats, [&](int i) {
-                                    bench::keep(control<K>(rods, settings, turned.setpoint[i],
-                                                           turned.q_e[i], state, prior.weighing()));
-                                  }));
-  }
-
-  const Robot truth = built(h4.robot);
-  rows.push_back(bench::measure("H4 statics, 625 poses x 3 laws", 1, kRepeats, [&](int) {
-    for (const Law law : kLaws) {
-      StaticsSettings settings;
-      settings.control.law = law;
-      for (int k = 0; k < 625; ++k) {
-        Coordinates x;
-        bench::keep(settle<K>(h4.robot, truth, settings, h4.x[k], x));
-        bench::keep(x);
-      }
-    }
-  }));
-  for (const Law law : kLaws) {
-    const Run run{{0, 0, -0.5, 0}, {0.1, -0.1, -0.4, 0.2}, 0.2, 0.2, 2};
-    const ControlSettings settings = settings_for(h4.robot, law, FeedForward::full);
-    const auto row = bench::measure(
-        std::string("H4 0.2 s move + 0.2 s hold, ") + kLawNames[static_cast<int>(law)], 1, kRepeats,
-        [&](int) {
-          bench::keep(Loop<K>(h4.robot, truth, settings, run.from, run.seed)
-                          .move(run, [](const Sample& sample) { bench::keep(sample); }));
-        });
-    rows.push_back(row);
-  }
-  kinematics<Mobility::spatial>("6-UPS", ups, rows);
-  kinematics<Mobility::rotational_2>(
-      "G1 ankle", Inputs<Mobility::rotational_2>(pivots_tested::g1_ankle()), rows);
-
-  if (argc > 1 && std::strcmp(argv[1], "--json") == 0) {
-    bench::print_json(rows);
-    return 0;
-  }
-  bench::print_table(rows);
-  for (const bench::Row& row : rows)
-    if (row.name.find("0.2 s move") != std::string::npos)
-      std::printf("%s: %.0f times faster than real time\n", row.name.c_str(), 0.4 / row.median);
+  if (counting) return 0;
+  std::puts("| one call of | median (µs) | fastest (µs) |\n|---|---:|---:|");
+  for (const Row& row : rows)
+    std::printf("| %s | %.3f | %.3f |\n", row.name, 1e6 * row.median, 1e6 * row.fastest);
   return 0;
 }

@@ -1,438 +1,470 @@
-"""Simulated sensor faults: docs/fault-consequences.md and the campaign of docs/safety-shell.md.
+"""Simulated faults and disturbances of sampled robots, each rod on its own.
 
-faults.py consequences [--moves 30] [--seed 0] [--calibrated]   # of packages/paper, minutes
-faults.py campaign [--plant own] [--robots 8] [--jobs 2] [--out FILE]  # every kind, in the shell
-faults.py frozen [--robots 8]                                   # all readings at once
-faults.py healthy [--robots 200] [--seconds 10] [--out FILE]    # false alarms, all effects
+faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
+faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
+faults.py noise, loose [--robots 3], payload [--robots 30]   # there: disturbances
+faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
+faults.py frozen [--robots 8]            # there: all readings at once
+faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
+faults.py consequences [--seed 0]        # docs/fault-consequences.md, of packages/paper
 
-Consequences: the nominal H4 without other errors makes the paper's move and others between poses of
-Table 2. At a random time in each, one reading becomes faulty; errors count until 0.3 s after the
-move. With --calibrated the controller's model is calibrated at Table 2's poses.
-
-Campaign: robots, paths and sizes of faults as of `fault_monitor.py faults`, in the safety shell
-alone and with the fault monitor. A fault's delay counts from the first cycle in which its reading
-is off by the limit of `tp.faults.detectability` (median over the path).
-
-Healthy: robots of each sensor set with all effects, in shell and monitor; laws and disturbances
-take turns.
-
-Results of both are added to FILE, a row of JSON for each robot; rows that it has are not computed
-again.
+Robots calibrated themselves on readings at 100 poses. Errors are relative to the same run without
+a fault. Delays count from the first cycle in which the reading is off by the limit of
+`tp.faults.detectability` (median over the path), under `monitor` from the fault on.
 """
 
 import argparse
-import json
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from pathlib import Path
 
-import fault_monitor as fm
 import numpy as np
 
 import truepose as tp
 from truepose import _core
-from truepose.control.safety import CAUSES, SafetyLimits
 from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
-from truepose.robot.workspace import workspace_grid
-from truepose.show.table import markdown
+from truepose.faults.monitor import first
+from truepose.robot.units import reading_units
 
-SETS = fm.SETS | fm.MORE
-LAWS = ("joint", "estimated")
-MODES = {"shell": None, "monitor and shell": tp.FaultMonitor()}
-DISTURBED = "none", "payload", "contact", "friction"
-AFTER = 0.3  #: s of a path after the fault
+SETS = {
+    "h4 θ": ("h4", ["theta"]),
+    "h4 θ, z": ("h4", ["theta", "z_telemeter"]),
+    "h4 θ, elbows": ("h4", ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]),
+    "delta z, elbows": ("delta", ["z_telemeter", "elbow1", "elbow2", "elbow3"]),
+    "stewart z, U-joints": ("stewart", ["z_telemeter", *(f"u_joint{k}" for k in range(1, 7))]),
+}
+POSES = 100  #: of a calibration
+MOST = 0.1  #: detectability, rad or m, beyond which the others do not monitor a reading
+SETTLING, PIECE = 33, 200  #: start-up cycles of the fault monitor; cycles of a path per restart
+CHANCES = (1e-3, 1e-4, 1e-5)  #: false alarms per cycle
+TIMES, AT = 1.5, 0.25  #: size of a fault over its detectability; its start, s, moves take 0.3 s
+PICKED = 0.05  #: s, start of noise and payloads
 SLOW = 0.01  #: m/s, from which on stops are compared with the printed distance
+Fault, Disturbance, Shell = tp.faults.Fault, tp.faults.Disturbance, tp.control.SafetyShell
 
 
-@dataclass
-class Trail:
-    """What a plant recorded, a row per control period."""
-
-    time: np.ndarray
-    x: np.ndarray
-    q_e: np.ndarray
-    torque: np.ndarray
-    cause: np.ndarray
-    brakes: np.ndarray
-    health: np.ndarray
-    ended: str = ""  #: why before its time
-
-    @property
-    def stop(self) -> int | None:
-        """The row of the first cause of a stop."""
-        return int((self.cause > 0).argmax()) if self.cause.any() else None
+def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[tp.Robot, tp.Robot]:
+    """Return the controller's calibrated model and the true robot."""
+    name, sensors = SETS[which]
+    robot = tp.load(name).with_sensors(*sensors).expected()
+    truth = there = robot.sample(seed)
+    if effects is not None:
+        robot, there = effects.allowed_for(robot), effects.geometry(truth, 0, seed)
+    return tp.calibrate(robot, there.read(poses(robot, POSES, seed), seed=seed)).robot, truth
 
 
-Plant = Callable[..., Trail]  #: of faults and a monitor
+def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
+    """Return random poses of the workspace."""
+    box = robot.spec.workspace
+    return np.random.default_rng([seed, 1]).uniform(box.minimum, box.maximum, (count, robot.n))
 
 
-def own_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: int) -> Plant:
-    """Return the package's own simulation along a path of two moves."""
-    path = fm.way(robot, fm.AT + AFTER, seed, 0.3)
-
-    def run(faults: tuple = (), monitor: tp.FaultMonitor | None = None) -> Trail:
-        ran = tp.simulate(
-            robot, truth, control, path=path, seed=seed, faults=faults, monitor=monitor,
-            safety=tp.control.SafetyShell(),
-        )  # fmt: skip
-        columns = ran.q_e, ran.torque, ran.stop_cause, ran.brakes, ran.health
-        return Trail(ran.time, ran.x, *columns, ran.ended)
-
-    return run
+def way(robot: tp.Robot, count: int, seed: int, each: float) -> tp.simulation.Waypoints:
+    """Return a path over random poses."""
+    return tp.simulation.Waypoints(poses=poses(robot, count, seed), duration=each)
 
 
-def mujoco_plant(robot: tp.Robot, truth: tp.Robot, control: tp.Controller, seed: int) -> Plant:
-    """Return rigid bodies in MuJoCo, in a move of half a second."""
-    from truepose_mujoco.plant import MujocoPlant, _Drive
-
-    class Recorded(_Drive):
-        def _trace(self) -> np.ndarray:
-            state, n, e = self.state, robot.n, robot.n + robot.r
-            row = self.body.coordinates(), self.read, np.array(state.torque)[:n], state.cause
-            rows.append((*row, state.brakes, np.array(state.health)[:e]))
-            return super()._trace()
-
-        def _faulty(self, time: float) -> np.ndarray:
-            self.read = super()._faulty(time)
-            return self.read
-
-    rows: list[tuple] = []
-
-    def run(faults: tuple = (), monitor: tp.FaultMonitor | None = None) -> Trail:
-        rows.clear()
-        plant = MujocoPlant(
-            truth, seed=seed, duration=0.5, hold=0.2, longest=0.2, faults=faults, monitor=monitor,
-            safety=tp.control.SafetyShell(),
-        )  # fmt: skip
-        said = Recorded(plant, robot, control, seed, 0.0).go(fm.poses(robot, 1, seed)[0], 0.0)[-1]
-        columns = [np.array(column) for column in zip(*rows, strict=True)]
-        lost = said if said.startswith("lost") else ""
-        return Trail(np.arange(len(rows)) * control.period, *columns, lost)
-
-    return run
-
-
-PLANTS = {"own": own_plant, "mujoco": mujoco_plant}
-
-
-def case(run: Trail, healthy: Trail, robot: tp.Robot, limits: SafetyLimits) -> dict:
-    """Return how a run in the shell ended, against the same run without a fault."""
-    period, stop = limits.core.period, run.stop
-    rows = min(len(run.x), len(healthy.x))
-    moving = np.array([unit == "m" for _, unit in robot.coordinates])
-    alarm = fm.first(run.health)
-    seen = [at for at in (stop, alarm) if at is not None]
-    off = np.abs(run.x[:rows] - healthy.x[:rows])[: None if stop is None else stop + 1]
-    steps = np.abs(np.diff(run.torque, axis=0)) / (limits.motors("slew") * period)
-    found = {
-        "detected": min(seen) if seen else None,
-        "named": tp.faults.monitor.failed(robot, run.health),
-        "cause": CAUSES[run.cause[-1]],
-        "ended": run.ended,
-        "off": float(1e3 * np.linalg.norm(off[:, moving], axis=1).max()),
-        "turned": float(np.degrees(off[:, ~moving].max())) if (~moving).any() else 0.0,
-        "step": float(steps.max()),
+def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[Fault]]:
+    """Return faults of every kind, just above their detectability where there is one."""
+    units = dict(zip(robot.readings, reading_units(robot), strict=True))
+    alike = [name for name, unit in units.items() if unit == units[reading] and name != reading]
+    size = TIMES * limit
+    sizes = {"reading": size, "reading/s": size / 0.1, "1": 1.1, "s": 0.02}
+    return {
+        kind: [
+            Fault(
+                reading,
+                kind,
+                AT,
+                max(size, 0.02) if kind == "spike" else sizes.get(row.size),
+                other=alike[0] if row.pair else None,
+            )
+        ]
+        for kind, row in _core.fault_kinds.items()
+        if alike or not row.pair
     }
-    if stop:
-        speed = np.linalg.norm(run.x[stop, moving] - run.x[stop - 1, moving]) / period
-        way = np.linalg.norm(run.x[stop:, moving] - run.x[stop, moving], axis=1).max()
-        found |= {"speed": float(speed), "way": float(1e3 * way), "brake": bool(run.brakes[stop])}
-        found["printed"] = 1e3 * limits.stopping_distance(max(float(speed), 1e-6))
-    return found
 
 
-def job(plant: str, which: str, law: str, seed: int) -> list[dict] | None:
-    """Return the results of every fault of one calibrated robot; None: it cannot make the path."""
-    robot, truth = fm.drawn(which, seed, True, None)
-    controller = tp.Controller(law=law)
-    run = PLANTS[plant](robot, truth, controller, seed)
+def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
+    """Return the results on every fault of a robot, with the monitor and, if `shells`, without."""
+    which, seed = task
+    robot, truth = sampled(which, seed)
+    controller, shell = tp.Controller(law=law), Shell() if shells else None
+    path = way(robot, 3 if shells else 4, seed, 0.3)
+    run = partial(tp.simulate, robot, truth, controller, path=path, seed=seed, safety=shell)
     try:
         healthy = run()
     except (tp.PoseError, tp.InputError):
-        return None
-    if healthy.cause.any():
-        return [{"kind": "none", "mode": "shell", "cause": CAUSES[healthy.cause[-1]]}]
-    detectable = tp.faults.detectability(robot, healthy.x[::20], fm.poses(robot, fm.POSES, seed))
+        return []
+    limits = Shell().limits(robot, controller)
+    detectable = tp.faults.detectability(robot, healthy.x[::20], poses(robot, POSES, seed))
     stated = detectable.pose_error(law)[..., 0].reshape(-1, len(robot.readings))
-    limits, results = tp.control.SafetyShell().limits(robot, controller), []
+    turning = np.array([unit == "rad" for _, unit in robot.coordinates])
+    results = []
     for c, reading in enumerate(robot.readings):
         limit = float(np.median(detectable.detected[:, c]))
-        if not limit < fm.MOST:
+        if not limit < MOST:  # a bias of it is undetectable
             continue
-        for (kind, fault), (mode, monitor) in product(
-            fm.faults_of(robot, reading, limit).items(), MODES.items()
+        for (kind, fault), monitor in product(
+            faults_of(robot, reading, limit).items(), (tp.FaultMonitor(), None)[: 1 + shells]
         ):
-            found = case(run(fault, monitor), healthy, robot, limits)
-            core = in_core(robot, fault, controller.period)
-            alone = _core.FaultyReadings(core, controller.period)
+            ran = run(faults=fault, monitor=monitor)
+            alone = _core.FaultyReadings(in_core(robot, fault, controller.period), 1e-3)
             read = np.asarray(alone.read(healthy.time.tolist(), healthy.q_e))
             beyond = ~(np.abs(read - healthy.q_e)[:, c] < limit)
-            found |= {
-                "reading": reading,
+            begun = beyond.argmax() if shells else np.searchsorted(ran.time, AT)
+            if shells and not beyond.any():  # this kind never reaches the limit
+                continue
+            stops = (ran.stop_cause > 0) | ran.stops
+            stop = int(stops.argmax()) if stops.any() else None
+            seen = [at for at in (stop if shells else None, first(ran.health)) if at is not None]
+            off = np.abs(ran.x - healthy.x[: len(ran.x)])[: None if stop is None else stop + shells]
+            named = set(ran.failed)
+            right = bool(named) and named <= {reading, fault[0].other}
+            one = {
+                "sensors": which,
                 "kind": kind,
-                "mode": mode,
-                "crossed": int(beyond.argmax()) if beyond.any() else None,
-                "wrong": bool(set(found["named"]) - {reading, fault[0].other}),
-                "stated": float(1e3 * stated[:, c].max()),
+                "mode": "monitor" if monitor else "shell alone",
+                "delay": max(0, min(seen) - begun) if seen else np.nan,
+                "isolated": "right" if right else "wrong" if named else "none",
+                "off": 1e3
+                * np.linalg.norm(off[:, ~turning], 2 if shells else np.inf, 1).max(initial=0),
+                "turned": np.degrees(off[:, turning].max(initial=0)),
+                "stated": max(1.0, 1.2e3 * min(stated[:, c].max(), 1e6)),
+                "way": np.nan,
             }
-            results.append(found)
+            if shells and stop and ran.brakes[stop]:
+                x = ran.x[stop - 1 :, ~turning]
+                speed = np.linalg.norm(x[1] - x[0]) / controller.period
+                if speed > SLOW:
+                    far = np.linalg.norm(x[1:] - x[1], axis=1).max()
+                    one["way"] = far / limits.stopping_distance(speed)
+            results.append(one)
     return results
 
 
-def frozen(which: str, law: str, counter: bool, seed: int) -> list[dict]:
-    """Return the way after all readings freeze, at several speeds, of one nominal robot."""
+def print_faults(found: Iterable[dict], by: str) -> None:
+    """Print one row per kind of fault and mode or sensor set."""
+    groups = defaultdict(list)
+    for one in found:
+        groups[one[by], one["kind"]].append(one)
+    row(by, "kind", "cases", "detected", "median, 99 % (ms)", "isolated: right, none, wrong",
+        "error: median, 99 %, largest (mm, °)", "beyond max(1 mm, 1.2 × stated)",
+        "stop, over the printed one")  # fmt: skip
+    row("---", "---", *["---:"] * 7)
+    for (group, kind), cases in groups.items():
+        off, turned, stated, ways, delays = (
+            np.array([one[key] for one in cases])
+            for key in ("off", "turned", "stated", "way", "delay")
+        )
+        delays, ways = delays[np.isfinite(delays)], ways[np.isfinite(ways)]
+        late = np.quantile(delays, [0.5, 0.99]) if len(delays) else [np.nan] * 2
+        names = Counter(one["isolated"] for one in cases)
+        row(
+            group,
+            kind,
+            len(cases),
+            len(delays),
+            f"{late[0]:.0f}, {late[1]:.0f}",
+            ", ".join(str(names[verdict]) for verdict in ("right", "none", "wrong")),
+            f"{np.median(off):.2f}, {np.quantile(off, 0.99):.1f}, {off.max():.1f}, "
+            f"{turned.max():.1f}",
+            int((off > stated).sum()),
+            f"{ways.max():.2f}" if len(ways) else "",
+        )
+
+
+def frozen(task: tuple[str, str, bool, int]) -> list[tuple]:
+    """Return speed, counter, delay and way after all readings of a nominal robot freeze."""
+    which, law, counter, seed = task
     name, sensors = SETS[which]
     robot = tp.load(name).with_sensors(*sensors)
-    shell = tp.control.SafetyShell(counter=counter)
-    controller = tp.Controller(law=law)
+    shell, controller = Shell(counter=counter), tp.Controller(law=law)
     limits, results = shell.limits(robot, controller), []
     random = np.random.default_rng([seed, 3])
     box = robot.spec.workspace
     for speed in (0.02, 0.1, 0.3, 0.6):
         direction = np.zeros(robot.n)
         direction[:3] = random.normal(size=3)
-        direction /= np.linalg.norm(direction)
-        start = np.clip(robot.home - 0.04 * direction, box.minimum, box.maximum)
-        end = np.clip(robot.home + 0.04 * direction, box.minimum, box.maximum)
+        direction *= 0.04 / np.linalg.norm(direction)
+        start, end = (
+            np.clip(robot.home + side * direction, box.minimum, box.maximum) for side in (-1, 1)
+        )
         duration = 1.875 * float(np.linalg.norm(end - start)) / speed
         at = round(duration * random.uniform(0.35, 0.65), 3)
-        fault = [tp.faults.Fault("frame", "stuck", at)]
         try:
             run = tp.simulate(
                 robot, None, controller, start=start, end=end, duration=duration, hold=0.2,
-                seed=seed, faults=fault, safety=shell,
+                seed=seed, faults=[Fault("frame", "stuck", at)], safety=shell,
             )  # fmt: skip
         except (tp.PoseError, tp.InputError):
             continue
-        k = round(at / controller.period)
-        x = run.x[:, :3]
+        k, x = round(at / controller.period), run.x[:, :3]
         now = float(np.linalg.norm(x[k] - x[k - 1]) / controller.period)
-        way = 1e3 * float(np.linalg.norm(x[k:] - x[k], axis=1).max())
-        stop = int((run.stop_cause > 0).argmax())
-        cause = CAUSES[run.stop_cause[-1]]
-        results.append(
-            {
-                "speed": speed,
-                "now": now,
-                "cycles": stop - k if cause != "none" else None,
-                "cause": cause,
-                "way": way,
-                "printed": 1e3 * limits.stopping_distance(now),
-                "which": which,
-            }
-        )
+        way = float(np.linalg.norm(x[k:] - x[k], axis=1).max())
+        cycles = int((run.stop_cause > 0).argmax()) - k if run.stop_cause.any() else np.inf
+        results.append((speed, counter, cycles, 1e3 * way, way / limits.stopping_distance(now)))
     return results
 
 
-def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[tp.faults.Disturbance]:
+def print_frozen(pool: ProcessPoolExecutor, robots: int) -> None:
+    tasks = product(SETS, ("joint", "estimated"), (True, False), range(robots))
+    rows = np.array([one for many in pool.map(frozen, tasks) for one in many])
+    row("speed (m/s)", "frames", "cases", "detected after (cycles)", "way (mm)", "over printed")
+    row(*["---:"] * 6)
+    for speed, counter in sorted(map(tuple, np.unique(rows[:, :2], axis=0)), reverse=True):
+        cycles, way, over = rows[(rows[:, :2] == (speed, counter)).all(axis=1), 2:].T
+        frames = "with a counter" if counter else "without"
+        delays = f"{cycles.min():.0f} to {cycles.max():.0f}"
+        row(speed, frames, len(way), delays, f"{way.max():.1f}", f"{over.max():.2f}")
+
+
+def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[Disturbance]:
     """Return what a healthy robot tolerates."""
-    random, disturbance = np.random.default_rng([seed, 4]), tp.faults.Disturbance
+    random = np.random.default_rng([seed, 4])
     limits = [chain.torque_limit for chain in robot.spec.chain]
     if kind == "payload":
-        return [disturbance("payload", random.uniform(0.3, 3), random.uniform(0.2, 3))]
+        return [Disturbance("payload", random.uniform(0.3, 3), random.uniform(0.2, 3))]
     if kind == "contact":  # a push with a quarter, a blow with half of the force that they hold
         J, pulls = robot.jacobian(robot.home)[:3], random.normal(size=(2, 3))
         pulls /= np.abs(pulls @ J / limits).max(axis=1, keepdims=True)
+        rest = [0.0] * (robot.n - 3)
         return [
-            disturbance(
-                "contact", at, force=[*share * pull, *[0.0] * (robot.n - 3)], until=at + lasts
-            )
-            for pull, at, share, lasts in zip(
-                pulls, (1.0, 3.0), (0.25, 0.5), (0.1, 0.02), strict=True
-            )
+            Disturbance("contact", 1.0, force=[*0.25 * pulls[0], *rest], until=1.1),
+            Disturbance("contact", 3.0, force=[*0.5 * pulls[1], *rest], until=3.02),
         ]
     return [  # three times the assumed friction
-        disturbance("friction", 0.0, 0.02 * limit, f"q{i + 1}")
+        Disturbance("friction", 0.0, 0.02 * limit, f"q{i + 1}")
         for i, limit in enumerate(limits)
         if kind == "friction"
     ]
 
 
-def healthy(seconds: float, which: str, law: str, kind: str, seed: int) -> dict:
-    """Return the cycles of one healthy robot with all effects, its alarms, and the names given."""
+def healthy(seconds: float, task: tuple[int, str]) -> tuple:
+    """Return set, disturbance, cycles, alarm and names of one healthy robot with all effects."""
+    seed, which = task
+    kind = ("none", "payload", "contact", "friction")[seed // 2 % 4]
     effects = tp.Effects()
-    robot, truth = fm.drawn(which, seed, True, effects)
+    robot, truth = sampled(which, seed, effects)
     try:
-        control = tp.Controller.for_robot(robot, effects, law)
+        control = tp.Controller.for_robot(robot, effects, ("joint", "estimated")[seed % 2])
         run = tp.simulate(
-            robot, truth, control, path=fm.way(robot, seconds, seed, 0.7), effects=effects,
-            seed=seed, safety=tp.control.SafetyShell(effects=effects),
+            robot, truth, control, path=way(robot, int(seconds / 0.7) + 2, seed, 0.7), seed=seed,
+            effects=effects, safety=Shell(effects=effects),
             monitor=tp.FaultMonitor(effects=effects),
             disturbances=disturbances(robot, kind, seed),
         )  # fmt: skip
-    except (tp.PoseError, tp.InputError) as error:
-        return {"cycles": 0, "alarm": "", "status": str(error), "names": []}
-    alarm = ""
-    if run.stop_cause.any() or (run.health > 0).any():
-        faulty = [name for name, of in zip(robot.readings, run.health.T, strict=True) if of.any()]
-        alarm = f"{CAUSES[run.stop_cause[-1]]}; {', '.join(faulty)}"
-    names = list(dict.fromkeys(KINDS[k] for k in run.disturbance[run.disturbance > 0]))
-    return {"cycles": len(run.x), "alarm": alarm, "status": run.status, "names": names}
+    except (tp.PoseError, tp.InputError):
+        return which, kind, 0, "", ""
+    alarm = run.status if run.stop_cause.any() or (run.health > 0).any() else ""
+    names = dict.fromkeys(KINDS[k] for k in run.disturbance[run.disturbance > 0])
+    return which, kind, len(run.x), alarm, ", then ".join(names) or "none"
 
 
-def resumed(pool: ProcessPoolExecutor, work: Callable, keys: list[tuple], out: Path) -> list:
-    """Return the results of all keys; those that `out` does not have are computed and added."""
-    text = out.read_text() if out.exists() else ""
-    have = {tuple(row["job"]): row["found"] for row in map(json.loads, text.splitlines())}
-    missing = [key for key in keys if key not in have]
-    with out.open("a") as file:
-        for key, found in zip(missing, pool.map(partial(_starred, work), missing), strict=True):
-            have[key] = found
-            print(json.dumps({"job": key, "found": found}), file=file, flush=True)
-    return [have[key] for key in keys]
+def print_healthy(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
+    groups = defaultdict(list)
+    for which, kind, *one in pool.map(partial(healthy, seconds), product(range(robots), SETS)):
+        groups[which, kind].append(one)
+    row("sensors", "disturbance", "robots", "cycles", "alarms", "named")
+    row("---", "---", "---:", "---:", "---", "---")
+    for group, found in sorted(groups.items()):
+        cycles, alarms, names = zip(*(one for one in found if one[0]), strict=True)
+        said = "; ".join(f"{name}: {times}" for name, times in Counter(names).most_common())
+        row(*group, len(cycles), sum(cycles), "; ".join(filter(None, alarms)) or 0, said)
 
 
-def _starred(work: Callable, key: tuple) -> object:
-    return work(*key)
-
-
-def run_campaign(
-    pool: ProcessPoolExecutor, plant: str, sets: list[str], robots: int, out: Path
-) -> list[dict]:
-    """Return all cases of the campaign."""
-    keys = [(plant, *key) for key in product(sets, LAWS, range(robots))]
-    names = "plant", "which", "law", "seed"
-    found = resumed(pool, job, keys, out)
-    return [
-        dict(zip(names, key, strict=True)) | one
-        for key, cases in zip(keys, found, strict=True)
-        for one in cases or ()
+def normal(robot: tp.Robot) -> tp.Robot:
+    """Return the robot with normal noise of the same σ instead of counts."""
+    sigma = dict(zip(robot.readings, robot.reading_sigma.tolist(), strict=True))
+    spec = robot.spec
+    chains = [
+        chain.model_copy(update={"encoder_noise": sigma[f"q{k + 1}"] if k < robot.n else 0.0})
+        for k, chain in enumerate(spec.chain)
     ]
+    sensors = [
+        sensor.model_copy(update={"noise": sigma.get(sensor.name, sensor.noise)})
+        for sensor in spec.sensor
+    ]
+    changes = {"chain": tuple(chains), "sensor": tuple(sensors), "quantized": False}
+    values = {name: p.value for name, p in robot.parameters.items()}
+    return tp.Robot(spec.model_copy(update=changes), values)
 
 
-def print_campaign(cases: list[dict]) -> None:
-    """Print one row per mode and kind of fault, and what both together do not detect."""
-    print("stops of healthy robots:", [one for one in cases if one["kind"] == "none"])
-    cases = [one for one in cases if one["kind"] != "none"]
-    error = "error median, 99 %, largest (mm)"
-    fm.row(
-        "kind", "cases", "detected", "median, 99 % (ms)", "wrong", error,
-        "beyond max(1 mm, 1.2 × stated)", "stop, over the printed one",
-    )  # fmt: skip
-    fm.row("---", *["---:"] * 7)
-    for mode in MODES:
-        kinds = defaultdict(list)
-        for one in cases:
-            if one["mode"] == mode:
-                kinds[one["kind"]].append(one)
-        for kind, those in kinds.items():
-            crossed = [one for one in those if one["crossed"] is not None]
-            if not crossed:  # this kind never reaches the limit
-                fm.row(f"{kind}, {mode}", "0", *[""] * 6)
-                continue
-            seen = [one for one in crossed if one["detected"] is not None]
-            delays = [max(0, one["detected"] - one["crossed"]) for one in seen]
-            off = np.array([one["off"] for one in crossed])
-            bound = [max(1.0, 1.2 * min(one["stated"], 1e9)) for one in crossed]
-            ways = [
-                one["way"] / one["printed"]
-                for one in those
-                if one.get("brake") and one["speed"] > SLOW
-            ]
-            late = np.quantile(delays, [0.5, 0.99]) if delays else [np.nan] * 2
-            fm.row(
-                f"{kind}, {mode}",
-                f"{len(crossed)}",
-                f"{len(seen)}",
-                f"{late[0]:.0f}, {late[1]:.0f}",
-                sum(one["wrong"] for one in those),
-                f"{np.median(off):.2f}, {np.quantile(off, 0.99):.1f}, {off.max():.1f}",
-                int((off > bound).sum()),
-                f"{max(ways):.2f}" if ways else "",
-            )
-    print(f"largest torque step over the slew limit: {max(one['step'] for one in cases):.9f}")
-    undetected = Counter(
-        (one["mode"], one["which"], one["reading"], one["kind"])
-        for one in cases
-        if one["crossed"] is not None and one["detected"] is None and one["mode"] != "shell"
+def rates(seconds: float, task: tuple[str, int]) -> list[int]:
+    """Count pieces of a path, and those with an alarm at each chance, of one healthy robot."""
+    which, seed = task
+    robot, truth = map(normal, sampled(which, seed))
+    try:
+        path = way(robot, int(seconds / 0.7) + 2, seed, 0.7)
+        run = tp.simulate(robot, truth, tp.Controller(law="joint"), path=path, seed=seed)
+    except tp.PoseError:
+        return [0] * (1 + len(CHANCES))
+    pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
+    monitors = [tp.FaultMonitor(false_alarms=chance * 3.6e6) for chance in CHANCES]
+    alarms = (
+        sum(bool(monitor.review(robot, piece).health.any()) for piece in pieces)
+        for monitor in monitors
     )
-    print("undetected by both:", dict(undetected))
+    return [len(pieces), *alarms]
 
 
-def print_frozen(pool: ProcessPoolExecutor, robots: int) -> None:
-    keys = list(product(SETS, LAWS, (True, False), range(robots)))
-    table = defaultdict(list)
-    for key, rows in zip(keys, pool.map(partial(_starred, frozen), keys), strict=True):
-        for one in rows:
-            table[one["speed"], key[2]].append(one)
-    fm.row("speed (m/s)", "frames", "cases", "detected after (cycles)", "way (mm)", "over printed")
-    fm.row(*["---:"] * 6)
-    for (speed, counter), rows in sorted(table.items(), key=lambda item: (item[0][0], -item[0][1])):
-        cycles = [one["cycles"] for one in rows if one["cycles"] is not None]
-        fm.row(
-            speed,
-            "with a counter" if counter else "without",
-            len(rows),
-            f"{min(cycles)} to {max(cycles)}" + f", {len(rows) - len(cycles)} never",
-            f"{max(one['way'] for one in rows):.1f}",
-            f"{max(one['way'] / one['printed'] for one in rows):.2f}",
-        )
+def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
+    row("sensors", "cycles", *(f"over allowed at {c:g}" for c in CHANCES))
+    row("---", *["---:"] * 4)
+    for which in list(SETS)[:3]:
+        tasks = [(which, seed) for seed in range(robots)]
+        pieces, *alarms = np.sum(list(pool.map(partial(rates, seconds), tasks)), axis=0)
+        # Pieces with an alarm, as alarms after the first are not independent.
+        share = -np.log1p(-np.array(alarms) / (pieces + 1e-9)) / (PIECE - SETTLING)
+        cells = [f"{r / c:.2g} ({a})" for r, c, a in zip(share, CHANCES, alarms, strict=True)]
+        row(which, pieces * (PIECE - SETTLING), *cells)
 
 
-def print_healthy(
-    pool: ProcessPoolExecutor, sets: list[str], robots: int, seconds: float, out: Path
-) -> None:
-    """Print one row per sensor set and disturbance."""
-    keys = [
-        (seconds, which, LAWS[seed % 2], DISTURBED[seed // 2 % len(DISTURBED)], seed)
-        for seed, which in product(range(robots), sets)
-    ]
-    table = defaultdict(list)
-    for (_, which, _, kind, _), one in zip(keys, resumed(pool, healthy, keys, out), strict=True):
-        table[which, kind].append(one)
-    fm.row("sensors", "disturbance", "robots", "cycles", "alarms", "named")
-    fm.row("---", "---", "---:", "---:", "---:", "---")
-    for (which, kind), found in sorted(table.items()):
-        alarms = Counter(one["alarm"] for one in found if one["alarm"])
-        names = Counter(", then ".join(one["names"]) or "none" for one in found if one["cycles"])
-        fm.row(
-            which,
-            kind,
-            sum(one["cycles"] > 0 for one in found),
-            sum(one["cycles"] for one in found),
-            "; ".join(f"{alarm}: {times}" for alarm, times in alarms.items()) or 0,
-            "; ".join(f"{name}: {times}" for name, times in names.most_common()),
-        )
+def kinds(robot: tp.Robot, reading: str) -> dict[str, list[Fault]]:
+    """Return the noise of a reading: sizes in its counts, times in s."""
+    count = robot.resolution[robot.readings.index(reading)]
+    bursts = (PICKED, 0.12, 0.19, 0.26)
+    return {
+        "counts 16 times coarser": [Fault(reading, "coarse", PICKED, 16)],
+        "noise, σ 10 counts": [Fault(reading, "noise", PICKED, 10 * count)],
+        "bursts of 30 ms, σ 20 counts": [
+            Fault(reading, "noise", at, 20 * count, at + 0.03) for at in bursts
+        ],
+        "held for 5 ms": [Fault(reading, "hold", PICKED, 0.005)],
+        "held for 10 ms": [Fault(reading, "hold", PICKED, 0.01)],
+    }
 
 
-def consequences(moves: int, seed: int, calibrated: bool) -> None:
-    """Print the table of docs/fault-consequences.md."""
+def beyond(run: tp.simulation.Simulation, healthy: tp.simulation.Simulation) -> float:
+    """Return the largest error beyond a healthy robot's, mm."""
+    return 1e3 * np.linalg.norm((run.x - healthy.x[: len(run.x)])[:, :3], axis=1).max()
+
+
+def noise(robots: int) -> None:
+    row("sensors, law", "reading", "noise", "without (mm)", "with (mm)", "failed")
+    row("---", "---", "---", "---:", "---:", "---:")
+    for which, law in product(list(SETS)[:2], ("joint", "tej", "estimated")):
+        cases = defaultdict(list)
+        for seed in range(robots):
+            robot, truth = sampled(which, seed)
+            run = partial(tp.simulate, robot, truth, law, seed=seed)
+            usual = run()
+            for reading in ("q1", *SETS[which][1]):
+                for name, faults in kinds(robot, reading).items():
+                    without, ran = (
+                        run(faults=faults, monitor=m) for m in (None, tp.FaultMonitor())
+                    )
+                    failed = len(ran.failed) + int(ran.stops.any())
+                    case = beyond(without, usual), beyond(ran, usual), failed
+                    cases[reading, name].append(case)
+        for key, found in cases.items():
+            without, ran, failed = np.array(found).T
+            ends = f"{without.max():.2f}", f"{ran.max():.2f}", int(failed.sum())
+            row(f"{which}, {law}", *key, *ends)
+
+
+def loose(robots: int) -> None:
+    row("sensors", "reading", "failed or stopped", "another failed", "error (mm), median, largest")
+    row("---", "---", "---:", "---:", "---:")
+    effects = tp.Effects()
+    for which in list(SETS)[1:3]:
+        cases = defaultdict(list)
+        for seed in range(robots):
+            robot, truth = sampled(which, seed, effects)
+            run = partial(
+                tp.simulate, robot, truth, tp.Controller.for_robot(robot, effects), hold=0.3,
+                effects=effects, seed=seed, monitor=tp.FaultMonitor(effects=effects),
+            )  # fmt: skip
+            usual = run()
+            for reading, at in product(robot.readings, np.arange(0.03, 0.22, 0.035)):
+                ran = run(faults=[Fault(reading, "loose", at)])
+                away = (ran.x - usual.x[: len(ran.x)])[~ran.stops, :3]
+                off = 1e3 * np.linalg.norm(away, axis=1).max()
+                found = reading in ran.failed or ran.stops.any(), {*ran.failed} - {reading}
+                kind = "motors" if reading in robot.readings[: robot.n] else "sensors"
+                cases[kind].append((found[0], bool(found[1]), off))
+        for kind, rows in cases.items():
+            found, wrong, off = np.array(rows).T
+            ends = f"{np.median(off):.2f}, {off.max():.2f}"
+            row(which, kind, f"{int(found.sum())} of {len(rows)}", int(wrong.sum()), ends)
+
+
+def payload(robots: int) -> None:
+    row("payload (kg)", "named", "error after 0.5 s (%), median, largest", "sag, with feed-forward")
+    row("---:", "---:", "---:", "---:")
+    for mass in (0.7, 1.0, 2.0, 4.0):
+        error, sag = [], []
+        for seed in range(robots):
+            run = partial(tp.simulate, *sampled("h4 θ", seed), hold=0.4, seed=seed)
+            usual, picked = run(), [Disturbance("payload", PICKED, mass)]
+            runs = [
+                run(disturbances=picked, monitor=tp.FaultMonitor(carry=carry))
+                for carry in (False, True)
+            ]
+            sag.append([1e3 * np.linalg.norm((ran.x - usual.x)[-1, :3]) for ran in runs])
+            k = np.searchsorted(runs[1].time, PICKED + 0.5)
+            if KINDS[runs[1].disturbance[k]] == "payload":
+                error.append(abs(100 * (runs[1].disturbance_size[k] / mass - 1)))
+        ends = f"{np.median(error):.1f}, {max(error):.1f}"
+        row(mass, f"{len(error)} of {robots}", ends, "{:.2f}, {:.2f} mm".format(*np.median(sag, 0)))
+
+
+def consequences(seed: int) -> None:
+    """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
+    from truepose.show.table import markdown
     from truepose_paper import faulty, tables
 
-    robot = truth = tp.load("h4")
-    if calibrated:
-        robot = tp.calibrate(truth, truth.read(workspace_grid(truth))).robot
-    print(markdown(tables.faults(faulty.study(robot, moves, seed, truth=truth))))
+    robot = tp.load("h4")
+    print(markdown(tables.faults(faulty.study(robot, 30, seed, truth=robot))))
+
+
+def row(*cells: object) -> None:
+    print("|", " | ".join(map(str, cells)), "|", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=("consequences", "campaign", "frozen", "healthy"))
-    parser.add_argument("--moves", type=int, default=30)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--calibrated", action="store_true")
-    parser.add_argument("--robots", type=int, default=8)
+    robots = {
+        "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100, "noise": 3,
+        "loose": 3, "payload": 30, "consequences": 1,
+    }  # fmt: skip
+    parser.add_argument("what", choices=robots)
+    parser.add_argument("--robots", type=int)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
-    parser.add_argument("--plant", choices=PLANTS, default="own")
-    parser.add_argument("--out", type=Path, default=Path("campaign.jsonl"))
     args = parser.parse_args()
+    count, tables = (
+        args.robots or robots[args.what],
+        {f.__name__: f for f in (noise, loose, payload)},
+    )
     if args.what == "consequences":
-        return consequences(args.moves, args.seed, args.calibrated)
-    with ProcessPoolExecutor(args.jobs) as pool:
-        if args.what == "campaign":
-            print_campaign(run_campaign(pool, args.plant, args.sets, args.robots, args.out))
-        elif args.what == "frozen":
-            print_frozen(pool, args.robots)
-        else:
-            print_healthy(pool, args.sets, args.robots, args.seconds, args.out)
-    return None
+        consequences(args.seed)
+    elif args.what in tables:
+        tables[args.what](count)
+    else:
+        with ProcessPoolExecutor(args.jobs) as pool:
+            tasks = list(product(SETS, range(count)))
+            if args.what == "monitor":
+                found = pool.map(partial(each_fault, "estimated", False), tasks)
+                print_faults((one for many in found for one in many), "sensors")
+            elif args.what == "campaign":
+                found = [
+                    one
+                    for law in ("joint", "estimated")
+                    for many in pool.map(partial(each_fault, law, True), tasks)
+                    for one in many
+                ]
+                print_faults(found, "mode")
+            elif args.what == "frozen":
+                print_frozen(pool, count)
+            elif args.what == "healthy":
+                print_healthy(pool, count, args.seconds)
+            else:
+                print_rates(pool, count, args.seconds)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Instruction counts of every call of each f_… function: median and worst.
+"""Instruction counts of every call of each operation of benchmark_core: median and worst.
 
     instructions.py EXECUTABLE --compiler "g++ 12.2.0"            # compare with instructions.json
     instructions.py EXECUTABLE --compiler "g++ 12.2.0" --update   # write the counts there
@@ -21,48 +21,40 @@ import tempfile
 
 KNOWN = pathlib.Path(__file__).with_name("instructions.json")
 MOST = 2  #: times the stored count
-#: Limits of a function's worst relative to the median of the second function.
+WORST = 5  #: times the median
+#: Operations whose worst is limited, each with that whose median counts.
 GOALS = {
-    "f_control_joint": (5, "f_control_joint"),
-    "f_control_tej": (5, "f_control_tej"),
-    "f_control_cartesian": (5, "f_control_cartesian"),
-    "f_control_weighted": (5, "f_control_weighted"),
-    "f_control_estimated": (5, "f_control_estimated"),
-    "f_estimate": (5, "f_estimate"),
-    "f_learn": (5, "f_learn"),
-    "f_fkm_home_12": (5, "f_fkm_home"),
-}
+    name: name
+    for name in (
+        "H4 joint",
+        "H4 TEJ law",
+        "H4 cartesian",
+        "H4 weighted",
+        "H4 estimated",
+        "H4 estimate",
+        "H4 online calibration",
+    )
+} | {"H4 FKM from home, 12 steps": "H4 FKM from home"}
 
 Counts = dict[str, dict[str, int]]
 
 
 def count(executable: str) -> Counts:
-    """Return median and worst of every function f_…, callees included."""
+    """Return median and worst of every operation."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "callgrind.out"
-        run = subprocess.run(
-            [
-                "valgrind",
-                "--tool=callgrind",
-                "--combine-dumps=yes",
-                f"--callgrind-out-file={out}",
-                executable,
-            ],
-            check=True,
-            capture_output=True,
-            text=True,
-        )
+        options = ["--tool=callgrind", "--combine-dumps=yes", f"--callgrind-out-file={out}"]
+        words = ["valgrind", *options, executable, "--count"]
+        run = subprocess.run(words, check=True, capture_output=True, text=True)
         print(run.stdout, end="")
         usual: dict[str, list[int]] = {}
         hostile: dict[str, list[int]] = {}
-        name = ""
-        with out.open() as lines:  # one part per call with function and count
-            for line in lines:
-                if found := re.match(r"desc: Trigger: Client Request: (f_\w+)(!?)", line):
-                    name, calls = found[1], hostile if found[2] else usual
-                elif name and (found := re.match(r"summary: (\d+)", line)):
-                    calls.setdefault(name, []).append(int(found[1]))
-                    name = ""
+        # One part per call with the operation and its count.
+        part = re.compile(
+            r"^desc: Trigger: Client Request: (.+?)(!?)$.*?^summary: (\d+)", re.M | re.S
+        )
+        for name, mark, instructions in part.findall(out.read_text()):
+            (hostile if mark else usual).setdefault(name, []).append(int(instructions))
     return {
         name: {
             "median": round(statistics.median(calls)),
@@ -73,7 +65,7 @@ def count(executable: str) -> Counts:
 
 
 def compare(counts: Counts, before: Counts) -> bool:
-    """Print a table; return whether a count grew, or a function was added or removed."""
+    """Print a table; return whether a count grew, or an operation was added or removed."""
     failed = False
     for name in sorted(counts | before):
         cells = []
@@ -83,7 +75,7 @@ def compare(counts: Counts, before: Counts) -> bool:
             grew = bool(before) and (new is None or old is None or new > MOST * old)
             failed |= grew
             cells.append(f"{key} {new or 0:8d} {change}{' FAIL' if grew else '     '}")
-        print(f"{name:30s} {'   '.join(cells)}".rstrip())
+        print(f"{name:33s} {'   '.join(cells)}".rstrip())
     return failed
 
 
@@ -97,25 +89,23 @@ def main() -> int:
     options = parser.parse_args()
     counts = count(options.executable)
     if not counts:
-        print("no function f_… was counted")
+        print("no operation was counted")
         return 1
     known = json.loads(KNOWN.read_text()) if KNOWN.exists() else {}
-    before = known.get(options.compiler, {})
     if options.update:
         known[options.compiler] = counts
         KNOWN.write_text(json.dumps(known, indent=2) + "\n")
         print(f"wrote {len(counts)} counts of {options.compiler} to {KNOWN.name}")
-        before = counts
-    elif not before:
+    elif options.compiler not in known:
         print(f"WARNING: no counts are stored for {options.compiler}; nothing was compared.")
         print("Known compilers:", ", ".join(known) or "none")
-    failed = compare(counts, before)
+    failed = compare(counts, known.get(options.compiler, {}))
     if failed:
-        print("A count more than doubled, or a function came or went. Accept with --update.")
-    for name, (times, of) in GOALS.items():
+        print("A count more than doubled, or an operation came or went. Accept with --update.")
+    for name, of in GOALS.items():
         share = counts[name]["worst"] / counts[of]["median"]
-        if share > times:
-            print(f"{name} takes {share:.1f} times the median of {of} at worst, over {times}")
+        if share > WORST:
+            print(f"{name} takes {share:.1f} times the median of {of} at worst, over {WORST}")
             failed = True
     return failed
 

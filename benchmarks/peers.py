@@ -15,7 +15,6 @@ own 6-UPS, ±60 mm and ±0.15 rad).
 """
 
 import argparse
-import json
 import subprocess
 import time
 
@@ -250,8 +249,9 @@ def measure_truepose(robot, x, near, copies=100):
 
 
 def measure_core(program):
-    run = subprocess.run([program, "--json"], check=True, capture_output=True, text=True)
-    median = {row["name"]: row["median_s"] for row in json.loads(run.stdout)}
+    table = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+    cells = [line.split(" | ") for line in table.splitlines()[2:]]
+    median = {name.strip("| "): 1e-6 * float(time) for name, time, _ in cells}
     names = ("IKM + J", "FKM from 1 mm, 1 mrad", "FKM from home")
     return tuple(median[f"6-UPS {name}"] for name in names)
 

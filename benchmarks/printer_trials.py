@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.integrations.klipper.assessment import DEGREE, MM, Assessment, assess
+from truepose_printers.assessment import DEGREE, MM, Assessment, assess
+from truepose_printers.library import Delta
 
 #: Error of one height that must be detectable, m.
 ERROR = 0.3 * MM
@@ -72,8 +72,8 @@ class Printer:
     radius: float  #: of the bed, m
 
     @cached_property
-    def delta(self) -> _core.Delta:
-        return _core.Delta(self.kinematics != "delta", np.full(3, _STEP[self.kinematics]))
+    def delta(self) -> Delta:
+        return Delta(self.kinematics != "delta", np.full(3, _STEP[self.kinematics]))
 
     @property
     def values(self) -> Array:
@@ -174,7 +174,7 @@ def made(printer: Printer, assumed: Mapping[str, float], seed: int, more: int = 
     noise = assumed["height"] * rng.standard_normal(len(touched))
     at_bed = np.round(delta.steps(p, touched + noise[:, None] * [0, 0, 1]))
     at_ends = delta.steps(p, ends.reshape(-1, 3))  # as computed by Klipper, in whole steps
-    there = delta.positions(p, np.round(at_ends)).reshape(-1, 2, 3)
+    there = delta.positions(p, np.round(at_ends))[0].reshape(-1, 2, 3)
     lengths = np.linalg.norm(there[:, 0] - there[:, 1], axis=1)
     read = (1 - kappa) * lengths + width + assumed["distance"] * rng.standard_normal(len(ends))
     readings = Readings(touched[:, 2], at_bed, read, at_ends.reshape(-1, 2, 3))
@@ -243,7 +243,7 @@ def _trial(
     off = found.answer["theta"] - np.array([*truth.p, truth.shrinkage, truth.width])
     sigma = np.sqrt(np.diag(found.covariance))
     told = np.column_stack([found.points, np.zeros(len(found.points))])
-    there = printer.delta.positions(truth.p, printer.delta.steps(found.p, told)) - told
+    there = printer.delta.positions(truth.p, printer.delta.steps(found.p, told))[0] - told
     there[:, :2] = without_rigid(told, there[:, :2])
     error = found.bed("after").error
     inside = np.abs(there) < 1.96 * error

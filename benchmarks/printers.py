@@ -1,4 +1,4 @@
-"""Coverage of printers' stated σ: the table of docs/guides/delta-printer.md.
+"""Coverage of printers' stated σ: the table of packages/printers/docs/delta-printer.md.
 
 Printers are sampled from the assumptions of `truepose klipper`, with noise between 0.01 and 0.1 mm,
 probed at Klipper's seven points or more, and with distances measured on Klipper's printed object.
@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 from printer_trials import ASSUMED, trials
 
-from truepose.integrations.klipper.assessment import MM
+from truepose_printers.assessment import MM
 
 KINDS = {
     ("delta", False, 0): "linear, 7 heights",

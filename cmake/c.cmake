@@ -31,7 +31,7 @@ endforeach()
 set(TRUEPOSE_C_LIBRARIES truepose_c_static truepose_c_shared)
 # Calibration, for computers without a deadline: it allocates and needs the C++ library, so that it is a library apart.
 if(NOT TRUEPOSE_MOBILITY AND NOT TRUEPOSE_SINGLE)
-  add_library(truepose_c_offline STATIC src/c/calibrate.cpp src/c/printer.cpp)
+  add_library(truepose_c_offline STATIC src/c/calibrate.cpp)
   add_library(truepose::offline ALIAS truepose_c_offline)
   target_link_libraries(truepose_c_offline PRIVATE $<BUILD_INTERFACE:truepose_core> PUBLIC truepose_c_static)
   target_compile_definitions(truepose_c_offline PRIVATE TRUEPOSE_BUILDS_SHARED NDEBUG)

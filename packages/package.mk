@@ -17,7 +17,7 @@ core:
 	@$(MAKE) --no-print-directory -C $(ROOT) .venv/$(CORE)
 
 # The core is there: pip compares its version with the one that the package is pinned to.
-$(STAMP): pyproject.toml $(shell find src -type f -not -name '*.pyc') | core
+$(STAMP): pyproject.toml $(shell find src $(wildcard include CMakeLists.txt) -type f -not -name '*.pyc') | core
 	@pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
 	@pip install --quiet --disable-pip-version-check ".$(EXTRA)"
 	@touch $@

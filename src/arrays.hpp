@@ -102,5 +102,4 @@ void bind_fault_monitor(nb::module_& module);
 void bind_safety(nb::module_& module);
 void bind_start_test(nb::module_& module);
 void bind_c(nb::module_& module);
-void bind_printer(nb::module_& module);
 }  // namespace truepose::python

@@ -215,5 +215,4 @@ NB_MODULE(_core, m) {
   python::bind_safety(m);
   python::bind_start_test(m);
   python::bind_c(m);
-  python::bind_printer(m);
 }

@@ -256,7 +256,7 @@ def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
 
 
 #: Of C: for machine controllers, and what needs a computer without a deadline.
-C_HEADERS = ("truepose", "calibrate", "printers")
+C_HEADERS = ("truepose", "calibrate")
 
 
 def c(doxygen: bool) -> str:

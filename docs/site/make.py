@@ -39,8 +39,8 @@ def pages() -> dict[Path, str]:
         "CONTRIBUTING.md": "contributing.md",
         "benchmarks/README.md": "benchmarks.md",
         "examples/README.md": "examples.md",
-        "pkm-calibration/README.md": "pkm-calibration.md",
-        "reference/README.md": "reference-results.md",
+        "benchmarks/pkm-calibration/README.md": "pkm-calibration.md",
+        "benchmarks/reference/README.md": "reference-results.md",
     }
     found = {ROOT / source: target for source, target in beside.items()}
     found |= {
@@ -49,7 +49,7 @@ def pages() -> dict[Path, str]:
     }
     found |= {
         page: f"references/{page.parent.name}.md"
-        for page in sorted((ROOT / "reference").glob("*/README.md"))
+        for page in sorted((ROOT / "benchmarks" / "reference").glob("*/README.md"))
     }
     found |= {page: f"packages/{page.name}" for page in sorted(ROOT.glob("packages/*/docs/*.md"))}
     own = sorted([*DOCS.glob("*.md"), *DOCS.glob("guides/*.md")])

@@ -15,6 +15,7 @@ COMMANDS = {
     "export.linuxcnc": "linuxcnc",
     "export.mjcf": "mujoco",
     "import": "mujoco",
+    "klipper": "printers",
     "life": "life",
     "maslow": "sleds",
     "reproduce": "paper",
@@ -26,6 +27,7 @@ STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
     "truepose.integrations.importers": "truepose_mujoco.importers",
+    "truepose.integrations.klipper": "truepose_printers",
     "truepose.integrations.linuxcnc": "truepose_linuxcnc",
     "truepose.integrations.mujoco": "truepose_mujoco",
     "truepose.integrations.maslow": "truepose_sleds",

@@ -44,7 +44,7 @@ def test_the_reference_has_units_bounds_and_shorthand(reference):
 
 
 def pages() -> list[Path]:
-    beside = ("*.md", "*/README.md", "robots/*/README.md", "reference/*/README.md")
+    beside = ("*.md", "*/README.md", "robots/*/README.md", "benchmarks/**/README.md")
     return sorted({*ROOT.glob("docs/**/*.md"), *(page for at in beside for page in ROOT.glob(at))})
 
 
@@ -149,7 +149,7 @@ def test_a_documented_script_has_the_options_of_its_pages(script):
     ran = subprocess.run(
         [sys.executable, *script.split(), "--help"],
         cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(["pkm-calibration", *sys.path])},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(["benchmarks/pkm-calibration", *sys.path])},
         capture_output=True,
         encoding="utf-8",
         check=False,

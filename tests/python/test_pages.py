@@ -63,7 +63,7 @@ def test_a_browser_shows_it_narrow_and_in_the_dark(report, browser, width, schem
     seen.close()
 
 
-def test_a_figure_is_whole_at_first_and_can_be_zoomed(report, browser):  # noqa: F811
+def test_a_browser_shows_a_figure_whole_and_zooms_it(report, browser):  # noqa: F811
     seen = browser.new_page(viewport={"width": 1280, "height": 800})
     seen.goto(report.as_uri())
     figure = seen.locator("figure").first

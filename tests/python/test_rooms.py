@@ -69,7 +69,7 @@ def command(*words: str) -> str:
     )
 
 
-@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "klipper"])
+@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate"])
 def test_help_loads_no_plots(name):
     assert not loaded(command(*filter(None, (name, "--help"))), keep=("matplotlib",))
 

@@ -1,4 +1,4 @@
-"""A robot as JSON for the page deploy/page: description, priors, names, and shape of its chains."""
+"""A robot as JSON for the page (packages/printers): description, priors, names, shape of chains."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""Calibration of delta printers from the text of their firmware."""

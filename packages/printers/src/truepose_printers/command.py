@@ -1,0 +1,126 @@
+"""`truepose klipper`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from truepose import files
+from truepose.commands.options import Force, How, wrote
+from truepose.exceptions import InputError
+from truepose.show.table import Table
+from truepose.show.terminal import Format, say, show
+from truepose_printers import backups, review
+from truepose_printers.assessment import FIRMWARES, MM, Assessment, read
+
+#: Plausible range of arm lengths, mm.
+_ARMS = (10.0, 5000.0)
+
+
+def command(
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PRINTER.CFG", help="Klipper's config file or klippy.log, or a text with M665."
+        ),
+    ],
+    write: Annotated[
+        Path | None,
+        typer.Option(help="New printer.cfg with the estimate; no file is ever replaced by it."),
+    ] = None,
+    arm: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            min=_ARMS[0],
+            max=_ARMS[1],
+            help="Length of the arms as drawn or measured.",
+            show_default="as the file had it first",
+        ),
+    ] = None,
+    next_readings: Annotated[
+        int | None,
+        typer.Option(
+            "--plan",
+            metavar="N",
+            min=1,
+            help="How many readings to say that are worth taking next.",
+        ),
+    ] = None,
+    probe_radius: Annotated[
+        float | None,
+        typer.Option(metavar="MM", min=10.0, help="Marlin: radius of the points of G33."),
+    ] = None,
+    backup: Annotated[
+        list[Path],
+        typer.Option(help="Earlier file of the same printer, repeatable: do they agree?"),
+    ] = [],  # noqa: B006 – typer's way of a repeatable option
+    points: Annotated[
+        Path | None,
+        typer.Option(help="File to write: the planned heights as points that Klipper probes."),
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Calibrate a delta printer from the readings that Klipper's delta_calibrate saved.
+
+    Prints the fit of the file's parameters, of Klipper's criterion and of the estimate with stated
+    tolerances; σ of each parameter; the error of held-out heights and over the bed; and whether to
+    use the estimate.
+
+    --plan adds the next points to measure; without readings, the first ones. --points writes the
+    heights among them for Klipper.
+
+    Example: **truepose klipper printer.cfg --write new.cfg**
+    """
+    if points and next_readings is None:
+        raise InputError("--points: writes the heights of --plan N: give that too")
+    options: dict[str, Any] = {"arm": MM * (arm or 0), "probe_radius": probe_radius}
+    outputs: dict[files.Output, Callable[[Assessment], str]] = {}
+    if write:
+        new = files.Output(write, "printer.cfg", "--write")
+        if os.path.lexists(write):
+            raise InputError(f"{new}: is there already: give the name of a new file")
+        outputs[new] = _config_text
+    if points:
+        outputs[files.Output(points, "points", "--points")] = review.points_text
+    files.check(outputs, [config], force)
+    found = read(config, plan=next_readings or 0, **options)
+    if "readings" not in found.answer and (write or backup):
+        read(config, **options)  # the error of a file without readings
+    files.write({file: text(found) for file, text in outputs.items()}, [config], force)
+    answer = found.answer
+    for note in answer["notes"]:
+        say(f"{config}: {note}", err=True)
+    further = [review.plan(found)] if answer["plan"] else []
+    tables = review.tables(found) if "readings" in answer else []
+    words = [*answer.get("words", ()), *answer["assumptions"]]
+    if answer["kind"] in FIRMWARES and "lines" in answer:
+        words.insert(0, f"Lines for {FIRMWARES[answer['kind']]}: {' | '.join(answer['lines'])}")
+    if backup:
+        table, verdict = backups.judged([found, *(read(other, **options) for other in backup)])
+        further.insert(0, table)
+        words.insert(0, verdict)
+    shown = [*further, *(narrow(tables) if how is Format.table and tables else tables)]
+    show(shown, how, [f"{line}." for line in words])
+    wrote(how, write, points)
+
+
+def _config_text(found: Assessment) -> str:
+    """Return the printer's file with the estimate, as SAVE_CONFIG would write it."""
+    if "config" not in found.answer:
+        kind = FIRMWARES.get(found.answer["kind"], "klippy.log")
+        raise InputError(f"--write: {found.path} is no printer.cfg ({kind}): give that")
+    return str(found.answer["config"])
+
+
+def narrow(tables: list[Table]) -> list[Table]:
+    """Return the columns that fit on 80 characters; programs get all."""
+    fits, parameters, *others = tables
+    rows = [row for row in parameters.rows if row[4]]
+    parameters = Table(parameters.name, parameters.title, parameters.header, rows)
+    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *others]

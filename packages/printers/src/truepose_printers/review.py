@@ -1,0 +1,128 @@
+"""Tables on a printer's calibration."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.show.table import Cell, Table, fixed
+from truepose_printers.assessment import MM, UNITS, Assessment, rms
+
+
+def tables(found: Assessment) -> list[Table]:
+    """Return every table in reading order."""
+    left_out = [held_out(found)] if found.held_out else []
+    return [fits(found), parameters(found), *left_out, bed(found)]
+
+
+def fits(found: Assessment) -> Table:
+    """Return the residuals of the readings with three sets of parameters."""
+    rows = [
+        [name, *(cell for of in parts for cell in (mm(_all(of), 4), mm(_worst(of))))]
+        for name, *parts in found.fits
+    ]
+    header = ["what is left over", "z rms (mm)", "worst z (mm)"]
+    header += ["distance rms (mm)", "worst distance (mm)"]
+    counts = f"{len(found.readings())} heights"
+    if found.extended:
+        counts += f", {len(found.readings(distance=True))} distances"
+    return _without_empty(Table("fits", f"The file's own readings: {counts}", header, rows))
+
+
+def parameters(found: Assessment) -> Table:
+    """Return every parameter: in the file, by Klipper's criterion, by the estimate with its σ."""
+    rows = []
+    for of in found.answer["parameters"]:
+        scale, unit = UNITS[of["unit"]]
+        name = Cell(f"{of['name']} ({of['unit']})", {"parameter": of["name"], "unit": unit})
+        decimals = 3 if of["now"] is None else 4
+        values = [_cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
+        sigma = [_cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
+        rows.append([name, *values, *sigma, of["verdict"]])
+    header = ["parameter", "file", "Klipper's", "estimate", "assumed σ", "σ", "verdict"]
+    return Table("parameters", "Parameters, in the file's own terms", header, rows)
+
+
+def held_out(found: Assessment) -> Table:
+    """Return the errors at left-out readings, one row per calibration method."""
+    rows = [[way.name, mm(rms(way.heights)), mm(rms(way.distances))] for way in found.held_out]
+    header = ["each reading left out in turn", "heights, rms (mm)", "distances, rms (mm)"]
+    title = "Prediction of held-out heights"
+    return _without_empty(Table("held_out", title, header, rows))
+
+
+def bed(found: Assessment) -> Table:
+    """Return the expected errors over the bed with the file's parameters and with the estimate."""
+    keys = (("the file's parameters", "now"), (found.fits[-1].name, "after"))
+    rows = [[name, *map(mm, found.bed(key).rms)] for name, key in keys]
+    header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
+    return Table("bed", "Errors over the bed, less common shift and rotation", header, rows)
+
+
+#: Klipper's names of a planned reading's stable positions.
+_STABLE = ("pos1", "pos2")
+
+
+def plan(found: Assessment) -> Table:
+    """Return one row per planned reading, the most useful first; data has the stable positions."""
+    rows = []
+    for k, step in enumerate(found.answer["plan"]):
+        stable = [",".join(f"{value:.3f}" for value in at) for at in step["steps"]]
+        data = {"reading": step["reading"]} | dict(zip(_STABLE, [*stable, "", ""][:2], strict=True))
+        ends = [value for end in step["ends_mm"] for value in end[:2]]
+        cells = [fixed(round(value) + 0.0, 0) for value in ends]
+        cells += [Cell("", None)] * (4 - len(cells))
+        x, y, z = (MM * value for value in step["sigma_mm"])
+        name = Cell(step["reading"] or "before", data)
+        rows.append([Cell(str(k), k), name, *cells, mm(math.hypot(x, y)), mm(z)])
+    header = ["step", "reading", "x (mm)", "y (mm)", "to x (mm)", "to y (mm)"]
+    header += ["σ in x, y (mm)", "σ in z (mm)"]
+    title = "next" if "readings" in found.answer else "first"
+    return Table(
+        "next", f"What to read {title}, and the σ of the nozzle over the bed then", header, rows
+    )
+
+
+def points_text(found: Assessment) -> str:
+    """Return the planned heights as DELTA_CALIBRATE's points, with the probed ones before.
+
+    DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
+    """
+    probed = [of["steps"][0] for of in found.answer.get("readings", ()) if of["probed"]]
+    before = found.delta.positions(found.values, np.reshape(probed, (-1, 3)))[0] / MM
+    new = found.answer["next"]
+    lines = [
+        "# For Klipper: include this file in printer.cfg, then DELTA_CALIBRATE and SAVE_CONFIG.",
+        f"# {len(before)} points as probed before, and {len(new)} that tell most beside them.",
+        "[delta_calibrate]",
+        "points:",
+        *(f"    {round(x) + 0}, {round(y) + 0}" for x, y in [*before[:, :2].tolist(), *new]),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def mm(value: float, decimals: int = 3) -> Cell:
+    """Return a length in mm; empty if unknown."""
+    return Cell(f"{value / MM:.{decimals}f}" if math.isfinite(value) else "", value / MM)
+
+
+def _cell(value: float | None, decimals: int, scale: float) -> Any:
+    return "" if value is None else Cell(f"{value:.{decimals}f}", scale * value)
+
+
+def _all(values: Array) -> float:
+    """Return the root mean square; NaN of none, and where one has no value."""
+    return rms(values) if np.isfinite(values).all() else math.nan
+
+
+def _worst(values: Array) -> float:
+    return float(np.max(np.abs(values))) if len(values) else math.nan
+
+
+def _without_empty(table: Table) -> Table:
+    """Remove columns without values."""
+    said = [k for k in range(len(table.header)) if any(row[k] for row in table.rows)]
+    return table.columns(*said)

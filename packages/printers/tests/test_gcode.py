@@ -1,0 +1,270 @@
+"""Printers with Marlin or RepRapFirmware: their sessions, read in order.
+
+Lines that level them: tests/cpp/test_printers.cpp.
+"""
+
+import numpy as np
+import pytest
+from printer_files import drawn
+
+from truepose.exceptions import InputError
+from truepose_printers.assessment import assess
+
+SETTINGS = "echo: M665 L345.0 R160.0 H418.0 A0.0 B0.1 X0.2\nM666 X-0.1 Y0 Z-0.2 ; mine\n"
+TURNS = {"x": 210, "y": 330, "z": 90, "xy": 270, "yz": 30, "zx": 150}
+SEEN = {"c": 0.03, "x": -0.05, "y": 0.1, "z": 0.02, "yz": 0.06, "zx": -0.02, "xy": 0.01}
+
+#: Radius and endstops of the printer, and of its settings before and after a calibration, mm.
+TRUE, BEFORE, AFTER = (161, 419, 418.2, 418.6), (160, 418, 418.4, 418.3), (161.4, 419.2, 418, 418.4)
+POINTS = [(0, 0)] + [
+    (r * np.cos(turn), r * np.sin(turn))
+    for r, turns in ((100, 6), (50, 6))
+    for turn in 2 * np.pi / turns * np.arange(turns)
+]
+
+
+def parameters(radius, *endstops):
+    """Klipper's parameters, m and rad."""
+    p = drawn("delta").values
+    p[0], p[-3:] = 1e-3 * radius, 1e-3 * np.array(endstops)
+    return p
+
+
+def probed(settings, points=POINTS):
+    """Coordinates at which the true printer's nozzle touches the bed, mm."""
+    delta = drawn("delta").delta
+    bed = 1e-3 * np.column_stack([points, np.zeros(len(points))])
+    return 1e3 * delta.positions(parameters(*settings), delta.steps(parameters(*TRUE), bed))[0]
+
+
+def m503(settings, more="", prefix="Recv: echo:"):
+    """Marlin's M665 and M666."""
+    radius, *endstops = settings
+    height = min(endstops)
+    ends = " ".join(f"{axis}{height - e:.2f}" for axis, e in zip("XYZ", endstops, strict=True))
+    line = f"M665 L345.00 R{radius:.2f} H{height:.2f} S80.00 X0.00 Y0.00 Z0.00{more}"
+    return f"{prefix}  {line}\n{prefix}  M666 {ends}\n"
+
+
+def g30(settings, points=POINTS):
+    """Marlin's answers to G30."""
+    return "".join(
+        f"Bed X: {x:.3f} Y: {y:.3f} Z: {z:.4f}\n" for x, y, z in probed(settings, points)
+    )
+
+
+def g33(settings, radius=100):
+    """Settings and heights that Marlin's G33 prints."""
+    turned = [(radius * np.cos(a), radius * np.sin(a)) for a in np.radians(list(TURNS.values()))]
+    z = dict(zip(["c", *TURNS], probed(settings, [(0, 0), *turned])[:, 2], strict=True))
+    return f".    c:{z['c']:+.2f}   x:{z['x']:+.2f}   y:{z['y']:+.2f}   z:{z['z']:+.2f}\n" + (
+        f".             yz:{z['yz']:+.2f}  zx:{z['zx']:+.2f}  xy:{z['xy']:+.2f}\n"
+    )
+
+
+def dot_height(settings):
+    """Settings as G33 prints them."""
+    radius, *endstops = settings
+    height = min(endstops)
+    ends = "  ".join(f"E{axis}:{height - e:+.2f}" for axis, e in zip("xyz", endstops, strict=True))
+    return f".Height:{height:.2f}  {ends}  Radius:{radius:.2f}\n.  Tx:+0.00  Ty:+0.00  Tz:+0.00\n"
+
+
+def rrf(settings, tilt=(0, 0), more=""):
+    """M665, M666 and bed.g of RepRapFirmware, with the probed heights."""
+    radius, *endstops = settings
+    ends = " ".join(f"{axis}{e - 418:.2f}" for axis, e in zip("XYZ", endstops, strict=True))
+    text = f"M665 L345 R{radius} H418 B120 X0 Y0 Z0\nM666 {ends} A{tilt[0]} B{tilt[1]}\n{more}"
+    heights = ""
+    for k, (x, y, z) in enumerate(probed(settings)):
+        text += f"G30 P{k} X{x:.3f} Y{y:.3f} Z-99999\n"
+        heights += f" {z - (x * tilt[0] + y * tilt[1]) / 100:.4f}"
+    return f"{text}G32 bed probe heights:{heights}, mean 0.1, deviation from mean 0.2\n"
+
+
+def estimated(text, **options):
+    """Radius and endstops of the estimate, mm."""
+    p = 1e3 * assess(text, **options).p
+    return np.array([p[0], *p[-3:]])
+
+
+def refused(text, **options):
+    """The one line with which a text is refused."""
+    with pytest.raises(InputError) as told:
+        assess(text, **options)
+    assert "\n" not in str(told.value)
+    return str(told.value)
+
+
+def test_g33_needs_the_radius_of_its_points():
+    lines = SETTINGS + "".join(f". {name}:{z:+.2f}\n" for name, z in SEEN.items())
+    assert "--probe-radius MM" in refused(lines)
+    bed = SETTINGS
+    for name, z in SEEN.items():
+        r, turn = (85 if name in TURNS else 0), np.radians(TURNS.get(name, 0))
+        bed += f"Bed X: {r * np.cos(turn):.9f} Y: {r * np.sin(turn):.9f} Z: {z}\n"
+    texts = [(lines, 85.0), ("Checking... AC at radius:85.0\n" + lines, None), (bed, None)]
+    texts += [(lines.replace("B0.1", "B85") + "", None)]
+    places = [
+        sorted(reading["steps"][0] for reading in assess(text, probe_radius=radius).readings())
+        for text, radius in texts
+    ]
+    np.testing.assert_allclose(places[0], places[1], atol=1e-3)
+    np.testing.assert_allclose(places[0], places[2], atol=1e-3)
+    np.testing.assert_allclose(places[0], places[3], atol=10)  # no trim of 0.1 mm there
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("M665 L200 R100\nBed X: 0 Y: 0 Z: 0", "M665 has no H, the homed height"),
+        ("M665 L90 R100 H200\nBed X: 0 Y: 0 Z: 0", "must be longer than the radius"),
+        ("M665 L200 R100 H200", "no probed heights"),
+        ("M665 L200 R100 H200\nBed probe heights: 0.1 0.2", "but 0 places"),
+        ("M665 L200 R100 H200\nBed X: 900 Y: 0 Z: 0", "no rod reaches"),
+        ("M665 L200 R100 H200\nBed X: 5 Y: 0 Z: 0", "1 probed points: 3 at least"),
+    ],
+)
+def test_what_is_missing_is_said_in_one_line(text, said):
+    assert said in refused(text)
+
+
+def test_a_large_b_of_marlin_is_the_radius_of_g33_and_no_trim_of_a_rod():
+    """Marlin 1.1.3 to 2.0.5; from 2.0.6 on A, B and C are trims."""
+    plain = assess(m503(BEFORE) + g30(BEFORE))
+    radius = assess(m503(BEFORE, " B70.00") + g30(BEFORE))
+    trims = assess(m503(BEFORE, " A0.00 B0.30 C0.00") + g30(BEFORE))
+    np.testing.assert_array_equal(radius.p, plain.p)
+    assert " A" not in "".join(radius.answer["lines"])  # these would be other settings there
+    np.testing.assert_allclose(1e3 * trims.values[5], 345.3)
+    assert " A" in trims.answer["lines"][0]
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("M665 A0.2 B0.0 C-0.1 D0.0 E0.0 F0.0", "M665 A"),  # Smoothieware's radius offsets
+        ("M665 D0.30", "M665 D"),
+        ("M665 I0.2 J0.0 K0.0", "M665 I"),
+        ("M665 A70", "M665 A"),
+        ("M666 A0.1", "M666 A"),
+        ("M666 R160 D345", "M666 D"),
+        ("M206 X1.5", "M206 X"),
+        ("M290 Z0.2", "M290 Z"),
+    ],
+)
+def test_a_setting_that_is_not_read_is_refused_by_name(line, word):
+    assert word in refused(m503(BEFORE) + line + "\n" + g30(BEFORE))
+    assert word not in str(assess(m503(BEFORE) + f"{word}0\n" + g30(BEFORE)).answer)
+
+
+@pytest.mark.parametrize("line", ["M206 X0 Y0 Z-0.4", "M92 X100 Y100 Z100 E96", "M665 S200 D0"])
+def test_a_setting_without_influence_changes_nothing(line):
+    texts = (m503(BEFORE) + g30(BEFORE), m503(BEFORE) + line + "\n" + g30(BEFORE))
+    np.testing.assert_allclose(*map(estimated, texts), atol=1e-4)
+
+
+@pytest.mark.parametrize("line", ["M665 C3", "M666 U1", "M669 X10:20", "M579 X1.01", "M556 X0.01"])
+def test_a_setting_of_reprapfirmware_that_is_not_read_is_refused_by_name(line):
+    assert line[:6] in refused(rrf(BEFORE, more=line + "\n"))
+
+
+def test_the_tilt_of_reprapfirmware_changes_no_estimate():
+    tilted = assess(rrf(BEFORE, tilt=(0.6, -0.45)))
+    np.testing.assert_allclose(1e3 * tilted.p, 1e3 * assess(rrf(BEFORE)).p, atol=0.01)
+    assert "A0 B0" in tilted.answer["lines"][1]  # the estimate has none
+
+
+def test_the_probe_stands_beside_the_nozzle():
+    at = [(x + 20, y - 10) for x, y in POINTS]
+    heights = zip(at, probed(BEFORE)[:, 2], strict=True)
+    bed = "".join(f"Bed X:{x:.3f} Y:{y:.3f} Z:{z:.4f}\n" for (x, y), z in heights)
+    text = m503(BEFORE) + "echo:  M851 X20.00 Y-10.00 Z-1.20\n" + bed
+    np.testing.assert_allclose(estimated(text), estimated(m503(BEFORE) + g30(BEFORE)), atol=0.02)
+
+
+DONE = "Iteration : 01                 std dev:0.404\n"
+SESSIONS = {
+    "the settings are printed after the heights": g30(BEFORE) + m503(BEFORE),
+    "G33 V3 prints the settings of each of its probings": "Send: G33 P3 V3\nG33 Auto Calibrate\n"
+    + m503(BEFORE)
+    + dot_height(BEFORE)
+    + g33(BEFORE)
+    + DONE
+    + dot_height(AFTER)
+    + g33(AFTER)
+    + "Calibration OK            rolling back.\n"
+    + dot_height(BEFORE),
+    "G33 prints no settings after the first probing": m503(BEFORE)
+    + "Send: G33 P3 V3\n"
+    + g33(BEFORE)
+    + DONE
+    + g33(AFTER)
+    + "Calibration OK        std dev:0.01\n",
+    "the output of G33 is cut to its heights": m503(BEFORE)
+    + "G33 P3 V2\n"
+    + g33(BEFORE)
+    + g33(AFTER),
+    "new settings are sent after the probing": m503(BEFORE)
+    + g30(BEFORE)
+    + m503(AFTER, prefix="Send:"),
+    "another probing follows new settings": m503(BEFORE)
+    + g30(BEFORE)
+    + m503(AFTER, prefix="Send:")
+    + "Send: M500\n"
+    + g30(AFTER),
+    "one point is probed again in the end": m503(BEFORE)
+    + g30(BEFORE)
+    + m503(AFTER, prefix="Send:")
+    + g30(AFTER, [(0, 0)]),
+    "settings are loaded and printed": m503(AFTER) + "Send: M502\n" + m503(BEFORE) + g30(BEFORE),
+    "settings are loaded after the probing": m503(BEFORE) + g30(BEFORE) + "Send: M501\n",
+    "G33 only probes": m503(BEFORE) + "Send: G33 P3 V0\n" + dot_height(BEFORE) + g33(BEFORE),
+    "G33 calibrates, M503 follows": m503(BEFORE) + "Send: G33 P3\n" + m503(AFTER) + g30(AFTER),
+    "G33 T changes no angles": m503(BEFORE)
+    + "SENDING:G33 P3 T V1\n"
+    + dot_height(BEFORE).split(".  T")[0]
+    + DONE
+    + dot_height(AFTER).split(".  T")[0]
+    + g30(AFTER),
+    "G33 P1 changes the height alone": m503(AFTER).replace("H418.00", "H417.00")
+    + "Send: G33 P1\n.Height:417.00\nCalibration OK\n.Height:418.00\n"
+    + g30(AFTER),
+    "RepRapFirmware calibrates after the probing": rrf(BEFORE)
+    + "Calibrated 6 factors using 13 points, (mean, deviation) before (0.1, 0.2) after (0, 0)\n",
+    "RepRapFirmware probes again": rrf(AFTER) + rrf(BEFORE),
+    "RepRapFirmware's answers": "M665\nDiagonals 345.000:345.000:345.000, delta radius 160.000, "
+    "homed height 418.000, bed radius 120.0, X 0.000°, Y 0.000°, Z 0.000°\nM666\nEndstop "
+    "adjustments X0.00 Y0.40 Z0.30, tilt X0.00% Y0.00%\n" + rrf(BEFORE).split("\n", 2)[2],
+}
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_heights_belong_to_the_settings_in_force_when_they_were_probed(name):
+    found = estimated(SESSIONS[name], probe_radius=100.0)
+    np.testing.assert_allclose(found, TRUE, atol=0.07)
+
+
+UNKNOWN = {
+    "G33": m503(BEFORE) + "Send: G33 P3 V1\n" + g30(AFTER),
+    "M502": m503(BEFORE) + "Send: M502\n" + g30(AFTER),
+    "M501": m503(BEFORE) + "M501\n" + g30(AFTER),
+    "G32": rrf(BEFORE).split("G30")[0]
+    + "Calibrated 8 factors using 13 points, (mean\n"
+    + "G30"
+    + rrf(AFTER).split("G30", 1)[1],
+    "G33 P5": m503(BEFORE) + "Send: G33 P5 V0\n" + g33(BEFORE),
+    "G33 O": m503(BEFORE) + "Send: G33 P3 V0 O\n" + g33(BEFORE),
+}
+
+
+@pytest.mark.parametrize("by", UNKNOWN)
+def test_heights_whose_settings_or_places_are_unknown_are_refused(by):
+    assert by in refused(UNKNOWN[by], probe_radius=100.0)
+
+
+def test_the_settings_at_the_end_are_judged():
+    """Not those of the probing."""
+    found = assess(SESSIONS["new settings are sent after the probing"])
+    assert 1e3 * found.values[0] == pytest.approx(AFTER[0])
+    assert any("settings were changed after this probing" in note for note in found.answer["notes"])

@@ -1,0 +1,169 @@
+"""Delta printers by Klipper's saved readings, against Klipper's own results."""
+
+import re
+
+import numpy as np
+import pytest
+from printer_files import REAL, changed, made_printer, read, text_of
+from printer_trials import ASSUMED, made
+
+import truepose as tp
+from truepose_printers.assessment import ESTIMATE, MM, assess, rms
+
+#: z rms that Klipper's parameters leave, mm.
+LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}
+
+
+def words_of(text: str, **options) -> list[str]:
+    return assess(text, **options).answer["words"]
+
+
+def column(found, key: str) -> np.ndarray:
+    """A column of Klipper's own parameters, mm and degrees."""
+    return np.array([row[key] for row in found.answer["parameters"] if row["now"] is not None])
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_klippers_criterion_finds_what_klipper_found(name):
+    text = read(name)
+    real = assess(text)
+    radius = re.search(r"#\*# delta_radius = (.*)", text)[1]
+    begun = assess(text.replace(f"= {radius}", f"= {float(radius) + 2}"))
+    for found in (real, begun):
+        assert abs(column(found, "klipper") - column(real, "now")).max() < 2e-4
+    for fit in (real.fits[0], begun.fits[1]):
+        assert rms(fit.heights) / MM == pytest.approx(LEFT[name], abs=5e-5)
+
+
+def test_parameters_that_do_not_fit_the_readings_are_named_so():
+    assert "do not fit the file's readings (z 0.13 mm rms" in words_of(read("danorder-v400"))[0]
+    for name in LEFT:
+        assert "are what Klipper's criterion gives" in words_of(read(name))[0]
+
+
+@pytest.mark.parametrize("name", [*LEFT, "danorder-v400"])
+def test_an_estimate_in_the_file_is_called_one(name):
+    words = words_of(assess(read(name)).answer["config"])
+    assert words[0].startswith("The file's parameters are truepose's estimate, not what Klipper's")
+    assert "do not tell apart" not in words[-1]
+    assert words[-1].startswith("Keep the file's parameters")
+
+
+def test_parameters_that_leave_as_much_as_klippers_fit():
+    text = assess(read("danorder-v400"), sigma={"height": 0.01 * MM}).answer["config"]
+    assert words_of(text, arm=0.347)[0] == (
+        "The file's parameters fit the file's readings as those of Klipper's criterion do "
+        "(z 0.015 mm rms), angle_b off by 0.02°"
+    )
+
+
+def test_calliper_distances_left_out():
+    """Issue's figures by others: heights alone 0.160 mm, Klipper's nine 0.059, plain mean 0.044."""
+    left = {way.name: rms(way.distances) / MM for way in assess(read("phnxdrgn536")).held_out}
+    assert left["bed heights alone"] == pytest.approx(0.160, abs=5e-4)
+    assert left["Klipper's nine parameters"] == pytest.approx(0.059, abs=5e-4)
+    assert left["plain mean"] == pytest.approx(0.044, abs=5e-4)
+    assert left["one common arm"] < 0.057
+    assert left[ESTIMATE] < 0.057
+
+
+def test_twelve_nearly_equal_distances_do_not_support_nine_parameters():
+    assert "do not support nine parameters" in " ".join(words_of(read("phnxdrgn536")))
+
+
+def test_words_say_whether_to_use_it():
+    """Of one printer's readings: as they are, with wrong arms as drawn, with absurd ones in use."""
+    text = read("phnxdrgn536")
+    assert words_of(text)[-1].startswith("Use the estimate: expected")
+    kept = words_of(text, arm=0.34)[-1]
+    assert kept.startswith("Keep the file's parameters, and look whether the arms as drawn are 340")
+    found = assess(re.sub(r"(\*# arm_length) = .*", r"\1 = 163", text), arm=0.345)
+    words = found.answer["words"]
+    assert (
+        words[0] == "The file's parameters cannot bring the nozzle to where its readings were taken"
+    )
+    assert words[-1].endswith("with the file's parameters the nozzle does not reach the bed")
+    assert len(found.bed("now").error) == 0
+    assert words_of(read("fzechert"))[-1].startswith("Keep the file's")
+
+
+@pytest.mark.parametrize("name", ["fzechert", "cupsster"])
+def test_heights_alone_never_identify_an_arm(name):
+    said = [row["verdict"] for row in assess(read(name)).answer["parameters"]]
+    assert "identified" not in said[4:7]
+
+
+def test_nor_do_hundreds_of_heights():
+    made_one, truth = made_printer(seed=1, more=200)
+    text = text_of(made_one, truth.readings.heights_only())
+    found = assess(text, sigma={"arm": 50 * MM, "height": 1e-4 * MM})  # σ alone would call it seen
+    arms = found.answer["parameters"][4:7]
+    assert all(arm["verdict"] == "barely" for arm in arms)
+
+
+@pytest.mark.parametrize("arms", [(0.214, 0.391, 0.288), (0.228, 0.605, 0.288)])
+@pytest.mark.parametrize("with_readings", [True, False])
+def test_arms_that_nobody_made_are_named(arms, with_readings):
+    drawing = {f"stepper_{tower}__arm_length": 0.288 for tower in "abc"}
+    made_one, truth = made_printer(**drawing, printer__delta_radius=0.14)
+    named = dict(zip(drawing, arms, strict=True))
+    text = text_of(changed(made_one, **named), truth.readings)
+    said = f"arms of {', '.join(f'{1e3 * arm:.1f}' for arm in arms)} mm differ by"
+    if not with_readings:
+        with pytest.raises(tp.InputError, match=said):
+            assess(text.split("#*# [delta_calibrate]")[0])
+        return
+    found = assess(text)
+    assert any(said in note for note in found.answer["notes"])
+    assert abs(found.p[4:7] - truth.p[4:7]).max() < 1.5 * MM  # 288, whatever the file says
+
+
+def test_a_value_in_the_file_itself_is_taken_out_when_it_is_written():
+    text = read("fzechert").replace("[stepper_b]\n", "[stepper_b]\narm_length: 345 # mine\n", 1)
+    new = assess(text).answer["config"]
+    assert "\n#arm_length: 345 # mine\n" in new
+    assert column(assess(new), "now")[5] != 345
+
+
+def test_values_of_several_lines_and_other_saved_options_stay():
+    text = read("fzechert")
+    radius = re.search(r"\n#\*# delta_radius = (.*)", text)
+    text = text.replace(radius[0], "\n#*# other = 1\n#*# two = a\n#*# \tb")
+    text = text.replace("[printer]\n", f"[printer]\ndelta_radius:\n  {radius[1]}\n  # mine\n", 1)
+    text = text.replace("[printer]\n", "[gcode_macro X]\ngcode:\n  G28\n\n  G1 X0\n[printer]\n", 1)
+    new = assess(text).answer["config"]
+    assert f"\n#delta_radius:\n#  {radius[1]}\n#  # mine\n" in new
+    assert "gcode:\n  G28\n\n  G1 X0\n" in new
+    assert "\n#*# other = 1\n#*# two = a\n#*# \tb\n" in new
+    assert assess(new).answer["words"][0].startswith("The file's parameters are truepose's")
+
+
+def test_shipped_readings_name_their_source():
+    for path in REAL.glob("*.cfg"):
+        text = path.read_text(encoding="utf-8")
+        assert "CC0-1.0" in text and "GitHub repository" in text and "commit" in text
+
+
+def test_readings_of_no_such_printer_are_not_relied_on():
+    text = read("fzechert")
+    found = assess(text.replace("height3 = 17.3", "height3 = 20").replace("ht5 = 17.3", "ht5 = 15"))
+    assert found.answer["verdict"].startswith("Do not rely on this calibration: heights are")
+    assert not found.answer["rely"] and not assess(text).answer["notes"]
+
+
+def test_the_noise_of_many_readings_is_found():
+    printer, _ = made_printer()
+    noisy = ASSUMED | {"height": 0.1 * MM, "distance": 0.01 * MM}
+    noise = assess(text_of(printer, made(printer, noisy, 1, more=43).readings)).answer["noise"]
+    assert [noise["heights_mm"], noise["distances_mm"]] == pytest.approx([0.1, 0.022], rel=0.2)
+    dof = [noise["heights_dof"], noise["distances_dof"]]
+    assert dof == pytest.approx([3 + 50 - 6, 3 + 12 - 5], abs=2)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_seven_heights_are_too_few_to_judge_a_printer(seed):
+    printer, truth = made_printer(seed=seed)
+    words = words_of(text_of(printer, truth.readings.heights_only()))
+    assert words[-2].startswith("Too few readings to judge this calibration: an error of one")
+    assert re.search(r"To show one of 0\.3 mm, add \d+ heights, spread evenly", words[-2])
+    assert not words[-1].startswith("Do not rely")

@@ -1,1 +1,0 @@
-"""Integration of Klipper: calibration of delta printers from their configuration and readings."""
