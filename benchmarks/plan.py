@@ -95,7 +95,9 @@ def logged(count: int, sets: int) -> None:
         candidates = tp.design.CandidatePoses(
             poses=x[among], measured_sigma=SIGMA[0], measured_angle_sigma=SIGMA[3]
         )
-        plan = tp.plan_poses(robot, count, candidates=candidates, poses=over, seen=of_tracker)
+        plan = tp.plan_poses(
+            robot, count, candidates=candidates, use=tp.design.Use(poses=over), seen=of_tracker
+        )
         return missed(among[[step.candidate for step in plan.steps]])
 
     sixty = np.median([missed(rng.permutation(len(q))[:60]) for _ in range(sets)])

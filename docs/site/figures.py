@@ -12,9 +12,9 @@ from matplotlib.ticker import FixedLocator
 import truepose as tp
 from truepose.robot.parts import COLOURS
 from truepose.robot.workspace import workspace_grid
-from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
 from truepose_paper import faulty, figures, following
+from truepose_paper.plotted import plotted
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"

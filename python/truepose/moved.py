@@ -12,6 +12,7 @@ from truepose.exceptions import InputError
 
 #: Package of each command that is in one; a point separates groups.
 COMMANDS = {
+    "export.json": "printers",
     "export.linuxcnc": "linuxcnc",
     "export.mjcf": "mujoco",
     "import": "mujoco",
@@ -26,6 +27,7 @@ COMMANDS = {
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
+    "truepose.deploy.json_export": "truepose_printers.robot_json",
     "truepose.integrations.importers": "truepose_mujoco.importers",
     "truepose.integrations.klipper": "truepose_printers",
     "truepose.integrations.linuxcnc": "truepose_linuxcnc",
@@ -33,6 +35,7 @@ MODULES = {
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
     "truepose.paper": "truepose_paper",
+    "truepose.show.plotted": "truepose_paper.plotted",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",

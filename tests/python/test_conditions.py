@@ -169,7 +169,7 @@ def test_selection_and_plans_predict_what_the_bound_does(known_by, anywhere, rng
         one = robot.with_sensors(*choice.sensors)
         assert choice.error == pytest.approx(position(one, x[:6], **at), rel=1e-4)
     at.pop("calibrated_on", None)
-    plan = tp.plan_poses(robot, 5, candidates=x[6:], poses=x[:6], **at)
+    plan = tp.plan_poses(robot, 5, candidates=x[6:], use=Use(poses=x[:6], **at))
     bound = position(robot, x[:6], calibrated_on=plan.poses, **at)
     assert plan.sigma[-1, -1] == pytest.approx(bound, rel=1e-4)
 

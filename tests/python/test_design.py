@@ -13,7 +13,7 @@ from truepose.commands.design import notes, verified
 from truepose.design.criterion import SIGMA, Criterion
 from truepose.design.search import Search
 from truepose.design.verification import Verification, verify, wilson
-from truepose.design.where import Known, Use, path_poses, volume_poses
+from truepose.design.where import Known, Use, volume_poses
 from truepose.design.worth import Worth
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
@@ -391,26 +391,22 @@ def test_the_search_ends_where_a_cost_is_no_number(monkeypatch):
     assert search._exchanged((0,), 5.0, search.cost) == (0,)
 
 
-def test_a_volume_and_a_path_are_poses(h4):
+def test_a_volume_is_poses(h4):
     ranges = {"z": (-0.38, -0.36), "theta": (-0.1, 0.2)}
     x = volume_poses(h4, ranges)
     low, high = np.array([-0.1, -0.1, -0.38, -0.1]), np.array([0.1, 0.1, -0.36, 0.2])
     assert x.shape == (32, 4) and (x >= low).all() and (x <= high).all()
     assert (np.ptp(x, axis=0) > 0.8 * (high - low)).all()
-    corners = np.array([[0, 0, -0.4, 0], [0.05, 0, -0.4, 0], [0.05, 0.1, -0.4, 0]])
-    along = path_poses(h4, corners)
-    steps = np.linalg.norm(np.diff(along, axis=0), axis=1)
-    assert np.allclose(along[[0, -1]], corners[[0, 2]]) and steps.sum() == pytest.approx(
-        0.15, rel=0.01
-    )
-    assert np.ptp(steps) < 0.31 * steps.max()  # shorter where it cuts the corner
 
 
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [
-        ({"z": (-0.5, -0.2)}, "volume z -500 mm to -200 mm: .* out of reach; h4 reaches 4. % of"),
-        ({"z": (1, 2)}, "not even its centre is in reach; the workspace has x .*, z -4.. mm to"),
+        (
+            {"z": (-0.5, -0.2)},
+            "volume z -500 mm to -200 mm: .* out of reach; the workspace has x .*, z -4.. mm to",
+        ),
+        ({"z": (1, 2)}, "volume z 1000 mm to 2000 mm: 100% is out of reach"),
         ({"u": (1, 2)}, "volume: unknown coordinate 'u'"),
         ({"z": (2, 1)}, "volume: z = 2 to 1: must be LOW, HIGH"),
     ],
@@ -420,43 +416,23 @@ def test_a_volume_out_of_reach_is_refused(h4, ranges, message):
         volume_poses(h4, ranges)
 
 
-@pytest.mark.parametrize("named", [["x"], ["z"], ["x", "y"], ["theta", "z"]])
-def test_a_volume_that_is_named_as_in_reach_is_in_reach(h4, named):
-    """Coordinates that are not named keep the range of the workspace."""
-    wide = {"x": (-0.5, 0.4), "y": (-0.5, 0.5), "z": (-0.5, -0.2), "theta": (-3.0, 3.0)}
-    with pytest.raises(tp.InputError) as wrong:
-        volume_poses(h4, {name: wide[name] for name in named})
-    _, _, near = str(wrong.value).partition("centre: ")
-    found = re.findall(r"(\w+) (-?[0-9.]+)(°| mm) to (-?[0-9.]+)", near)
-    factor = {"°": np.pi / 180, " mm": 1e-3}
-    ends = {name: (factor[u] * float(a), factor[u] * float(b)) for name, a, u, b in found}
-    assert set(ends) == set(named) and len(volume_poses(h4, ends)) == 32
-
-
-def test_a_path_needs_a_length_and_must_be_in_reach(h4):
-    with pytest.raises(tp.InputError, match="path: 2 poses without a distance"):
-        path_poses(h4, [h4.home, h4.home])
-    with pytest.raises(tp.PoseError):
-        path_poses(h4, [h4.home, [0, 0, 1, 0]])
-
-
-def test_the_commands_take_a_volume_or_a_path(run, tmp_path):
+def test_the_commands_take_a_volume_or_poses(run, tmp_path):
     (tmp_path / "way.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0.05,0,-0.4,0.2\n")
     words = ("design", "h4", "--price", "theta=90,wire1=250")
     far = run(*words, "--format", "csv", "--volume", "z=-420mm..-0.35m")[1]
-    near = run(*words, "--format", "csv", "--path", tmp_path / "way.csv")[1]
+    near = run(*words, "--format", "csv", "--poses", tmp_path / "way.csv")[1]
     assert far.splitlines()[0] == near.splitlines()[0] and far != near
     for command in (("error-budget", "h4"), ("plan", "h4", "--count", "3", "--candidates", "40")):
-        status, out, err = run(*command, "--path", tmp_path / "way.csv")
-        assert status == 0 and "32 poses" in out + err
-    status, _, err = run(*words, "--volume", "z=-0.4..-0.3", "--path", tmp_path / "way.csv")
-    assert (status, err.count("\n")) == (2, 1) and "--volume, --path: name one of them" in err
+        status, out, err = run(*command, "--poses", tmp_path / "way.csv")
+        assert status == 0 and re.search(r"\b2 poses", out + err)
+    status, _, err = run(*words, "--volume", "z=-0.4..-0.3", "--poses", tmp_path / "way.csv")
+    assert (status, err.count("\n")) == (2, 1) and "--poses, --volume: name one of them" in err
     status, out, err = run(*words, "--target", "8mm,0.4deg", "--robots", "20")
     assert status == 0 and "mm, 0.255°; the position limits" in out, out
     assert "position and angle error kept by 95 % of robots" in " ".join(out.split())
 
 
-@pytest.mark.parametrize("option", ["--poses", "--path", "--calibrated"])
+@pytest.mark.parametrize("option", ["--poses", "--calibrated"])
 def test_a_pose_of_a_file_that_is_out_of_reach_is_named(run, tmp_path, option):
     (tmp_path / "far.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0,0,-0.9,0\n")
     status, _, err = run("design", "h4", "--price", "theta=1", option, tmp_path / "far.csv")
@@ -467,6 +443,15 @@ def test_a_pose_of_a_file_that_is_out_of_reach_is_named(run, tmp_path, option):
 def test_prices_that_are_given_apart_add_up(run):
     words = ("design", "h4", "--robots", "0", "--format", "json", "--price")
     assert run(*words, "t*=9,theta=8,wire1=5") == run(*words, "t*=9,theta=8", "--price", "wire1=5")
+
+
+def test_a_file_of_version_0_5_with_prices_of_machining_loads_and_says_so(run, tmp_path):
+    entry = '"chain*.rod" = { interval = [-0.003, 0.010]'
+    steps = ", price_steps = [{ sigma = 1e-3, price = 300 }]"
+    file = tmp_path / "priced.toml"
+    file.write_text(path_of("h4").read_text().replace(entry, entry + steps))
+    status, _, err = run("design", file, "--price", "theta=90")
+    assert status == 0 and "chain*.rod: price_steps: not used since 0.6" in err
 
 
 def test_prices_stand_in_the_file_too(h4):

@@ -170,7 +170,7 @@ def test_a_hostile_robot_file_is_refused_or_works(run, tmp_path, seed):
     usable = fits(*run("check", "robot.toml"))
     words = [
         ["info", "robot.toml", "--samples", "20", "--plot", "map.svg"],
-        ["export", "json", "robot.toml", "-o", "robot.json"],
+        ["export", "c", "robot.toml", "--frequency", "90", "-o", "robot.h"],
         ["accuracy", "robot.toml", "--sensors", "none", "--format", "json"],
     ][seed % 3]
     status, out, err = run(*words)
@@ -223,7 +223,7 @@ KINDS += ["hard robot", "empty", "below a file", "nowhere", "long", "dots", "own
 COMMANDS = [
     ("info", "robot.toml", "--samples", "20", "--plot"),
     ("accuracy", "robot.toml", "--sensors", "none", "--plot"),
-    ("export", "json", "robot.toml", "-o"),
+    ("export", "c", "robot.toml", "--frequency", "90", "-o"),
     ("calibrate", "robot.toml", "log.csv", "--report"),
 ]
 

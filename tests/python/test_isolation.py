@@ -102,13 +102,13 @@ def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.Monk
     assert "Faulty: theta: its bias is wrong." in out
     status, _, err = run("faults", "h4", "tour.csv", "--sensors", "none")
     assert status == 2 and "no redundant sensor" in err
-    status, _, err = run("faults", "h4", "tour.csv", "--boxes", "2")
-    assert status == 2 and "--boxes: only for a prediction: leave out" in err
+    status, _, err = run("faults", "h4", "tour.csv", "--calibrated")
+    assert status == 2 and "--calibrated: only for a prediction: leave out" in err
     status, _, err = run("faults", "h4", "--columns", "q1 = a")
     assert status == 2 and "--columns: only with a LOG: leave out" in err
-    words = ("--plot", "d.png", "--boxes", "3", "--calibrated")
+    words = ("--plot", "d.png", "--calibrated")
     status, _, err = run("faults", "delta", *words)
-    assert status == 2 and "--calibrated, --boxes, --plot: only with a redundant sensor" in err
+    assert status == 2 and "--calibrated, --plot: only with a redundant sensor" in err
 
 
 def test_readings_that_explain_the_same_at_one_pose_are_all_named() -> None:

@@ -25,7 +25,7 @@ WRITERS = {
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
     "log": ("simulate", "h4", "-o", "out.csv"),
     "truth": ("simulate-log", "h4", "-o", "new.csv", "--truth", "out.toml", "--count", "20"),
-    "model": ("export", "json", "h4", "-o", "out.json"),
+    "model": ("export", "c", "h4", "--frequency", "90", "-o", "out.h"),
 }
 
 
@@ -110,7 +110,7 @@ INPUTS = {
         (("calibrate", "h4", "log.csv", "--report"), "log.csv"),
         (("calibrate", "mine.toml", "log.csv", "-o"), "mine.toml"),
         (("calibrate", "mine.toml", "log.csv", "-o", "a.toml", "--report"), "mine.toml"),
-        (("export", "json", "mine.toml", "-o"), "mine.toml"),
+        (("export", "c", "mine.toml", "--frequency", "90", "-o"), "mine.toml"),
         (("simulate", "h4", "--true", "mine.toml", "--plot", "a.png", "-o"), "mine.toml"),
         (("simulate-log", "mine.toml", "--truth"), "mine.toml"),
     ],

@@ -12,6 +12,7 @@ from truepose.design.candidates import CandidatePoses, drawn, rows_of
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.poses import Sought
 from truepose.design.tour import tour
+from truepose.design.where import Use
 from truepose.robot.units import summed
 
 
@@ -81,8 +82,10 @@ def test_what_is_promised_is_the_bound(any_robot, anywhere, rng, how, level):
         pytest.skip("no such level, or nothing to calibrate by")
     robot = equipped(any_robot)
     known = {key: 1e-4 if key == "reference_sigma" else robot.home for key in how}
+    relative = {key: known[key] for key in how if key == "relative_to"}
     at = anywhere(robot, 1, rng)[0]
-    plan = tp.plan_poses(robot, 6, candidates=40, level=level, poses=[robot.home, at], **known)
+    use = Use(poses=[robot.home, at], **{key: known[key] for key in how if key not in relative})
+    plan = tp.plan_poses(robot, 6, candidates=40, level=level, use=use, **relative)
     for k in (0, 3, 6):
         x = np.concatenate([np.zeros((0, robot.n)), *(step.poses for step in plan.steps[:k])])
         P = tp.accuracy(robot, plan.over, x, level=level, **known)
@@ -303,7 +306,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     x = anywhere(robot, 40, rng)
     known = {"measured_sigma": 1e-4, "measured_angle_sigma": 1e-4}
     candidates = tp.design.CandidatePoses(poses=x[6:], **known)
-    plan = tp.plan_poses(robot, 15, candidates=candidates, poses=x[:6], seen=True)
+    plan = tp.plan_poses(robot, 15, candidates=candidates, use=Use(poses=x[:6]), seen=True)
     level = robot.highest_level
     visited = np.vstack([step.poses for step in plan.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
@@ -312,7 +315,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     assert plan.sigma[-1, -1] == pytest.approx(promised, rel=0.02)
     if sensors:
         return  # the robot's gains are best for its own frame, and the plan is not quite the best
-    other = tp.plan_poses(robot, 15, candidates=candidates, poses=x[:6])
+    other = tp.plan_poses(robot, 15, candidates=candidates, use=Use(poses=x[:6]))
     visited = np.vstack([step.poses for step in other.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
     apart = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
@@ -345,7 +348,8 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
         ({"target": 1e-6, "candidates": 20}, "all 20 candidates together reach"),
         ({"candidates": [[3.0, 0, 0, 0]]}, "none of 1 is reachable"),
         ({"candidates": [[0.0, 0, 0]]}, "must be"),
-        ({"poses": [[3.0, 0, 0, 0]]}, "poses 0: cannot be reached"),
+        ({"use": Use(poses=[[3.0, 0, 0, 0]])}, "poses 0: cannot be reached"),
+        ({"use": Use(calibrated_on=[[0, 0, -0.4, 0]])}, "calibrated_on: a plan chooses these"),
         ({"relative_to": [0.0, 0]}, "relative_to: shape"),
         ({"seen": True, "candidates": 20}, "seen: needs candidates with measured_sigma"),
     ],
@@ -482,13 +486,13 @@ def test_amounts_of_influences_are_as_unknown_on_candidates_as_they_were_on_the_
     first = tp.calibrate(robot, q_e[log], influences=drift(log))
     both = tp.calibrate(robot, q_e, influences=drift(np.arange(50)))
     candidates = CandidatePoses(poses=x[new], influences=drift(new))
-    rows = rows_of(first.robot, candidates, "ideal", True, first)
+    rows = rows_of(first.robot, candidates, "ideal", first)
     left = rows.root @ posterior(rows.known, rows.C, range(20))
     p = len(first.names)
     sigma = np.sqrt(np.diag(left @ left.T))
     assert sigma[:p] == pytest.approx(np.sqrt(np.diag(both.covariance)), rel=0.02)
     assert sigma[p] == pytest.approx(both.influences["drift"].sigma, rel=0.02)
-    plain = rows_of(first.robot, CandidatePoses(poses=x[new]), "ideal", True, first)
+    plain = rows_of(first.robot, CandidatePoses(poses=x[new]), "ideal", first)
     taken_as_known = plain.root @ posterior(plain.known, plain.C, range(20))
     zero = first.names.index("chain1.encoder_offset")
     assert np.linalg.norm(taken_as_known[zero]) < 0.9 * sigma[zero]
@@ -524,9 +528,9 @@ def test_the_weights_of_a_plan_are_the_slope_of_its_cost(reference):
     h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
     none = np.zeros((0, h4.n))
     candidates = CandidatePoses(poses=drawn(h4, 60, 0))
-    rows = rows_of(h4, candidates, "full", True, None, none, np.zeros(h4.n))
+    rows = rows_of(h4, candidates, "full", None, none, np.zeros(h4.n))
     relative = none if reference is None else np.array([reference])
-    sought = Sought(h4, rows, "full", True, None, relative)
+    sought = Sought(h4, rows, "full", None, relative)
     G = posterior(rows.known, rows.C, range(20))
     step, within = 1e-3, 1e-3 if reference is None else 0.2
     slope = (sought.cost((1 + step) * G) - sought.cost((1 - step) * G)) / (2 * step)

@@ -117,13 +117,17 @@ def test_accuracy_of(kept):
 def test_planned_poses(kept):
     h4, design = tp.load("h4").sample(1).with_level(None), tp.design
     candidates = some(h4, 40, 3)
-    plan = tp.plan_poses(h4, 5, candidates=candidates, poses=some(h4, 8), reference_pose=h4.home)
+
+    def use(**known):
+        return design.Use(poses=some(h4, 8), **known)
+
+    plan = tp.plan_poses(h4, 5, candidates=candidates, use=use(reference_pose=h4.home))
     measured = design.CandidatePoses(
         poses=candidates, measured_sigma=3e-5, measured_angle_sigma=1e-3
     )
-    seen = tp.plan_poses(h4, 4, candidates=measured, poses=some(h4, 8), seen=True)
+    seen = tp.plan_poses(h4, 4, candidates=measured, use=use(), seen=True)
     fit = tp.calibrate(h4, h4.sample(3).read(some(h4, 12, 9), seed=3))
-    after = tp.plan_poses(h4, 4, candidates=candidates, after=fit, poses=some(h4, 8))
+    after = tp.plan_poses(h4, 4, candidates=candidates, after=fit, use=use())
     kept(answer([plan, seen, after, plan.table()]))
 
 
@@ -163,7 +167,9 @@ def test_chart(kept, case):
     h4, ankle = tp.load("h4"), tp.load("x1-ankle")
     prices = {s.name: 50.0 + 7 * k for k, s in enumerate(h4.spec.sensor)}
     shown = {
-        "plan": lambda: tp.plan_poses(h4, 4, candidates=some(h4, 30, 3), poses=some(h4, 8)),
+        "plan": lambda: tp.plan_poses(
+            h4, 4, candidates=some(h4, 30, 3), use=tp.design.Use(poses=some(h4, 8))
+        ),
         "zero": lambda: tp.calibration.zero(ankle, ankle.sample(5).read([[0.0, 0.0]], seed=2)),
         "design": lambda: tp.select_sensors(
             h4, prices, use=tp.design.Use(poses=some(h4, 8)), budget=170.0

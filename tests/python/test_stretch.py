@@ -8,6 +8,7 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.design.candidates import CandidatePoses
+from truepose.design.where import Use
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot import compliance
 from truepose.robotfile.schema import Compliance
@@ -253,14 +254,14 @@ def test_a_plan_promises_what_the_bound_says_of_its_poses(yielding):
     robot = robot.with_sensors("roll", "pitch")
     x = np.random.default_rng(2).uniform(-0.04, 0.04, (40, 6)) + robot.home
     over = x[:7]
-    plan = tp.plan_poses(robot, 12, candidates=CandidatePoses(poses=x), poses=over)
+    plan = tp.plan_poses(robot, 12, candidates=CandidatePoses(poses=x), use=Use(poses=over))
     visited = np.vstack([step.poses for step in plan.steps])
     for chosen, promised in ((None, plan.sigma[0]), (visited, plan.sigma[-1])):
         P = tp.accuracy(robot, over, calibrated_on=chosen)
         position = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
         assert promised[-1] == pytest.approx(position, rel=1e-6)
     stiff = tp.plan_poses(
-        tp.load("stewart").with_sensors("roll", "pitch"), 12, candidates=x, poses=over
+        tp.load("stewart").with_sensors("roll", "pitch"), 12, candidates=x, use=Use(poses=over)
     )
     assert plan.sigma[0, -1] > 1.001 * stiff.sigma[0, -1]
 

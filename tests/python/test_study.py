@@ -52,7 +52,7 @@ def alone() -> tp.studies.Study:
     return tp.monte_carlo(off, ["3rrr", "h4"], COUNT, seed=3, workers=0)
 
 
-@pytest.mark.parametrize("how", [{"on": "threads"}, {"on": "processes"}, {"chunk": 5}])
+@pytest.mark.parametrize("how", [{}, {"chunk": 5}])
 def test_numbers_do_not_depend_on_who_works(alone, how):
     options = {"seed": 3, "workers": 2, "chunk": 2, **how}
     assert same(alone, tp.monte_carlo(off, ["3rrr", "h4"], COUNT, **options))

@@ -23,7 +23,6 @@ import truepose as tp
 from truepose import files
 from truepose.commands import cli
 from truepose.robot.laws import LAWS
-from truepose.show.plotted import plotted
 from truepose_paper import (
     article,
     claims,
@@ -37,6 +36,7 @@ from truepose_paper import (
     sensor_sets,
     tables,
 )
+from truepose_paper.plotted import plotted
 
 
 def started(*arguments):

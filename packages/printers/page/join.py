@@ -10,9 +10,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 import truepose
-from truepose.deploy.json_export import to_json
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "src"))
+
+from truepose_printers.robot_json import to_json  # noqa: E402 – of this checkout
 
 
 def text(name: str) -> str:

@@ -13,8 +13,8 @@ from browsing import browser  # noqa: F401 – a fixture
 from compiling import for_wasm, told, wheels_eigen
 
 import truepose as tp
-from truepose.deploy.json_export import to_json
 from truepose_printers.library import answer
+from truepose_printers.robot_json import to_json
 
 PACKAGE = Path(__file__).parents[1]
 PRINTERS = PACKAGE / "tests/data"

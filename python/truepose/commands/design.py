@@ -18,7 +18,7 @@ from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed
 from truepose.show.table import Table, number
-from truepose.show.terminal import Format, progress, show
+from truepose.show.terminal import Format, progress, say, show
 from truepose.show.units import PRINT, measured
 
 #: Options of the selection alone.
@@ -78,10 +78,12 @@ def command(
     wrong = {"--within", "--out"} if place is None else _CHOOSING
     other = "needs --place" if place is None else "is for sensor selection, not for --place"
     options.refuse(options.given(context), wrong, other)
-    inputs = (robot, use.poses, use.path, use.calibrated)
+    inputs = (robot, use.poses, use.calibrated)
     write = options.writer(inputs, force, robot=out, plot=plot)
     loaded = under(load(robot), conditions)
     options.tell_exact(loaded, (sensor.name for sensor in loaded.spec.sensor))
+    if unused := [group for group, one in loaded.spec.tolerances.items() if one.price_steps]:
+        say(f"{loaded.name}: {unused[0]}: price_steps: not used since 0.6", err=True)
     others = None if must is None else options.parse_set(loaded, must)
     if place is not None:
         there = place_sensors(

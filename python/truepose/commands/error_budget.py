@@ -31,7 +31,7 @@ def command(
     Example: **truepose error-budget h4 --calibrated 20 --plot budget.svg**
     """
     loaded = under(options.load_with(robot, sensors), conditions)
-    inputs = (robot, use.poses, use.path, use.calibrated)
+    inputs = (robot, use.poses, use.calibrated)
     write = options.writer(inputs, force, plot=plot)
     found = error_budget(loaded, use.use(loaded), criterion.criterion())
     write(plot=found.plot)

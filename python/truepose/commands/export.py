@@ -13,7 +13,6 @@ from truepose import files
 from truepose.arguments import Level
 from truepose.commands import options
 from truepose.control.controller import Controller
-from truepose.deploy import json_export
 from truepose.deploy.c_tables import KIND, named, to_c
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot.compliance import taken_as_stiff
@@ -82,22 +81,6 @@ def c(
         controller = Controller(law=law, period=period, frequency=frequency)
     put(robot, to_c(made, controller, FaultMonitor(effects=loses), prefix), out, KIND, force)
     say_stiff(made)
-
-
-@app.command("json")
-def to_page(
-    robot: options.RobotName,
-    out: Out = None,
-    force: options.Force = False,
-    sensors: options.SensorsOption = None,
-) -> None:
-    """Write a robot as JSON for the page truepose.html, which calibrates without installation.
-
-    Example: **truepose export json stewart -o stewart.json**
-    """
-    made = options.load_with(robot, sensors)
-    put(robot, json_export.to_json(made), out, json_export.KIND, force)
-    say_stiff(made, "the page")
 
 
 def say_stiff(robot: Robot, what: str = "a controller") -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,24 +10,16 @@ import numpy as np
 from typer import Argument, Context, Option
 
 from truepose import logs
-from truepose.arguments import Array, Level
+from truepose.arguments import Array
 from truepose.commands import options
 from truepose.commands.conditions import ConditionsOption, under
 from truepose.faults.isolation import Isolation, isolate
-from truepose.faults.limits import (
-    FALSE_ALARM,
-    HOURS,
-    TIMES,
-    Detectability,
-    detectability,
-    limit_cell,
-)
+from truepose.faults.limits import FALSE_ALARM, HOURS, TIMES, Detectability, detectability
 from truepose.faults.monitor import FaultMonitor
 from truepose.faults.undetected import undetected_motors, worst_of
 from truepose.logs.reading import read_poses
-from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import coordinate_axes, label, reading_axes
+from truepose.robot.units import label
 from truepose.robot.workspace import regular_grid
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
@@ -37,7 +28,7 @@ from truepose.show.units import PRINT, measured
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity", "thermal")
 #: Options of the prediction alone.
-_PREDICTED = ("--poses", "--calibrated", "--plot", "--effects", "--boxes")
+_PREDICTED = ("--poses", "--calibrated", "--plot", "--effects")
 
 
 def command(
@@ -68,9 +59,6 @@ def command(
         help="Probability of a false alarm in each test (one a cycle).",
         show_default=f"one in {HOURS:g} hours at 1 kHz",
     ),
-    boxes: int = Option(
-        1, min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
-    ),
     plot: Path | None = options.plot_option("the limits of each reading"),
     how: options.How = Format.table,
     force: options.Force = False,
@@ -98,7 +86,7 @@ def command(
     options.refuse(given, ["--columns"], "only with a LOG: leave out")
     if not loaded.r:
         said = "only with a redundant sensor in use: choose one (--sensors), or leave out"
-        options.refuse(given, ["--calibrated", "--boxes", "--plot"], said)
+        options.refuse(given, ["--calibrated", "--plot"], said)
     write = options.writer([robot, poses], force, plot=plot)
     allowed = options.effects_of(effects, KNOWN_EFFECTS)
     subject = allowed.allowed_for(loaded)
@@ -113,13 +101,10 @@ def command(
         return
     write(plot=found.plot)
     undetected = undetected_motors(found, at)
-    parts = [undetected]
-    parts += [by_box(found, at, boxes)] if boxes > 1 else []
-    parts += [*harm(found), beside(loaded, at, visited, found, effects)]
     where = f"{options.over(at, poses, left_out)}; {found.state}."
     answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
     answers = [answer, worst_of(undetected)]
-    show([found.table(), *parts], how, answers, list(notes(found)), (plot,))
+    show([found.table(), undetected, *harm(found)], how, answers, list(notes(found)), (plot,))
 
 
 def without_sensors(robot: Robot) -> str:
@@ -130,26 +115,6 @@ def without_sensors(robot: Robot) -> str:
         "speed and freezing can be monitored. Any other fault causes an undetected pose error. "
         f"Sensors of its file (--sensors): {spare or 'none'}."
     )
-
-
-def beside(
-    robot: Robot, poses: Array, visited: Array | None, found: Detectability, effects: str
-) -> Table:
-    """Return medians, detected and isolated, under other assumptions: one row each."""
-    levels: dict[str, tuple[Level, bool]] = {f"{found.level} level": (found.level, True)}
-    if knowledge.left_out(robot):
-        levels = {"full level": ("full", True), "ideal level": ("ideal", True)}
-        levels["ideal level, robot on paper"] = ("ideal", False)
-    states = {"as built": None} | ({} if visited is None else {"self-calibrated": visited})
-    subjects = {"": robot} | ({} if effects == "none" else {f", effects {effects}": found.robot})
-    cases = itertools.product(states.items(), levels.items(), subjects.items())
-    rows = []
-    for (state, learnt), (name, how), (doubt, one) in cases:
-        told = detectability(one, poses, learnt, *how, false_alarm=found.false_alarm, moving=1)
-        rows.append([f"{state}, {name}{doubt}", *_pairs(told)])
-    title = "Detected / isolated, medians, under other assumptions"
-    header = ["assumption", *(axis.label for axis in reading_axes(robot))]
-    return Table("faults_beside", title, header, rows)
 
 
 def harm(found: Detectability) -> list[Table]:
@@ -169,35 +134,6 @@ def harm(found: Detectability) -> list[Table]:
         rows = list(zip(robot.readings, *columns, strict=True))
         result.append(Table(name, title, ["reading", *laws], rows))
     return result
-
-
-def by_box(found: Detectability, poses: Array, parts: int) -> Table:
-    """Return medians, detected and isolated: one row per part of a coordinate's range."""
-    rows = []
-    for (name, factor, unit), values in zip(coordinate_axes(found.robot), poses.T, strict=True):
-        edges = np.linspace(values.min(), values.max(), parts + 1)
-        part = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, parts - 1)
-        for i in np.unique(part):
-            inside = part == i
-            low, high = (factor * edges[i : i + 2]).tolist()
-            named = f"{name} {low:.4g} to {high:.4g} {unit}".replace(" °", "°")
-            data = {"box": name, "unit": unit, "from": low, "to": high, "poses": int(inside.sum())}
-            rows.append([Cell(named, data), *_pairs(found, inside)])
-    title = "Detected / isolated, medians over the poses of each box"
-    header = ["box", *(axis.label for axis in reading_axes(found.robot))]
-    return Table("faults_by_box", title, header, rows)
-
-
-def _pairs(found: Detectability, inside: Array | slice = np.s_[:]) -> list[Cell]:
-    """Return medians over some poses of each reading's detectable and isolable fault."""
-    cells = []
-    for c, (reading, factor, unit) in enumerate(reading_axes(found.robot)):
-        pair = {
-            f"{reading} {what} ({unit})": factor * float(np.median(sizes[..., c].ravel()[inside]))
-            for what, sizes in (("detected", found.detected), ("isolated", found.isolated))
-        }
-        cells.append(Cell(" / ".join(map(limit_cell, pair.values())), pair))
-    return cells
 
 
 def notes(found: Detectability) -> Iterator[str]:

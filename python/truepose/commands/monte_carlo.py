@@ -21,7 +21,6 @@ from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
-from truepose.studies.workers import On
 
 #: Effects in the readings of a cold robot at rest.
 AT_REST = ("backlash", "eccentricity", "quantization")
@@ -163,7 +162,6 @@ def study_command(
     workers: int | None = Option(
         None, min=0, help="Processes; 0: only this one.", show_default="all cores"
     ),
-    on: On = Option("processes", help="Kind of the parallel workers."),
     cluster: str | None = Option(None, help="Address of a dask scheduler: tcp://host:8786."),
     how: options.How = Format.table,
 ) -> None:
@@ -184,7 +182,6 @@ def study_command(
             out=out,
             chunk=chunk,
             workers=workers,
-            on=on,
             cluster=cluster,
             progress=lambda done, total: bar(completed=done, total=total),
         )

@@ -48,7 +48,6 @@ def command(
         help="σ of a tracker, in a frame of its own, that measures each pose.",
     ),
     where: Where = Where(),
-    reference_pose: options.ReferencePose = None,
     seen: bool = Option(
         False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
     ),
@@ -74,9 +73,7 @@ def command(
     if seen and outside is None:
         raise InputError("--seen: needs --outside, the σ of the tracker")
     given = options.count_or_file(candidates, "--candidates", SAMPLED)
-    write = options.writer(
-        (robot, after, where.poses, where.path, candidates), force, plan=out, plot=plot
-    )
+    write = options.writer((robot, after, where.poses, candidates), force, plan=out, plot=plot)
     loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = given if isinstance(given, int) else read_poses(loaded, given)
@@ -85,9 +82,8 @@ def command(
         count,
         candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=None if after is None else fit_of(loaded, after),
-        poses=where.over(loaded),
         target=options.parse_target(loaded, target),
-        reference_pose=options.parse_pose(loaded, reference_pose, "--reference-pose"),
+        use=where.use(loaded),
         relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,

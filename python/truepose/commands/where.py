@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +14,7 @@ from typer import Option
 from truepose.arguments import Array
 from truepose.commands import options
 from truepose.design.criterion import Criterion, Measure
-from truepose.design.where import Use, path_poses, practice, volume_poses
+from truepose.design.where import Use, practice, volume_poses
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
@@ -26,7 +26,7 @@ MOST = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Options that state where accuracy counts: one of them, or none."""
+    """Options that state where accuracy counts, and the reference pose."""
 
     poses: Annotated[
         Path | None,
@@ -42,20 +42,17 @@ class Where:
             "reach.",
         ),
     ] = None
-    path: Annotated[
-        Path | None,
-        Option(
-            help="Instead: 32 poses along the path through the poses of this CSV file, as simulate "
-            "reads it."
-        ),
-    ] = None
 
-    def over(self, robot: Robot) -> Array | None:
-        """Return the poses; None for the default."""
-        given = {"--poses": self.poses, "--volume": self.volume, "--path": self.path}
-        named = [name for name, value in given.items() if value is not None]
-        if len(named) > 1:
-            raise InputError(f"{named[0]}, {named[1]}: name one of them")
+    reference_pose: options.ReferencePose = None
+
+    def use(self, robot: Robot) -> Use:
+        """Return the use that these options state."""
+        pose = options.parse_pose(robot, self.reference_pose, "--reference-pose")
+        return Use(poses=self._over(robot), reference_pose=pose)
+
+    def _over(self, robot: Robot) -> Array | None:
+        if self.poses is not None and self.volume is not None:
+            raise InputError("--poses, --volume: name one of them")
         if self.volume is not None:
             units = dict(robot.coordinates)
 
@@ -65,8 +62,6 @@ class Where:
                 return units[name]
 
             return volume_poses(robot, parse_ranges(self.volume.split(","), "--volume", unit_of))
-        if self.path is not None:
-            return path_poses(robot, read_poses(robot, self.path, reached=True))
         return None if self.poses is None else read_poses(robot, self.poses, reached=True)
 
 
@@ -78,22 +73,16 @@ class UseOptions(Where):
         str | None,
         Option(metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."),
     ] = None
-    reference_pose: options.ReferencePose = None
 
     def use(self, robot: Robot) -> Use:
         """Return the use that these options state."""
-        visited: Array | None = None
-        if self.calibrated is not None:
-            given = options.count_or_file(self.calibrated, "--calibrated", MOST)
-            if isinstance(given, int):
-                visited = practice(robot, given)
-            else:
-                visited = read_poses(robot, given, reached=True)
-        return Use(
-            poses=self.over(robot),
-            calibrated_on=visited,
-            reference_pose=options.parse_pose(robot, self.reference_pose, "--reference-pose"),
-        )
+        use = super().use(robot)
+        if self.calibrated is None:
+            return use
+        given = options.count_or_file(self.calibrated, "--calibrated", MOST)
+        if isinstance(given, int):
+            return replace(use, calibrated_on=practice(robot, given))
+        return replace(use, calibrated_on=read_poses(robot, given, reached=True))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -128,7 +128,6 @@ def rows_of(
     robot: Robot,
     candidates: CandidatePoses,
     level: Level,
-    model_error: bool,
     after: Calibration | None = None,
     touched: Array | None = None,
     reference_sigma: Sequence[float] = (),
@@ -158,7 +157,7 @@ def rows_of(
     others |= {of.name: of.amount[1] for of in candidates.influences}
     acting = patterns(robot, candidates.influences, len(x))
     full = robot.is_full(level)
-    guarded = model_error and not full
+    guarded = not full
     known = knowledge.knowledge(
         robot,
         guarded=guarded,

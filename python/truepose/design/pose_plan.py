@@ -117,12 +117,8 @@ class PosePlan(Shown):
         third = stops[1:-1, min(2, robot.n - 1)]
         dots = tour.scatter(x[1:-1], y[1:-1], c=third, zorder=2, s=22)
         tour.plot(x[0], y[0], "k+", ms=10, mew=1.5)
-        cell = 0.05 * max(float(np.ptp(stops[:, :2], axis=0).max()), 1e-9)
-        there: dict[tuple[float, ...], list[str]] = {}  # those of about one place have one label
         for k, place in enumerate(stops[1:-1, :2], 1):
-            there.setdefault(tuple(cell * np.round(place / cell)), []).append(str(k))
-        for at, numbers in there.items():
-            tour.annotate(", ".join(numbers), at, (4, 4), textcoords="offset points", fontsize=7)
+            tour.annotate(str(k), place, (4, 4), textcoords="offset points", fontsize=7)
         if robot.n > 2:
             middle.colorbar(dots, ax=tour, label=axes[2].label)
         tour.set(xlabel=axes[0].label, ylabel=axes[1].label)

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level, positive, require, whole
-from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.registration import UNKNOWNS
@@ -19,6 +18,7 @@ from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.pose_plan import PosePlan
 from truepose.design.refining import refined
+from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError
 from truepose.robot import conditions, knowledge
 from truepose.robot.batches import flattened
@@ -45,22 +45,19 @@ def plan_poses(
     *,
     candidates: CandidatePoses | ArrayLike | int = COUNT,
     after: Calibration | ArrayLike | Mapping[str, ArrayLike] | None = None,
-    poses: ArrayLike | None = None,
     target: float | None = None,
-    reference_pose: ArrayLike | None = None,
-    reference_sigma: ArrayLike | float = 0.0,
+    use: Use = AS_BUILT,
     relative_to: ArrayLike | None = None,
     level: Level | None = None,
-    model_error: bool = True,
     seen: bool = False,
     seed: int = 0,
 ) -> PosePlan:
     """Choose the poses to measure next by the predicted accuracy of the pose.
 
     Chooses among the reachable candidates those that minimize the mean variance of the position
-    over `poses` after self-calibration on them, by the bound of :func:`truepose.accuracy`. The
-    criterion is the sum of the requested variances, not the volume of the parameters' covariance,
-    which would also reward parameters without effect on the pose.
+    over the poses of a use, after self-calibration on them, by the bound of
+    :func:`truepose.accuracy`. The criterion is the sum of the requested variances, not the volume
+    of the parameters' covariance, which would also reward parameters without effect on the pose.
 
     Parameters
     ----------
@@ -73,11 +70,11 @@ def plan_poses(
         sampled poses that are chosen are then refined within it.
     after : Calibration, or readings, or a table, optional
         Earlier measurements: a calibration, or its readings as for :func:`truepose.calibrate`.
-    poses : array_like, shape (T, c), optional
-        Poses where the accuracy counts; by default a grid over the workspace.
     target : float, optional
         Requested σ of the position, m; the plan has no more poses than it needs.
-    reference_pose, reference_sigma, relative_to, level, model_error
+    use : Use
+        Where the accuracy counts, by default on a grid over the workspace, and the reference pose.
+    relative_to, level
         As for :func:`truepose.accuracy`.
     seen : bool
         Predict the accuracy of the pose in the frame of the candidates' tracker, which is
@@ -123,9 +120,12 @@ def plan_poses(
         if count > SAMPLED:
             raise InputError(f"candidates = {count}: must be at most {SAMPLED}, or poses")
         candidates = replace(candidates, poses=drawn(robot, count, seed))
-    touched = given_poses(robot, reference_pose, "reference_pose", one=True)
-    sigma = reference_sigmas(robot, reference_sigma)
-    rows = rows_of(robot, candidates, level, model_error, fit, touched, sigma)
+    if use.calibrated_on is not None:
+        raise InputError(
+            "calibrated_on: a plan chooses these poses; give earlier readings by after"
+        )
+    _, touched, sigma = use.known(robot)
+    rows = rows_of(robot, candidates, level, fit, touched, sigma)
     reference = given_poses(robot, relative_to, "relative_to", one=True)
     if seen and len(reference):
         raise InputError("seen: refers to the tracker's frame, relative_to to the base frame")
@@ -134,13 +134,13 @@ def plan_poses(
             "seen: needs candidates with measured_sigma, of a tracker in a frame of its own"
         )
     criterion = Seen if seen else Sought
-    sought = criterion(robot, rows, level, model_error, poses, reference)
+    sought = criterion(robot, rows, level, use.poses, reference)
     found, count = _chosen(sought, n, target), len(rows.steps)
     if sampled and found and not candidates.differences and not len(candidates.influences):
 
         def measured(x: Array) -> Rows:
             own = replace(candidates, poses=x)
-            return rows_of(robot, own, level, model_error, fit, touched, sigma)
+            return rows_of(robot, own, level, fit, touched, sigma)
 
         coarse, choice = rows, found
         rows, found = _refined(sought, choice, measured)
@@ -242,7 +242,6 @@ class Sought:
     robot: Robot
     rows: Rows
     level: Level
-    model_error: bool
     asked: ArrayLike | None  #: poses, (T, c); by default a grid over the workspace
     reference: Array  #: (1, n) or (0, n) pose whose estimate is subtracted
 
@@ -271,10 +270,8 @@ class Sought:
         return np.concatenate([H_xi, conditions.columns(self._model, x, self._full, when)], axis=2)
 
     def _known(self, half: Array) -> _core.Knowledge:
-        lower, error = knowledge.triangular(half), self.model_error
-        return knowledge.knowledge(
-            self.robot, lower, level=self.level, error=error, at_work=True
-        ).core
+        lower = knowledge.triangular(half)
+        return knowledge.knowledge(self.robot, lower, level=self.level, at_work=True).core
 
     def _acting(self, x: Array) -> Array | None:
         when: dict[conditions.When, Array] = {"work": x, "reference": self.reference}
@@ -334,9 +331,7 @@ class Seen(Sought):
         _, _, self._H_x, self._H_frames, *_ = _core.seen(
             self._model.core, *self.rows.frames, self.poses, none
         )
-        self._reading_sigma = knowledge.reading_sigma(self.robot)
-        if self.model_error:
-            self._reading_sigma = knowledge.stated_sigma(self.robot, self.level)
+        self._reading_sigma = knowledge.stated_sigma(self.robot, self.level)
 
     def _by_unknowns(self, G: Array) -> tuple[Array, Array]:
         """Return the sensitivity of the seen pose to all unknowns and readings, optimal gains."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,8 +15,7 @@ from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import drawn, given_poses, reachable
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
-from truepose.robot.units import angles
-from truepose.robot.workspace import LENGTH, workspace, workspace_samples
+from truepose.robot.workspace import workspace, workspace_samples
 from truepose.show.units import printed
 
 #: Default number of poses over which sets are compared.
@@ -108,48 +107,18 @@ def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Arr
     inside = np.random.default_rng(0).uniform(size=(CHECKED, robot.n))
     unit = np.vstack([inside, list(itertools.product((0.0, 1.0), repeat=robot.n))])
     bare, units = robot.with_sensors(), dict(robot.coordinates)
-    shrunk = np.isin(names, list(ranges))
-
-    def box_of(percent: int) -> tuple[Array, Array]:
-        """Return the box with this percentage of the given ranges, about their middles."""
-        gone = (1 - percent / 100) / 2 * shrunk * (high - low)
-        return low + gone, high - gone
-
-    def missed(percent: int) -> Array:
-        least, most = box_of(percent)
-        return ~reachable(bare, least + unit * (most - least), robot.highest_level)
-
-    def spans(least: Array, most: Array, of: Collection[str]) -> str:
-        ends = zip(names, least.tolist(), most.tolist(), strict=True)
-        return ", ".join(
-            f"{name} {printed(a, units[name], '.4g')} to {printed(b, units[name], '.4g')}"
-            for name, a, b in ends
-            if name in of
+    out = ~reachable(bare, low + unit * (high - low), robot.highest_level)
+    if out.any():
+        asked = {name: (low[k], high[k]) for k, name in enumerate(names) if name in ranges}
+        whole = dict(zip(names, zip(box.minimum, box.maximum, strict=True), strict=True))
+        said, space = (
+            ", ".join(
+                f"{name} {printed(a, units[name], '.4g')} to {printed(b, units[name], '.4g')}"
+                for name, (a, b) in of.items()
+            )
+            for of in (asked, whole)
         )
-
-    if (out := missed(100)).any():
-        said = f"volume {spans(low, high, ranges)}: {out.mean():.0%} is out of reach; "
-        size, beyond = 0, 100
-        while beyond - size > 1:  # bisection
-            half = (size + beyond) // 2
-            size, beyond = (size, half) if missed(half).any() else (half, beyond)
-        if size or not missed(0).any():
-            near = spans(*box_of(size), ranges)
-            said += f"{robot.name} reaches {size} % of that size about the same centre: {near}"
-        else:
-            whole = spans(np.array(box.minimum), np.array(box.maximum), names)
-            said += f"not even its centre is in reach; the workspace has {whole}"
-        raise InputError(said)
+        raise InputError(
+            f"volume {said}: {out.mean():.0%} is out of reach; the workspace has {space}"
+        )
     return low + inside[:POSES] * (high - low)
-
-
-def path_poses(robot: Robot, path: ArrayLike) -> Array:
-    """Return poses evenly along a path through poses (N, n), straight between them, (32, n)."""
-    x = given_poses(robot, path, "path")
-    steps = np.diff(x, axis=0) * np.where(angles(robot), LENGTH, 1.0)
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
-    if at[-1] == 0:
-        raise InputError(f"path: {len(x)} poses without a distance: must be two different poses")
-    along = np.linspace(0, at[-1], POSES)
-    x = np.column_stack([np.interp(along, at, column) for column in x.T])
-    return given_poses(robot, x, "path, straight between its poses,")

@@ -21,9 +21,6 @@ from truepose.design.where import Known
 from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 
-#: Singular value, relative to the largest, below which a combination of unknowns has no effect.
-_NEGLIGIBLE = 1e-10
-
 
 class _Left(NamedTuple):
     """Remaining uncertainty with a set of sensors: of p unknowns and position errors at T poses."""
@@ -32,7 +29,6 @@ class _Left(NamedTuple):
     G: Array  #: (p, p) root of the unknowns' covariance after earlier readings
     position: Array  #: (T, c, p) rows of the position error after the readings there
     gains: Array  #: (T, c, S) of these sensors in the estimate of the position
-    unknowns: list[int]  #: the p of all
 
 
 @dataclass(eq=False)
@@ -79,34 +75,6 @@ class Worth:
         if more:
             self._R = np.concatenate([self._R, there[None]])
             self._A = np.pad(self._A, ((0, 1), (0, 0), (0, 0)))
-        self._reduce()
-
-    def _reduce(self) -> None:
-        """Leave out unknowns without effect, and note which only some sensors depend on.
-
-        Those on which the position depends are replaced by as many combinations as have an effect.
-        """
-        size = len(self._linear)
-        shared = (self._F[:, :size] != 0).any(axis=(0, 1))
-        rows = [x[..., shared].reshape(-1, int(shared.sum())) for x in (self._F, self._R)]
-        stacked = np.concatenate(rows)
-        largest = np.abs(stacked).max(axis=1, initial=0.0, keepdims=True)
-        stacked = stacked[largest[:, 0] > 0] / largest[largest[:, 0] > 0]
-        _, values, V = np.linalg.svd(stacked, full_matrices=False)
-        V = V[values > _NEGLIGIBLE * values.max(initial=0.0)].T
-
-        others = (self._F != 0).any(axis=(0, 1)) | (self._R != 0).any(axis=(0, 1))
-        others &= ~shared
-
-        def reduced(x: Array) -> Array:
-            return np.concatenate([x[..., shared] @ V, x[..., others]], axis=-1)
-
-        self._F, self._R, self._mixed = map(reduced, (self._F, self._R, self._mixed))
-        used = (self._F[:, size:] != 0).any(axis=0) | (self._R != 0).any(axis=0)
-        used[:, : V.shape[1]] = False
-        #: Unknowns of all sets, and of each sensor.
-        self._always = [*range(V.shape[1])]
-        self._own = [np.flatnonzero(one).tolist() for one in used]
 
     def _groups(self) -> list[Robot]:
         """Return robots that together use all candidates, each as many as a robot can."""
@@ -154,7 +122,7 @@ class Worth:
         N, noise = left.covariance - L @ L.swapaxes(1, 2), self._averaged(left.gains, chosen)
         U = L[..., :0]
         if by.confidence is not None:  # errors by the parameters' own: L Gᵀ u
-            U = (L @ (self._mixed[:, left.unknowns] @ left.G).T)[..., self._uniform]
+            U = (L @ (self._mixed @ left.G).T)[..., self._uniform]
         return [by.squared(L[:, p], N[:, p, p], U[:, p], noise[:, p, p]) for p in self.parts.slices]
 
     def _averaged(self, gains: Array, chosen: Sequence[int]) -> Array:
@@ -176,10 +144,9 @@ class Worth:
         from scipy.linalg.lapack import dtrtri  # inverse of a triangle, an eighth of the work
 
         size = len(self._linear)
-        unknowns = [*self._always, *sorted({j for k in own for j in self._own[k]})]
-        read, A = self._R.take(own, 1).take(unknowns, 2), self._A.take(own, 1)
+        read, A = self._R.take(own, 1), self._A.take(own, 1)
         kept = [*range(size), *(size + k for k in own)]
-        F, G = self._F.take(kept, 1).take(unknowns, 2), np.eye(len(unknowns))
+        F, G = self._F.take(kept, 1), np.eye(self._F.shape[-1])
         if read.size:
             values, U = np.linalg.eigh(A.swapaxes(1, 2) @ A)
             root = np.sqrt(1 + np.maximum(values, 0.0))
@@ -191,4 +158,4 @@ class Worth:
         across, told = P[:, size:, :size], P[:, size:, size:]
         by = np.linalg.solve(np.eye(len(own)) + told, across).swapaxes(1, 2)
         covariance, position = P[:, :size, :size] - by @ across, F[:, :size] - by @ F[:, size:]
-        return _Left(covariance, G, position, by, unknowns)
+        return _Left(covariance, G, position, by)

@@ -7,7 +7,7 @@ import json
 import math
 import shutil
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Literal
@@ -115,7 +115,7 @@ def show(
     else:
         width = max(shutil.get_terminal_size().columns, _LEAST)
         first, last = (
-            [line for text in texts for line in _wrapped(_printable(str(text)), width)]
+            [line for text in texts for line in _wrapped(printable(str(text)), width)]
             for texts in (answer, notes)
         )
         parts = [first, *(laid_out(table, width) for table in tables), last]
@@ -142,7 +142,7 @@ def _data(tables: list[Table], how: Format) -> None:
     """Print tables as JSON or CSV."""
     if how is Format.json:
         data = {table.name: [_finite(row) for row in table.records()] for table in tables}
-        print(json.dumps(data, indent=1, ensure_ascii=_printable("σθ°") != "σθ°"))
+        print(json.dumps(data, indent=1, ensure_ascii=printable("σθ°") != "σθ°"))
     else:
         rows = ({"table": t.name} | _finite(record) for t in tables for record in t.records())
         print(as_csv(rows), end="")  # all columns of all tables
@@ -161,33 +161,18 @@ def laid_out(table: Table, width: int) -> list[str]:
     words: list[bool] = []
     for name, *cells in zip(table.header, *table.rows, strict=True):
         words.append(not columns or any(map(_is_words, cells)))
-        head = _printable(name)
+        head = printable(name)
         head = head if words[-1] else head.replace(", ", "\n").replace(" (", "\n(")
-        columns.append([head, *map(_printable, cells)])
+        columns.append([head, *map(printable, cells)])
     sizes = [max(cell_len(part) for text in c for part in text.split("\n")) for c in columns]
     if sum(sizes) + _GAP * (len(sizes) - 1) > width:
         sizes[0] = min(sizes[0], width // 2)
         room = width - sizes[0] - _GAP
         sizes = [min(s, room) if w else s for s, w in zip(sizes, words, strict=True)]
-    lines = _wrapped(_printable(table.title), width)
+    lines = _wrapped(printable(table.title), width)
     for block in _blocks(sizes, width):
         lines += ["", *_block([(columns[k], sizes[k], words[k]) for k in block])]
     return lines
-
-
-def compact(table: Table, left: Collection[int] = (0,)) -> list[str]:
-    """Return header and rows without title and rules, one blank between columns.
-
-    The columns `left` begin at the left, the others end at the right.
-    """
-    columns: list[list[str]] = []
-    for k, (name, *cells) in enumerate(zip(table.header, *table.rows, strict=True)):
-        texts = [*map(_printable, (name, *cells))]
-        width = max(map(cell_len, texts))
-        blanks = [" " * (width - cell_len(text)) for text in texts]
-        pairs = zip(texts, blanks, strict=True)
-        columns.append([text + blank if k in left else blank + text for text, blank in pairs])
-    return [" ".join(row).rstrip() for row in zip(*columns, strict=True)]
 
 
 def _blocks(sizes: list[int], width: int) -> list[list[int]]:
@@ -214,7 +199,7 @@ def _block(columns: list[tuple[list[str], int, bool]]) -> list[str]:
     console = Console(width=sum(size + _GAP for _, size, _ in columns), color_system=None)
     with console.capture() as drawn:
         console.print(grid)
-    return [_printable(line.rstrip()) for line in drawn.get().splitlines()]
+    return [printable(line.rstrip()) for line in drawn.get().splitlines()]
 
 
 def _wrapped(text: str, width: int) -> list[str]:
@@ -226,6 +211,7 @@ def _is_words(cell: str) -> bool:
     return type(cell) is str and any(c.isalpha() for c in cell)
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
+    """Return a text in one line, of letters that standard output can encode."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     return one_line(text).encode(encoding, "truepose").decode(encoding)

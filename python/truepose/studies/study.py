@@ -20,7 +20,7 @@ from truepose.show.table import Table, number
 from truepose.studies.cases import OWN, Answer, Asked, Cases
 from truepose.studies.functions import function_of, require_keys
 from truepose.studies.storage import Storage
-from truepose.studies.workers import On, Workers
+from truepose.studies.workers import Workers
 from truepose.threads import cores
 
 
@@ -107,7 +107,6 @@ def monte_carlo(
     out: str | Path | None = None,
     chunk: int | None = None,
     workers: int | None = None,
-    on: On = "processes",
     cluster: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -138,9 +137,7 @@ def monte_carlo(
     chunk : int, optional
         Cases per task of a worker; by default as many as take about a second.
     workers : int, optional
-        Processes or threads; all cores by default, 0: here, one case after another.
-    on : {"processes", "threads"}
-        Threads where a case is mostly one call of truepose over many poses.
+        Processes; all cores by default, 0: here, one case after another.
     cluster : str, dask cluster or client, optional
         Address of a dask scheduler, as ``tcp://host:8786``; its workers do the work.
     progress : callable, optional
@@ -174,7 +171,7 @@ def monte_carlo(
         done = {number: row for number, row in kept.rows.items() if number < total}
     progress = progress or (lambda done, total: None)
     progress(len(done), total)
-    team = Workers(cores() if workers is None else workers, on, cluster)
+    team = Workers(cores() if workers is None else workers, cluster)
     ask = functools.partial(cases.ask, asked)
     try:
         with contextlib.closing(team.each(ask, _missing(done, total), chunk)) as answers:

@@ -1,4 +1,4 @@
-"""Workers of a study: processes or threads here, or a cluster."""
+"""Workers of a study: processes here, or a cluster."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
 from truepose.arguments import whole
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError
 from truepose.plugins import plugins
 
-On = Literal["processes", "threads"]
 #: Deaths of workers in a row, without progress, that end a study.
 DEATHS = 3
 #: Aim of the time of a task, s: long beside what it costs to send, short beside a study.
@@ -97,12 +96,9 @@ class Workers:
     """Runner of tasks; a task lost with its worker runs again."""
 
     count: int
-    on: On = "processes"
     cluster: Any = None  #: address of a dask scheduler, or a dask cluster or client
 
     def __post_init__(self) -> None:
-        if self.on not in (known := get_args(On)):
-            raise InputError(choose("on", self.on, known))
         whole("workers", self.count, 0)
 
     def each(
@@ -150,19 +146,12 @@ class Workers:
             with connect(self.cluster, asked, retries=DEATHS) as there:
                 yield there
             return
-        executor: Any
-        if self.on == "processes":
-            executor = futures.ProcessPoolExecutor(
-                self.count, initializer=_begin, initargs=(asked,)
-            )
-            own = functools.partial(executor.submit, _timed_here)
-        else:
-            executor = futures.ThreadPoolExecutor(self.count)
-            own = functools.partial(executor.submit, timed, asked)
+        executor = futures.ProcessPoolExecutor(self.count, initializer=_begin, initargs=(asked,))
+        own = functools.partial(executor.submit, _timed_here)
         try:
             yield own, self.count
         except BaseException:  # Ctrl-C or a failed case: wait for no other
-            for process in list((getattr(executor, "_processes", None) or {}).values()):
+            for process in list((executor._processes or {}).values()):
                 process.terminate()
             raise
         finally:

@@ -18,11 +18,11 @@ from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.show import page
-from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
 from truepose.simulation.paths import MOVE_TO
 from truepose_paper import article, claims, experiment, figures, sensor_sets, tables, twin
 from truepose_paper.experiment import CONTROLS
+from truepose_paper.plotted import plotted
 from truepose_paper.reproduce import Reproduction
 
 PAGE = "report.html"

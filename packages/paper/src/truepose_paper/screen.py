@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
+from rich.cells import cell_len
+
 from truepose.show.table import Table
-from truepose.show.terminal import compact
+from truepose.show.terminal import printable
 from truepose_paper import claims, tables
 from truepose_paper.reproduce import Reproduction
 
@@ -31,3 +34,18 @@ def _table3(result: Reproduction) -> list[str]:
     usual, redundant = (found[0].index(" paper", start) for start in (0, found[0].index("twin")))
     first = "Table 3:".ljust(usual) + " usual control, estimated − measured"
     return [first.ljust(redundant) + " redundant control (TEJ)", *found]
+
+
+def compact(table: Table, left: Collection[int] = (0,)) -> list[str]:
+    """Return header and rows without title and rules, one blank between columns.
+
+    The columns `left` begin at the left, the others end at the right.
+    """
+    columns: list[list[str]] = []
+    for k, (name, *cells) in enumerate(zip(table.header, *table.rows, strict=True)):
+        texts = [*map(printable, (name, *cells))]
+        width = max(map(cell_len, texts))
+        blanks = [" " * (width - cell_len(text)) for text in texts]
+        pairs = zip(texts, blanks, strict=True)
+        columns.append([text + blank if k in left else blank + text for text, blank in pairs])
+    return [" ".join(row).rstrip() for row in zip(*columns, strict=True)]

@@ -1,6 +1,7 @@
 """Answers of the workbench for a state: steady states, their σ, conditioning."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -207,8 +208,8 @@ def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
 
 def plan(robot: Robot, terms: Terms) -> PosePlan:
     """Return the calibration poses for the sensors in use."""
-    reference = robot.home if terms.referenced else None
-    return plan_poses(robot, terms.poses or PLANNED, reference_pose=reference)
+    use = replace(terms.use(robot), calibrated_on=None)
+    return plan_poses(robot, terms.poses or PLANNED, use=use)
 
 
 def along(plan: PosePlan, way: float) -> Array:

@@ -1,4 +1,4 @@
-"""A robot as JSON for the page (packages/printers): description, priors, names, shape of chains."""
+"""`truepose export json`: a robot for the page: description, priors, names, shape of chains."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from truepose import _core, files
 from truepose.calibration.learnt import mean_of
+from truepose.commands.export import Out, put, say_stiff
+from truepose.commands.options import Force, RobotName, SensorsOption, load_with
 from truepose.robot.knowledge import knowledge, require_uncertain
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, unit_of
@@ -60,3 +62,15 @@ def to_json(robot: Robot) -> str:
         "description": base64.b64encode(_core.c_description_bytes(finest.core_drawn)).decode(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def command(
+    robot: RobotName, out: Out = None, force: Force = False, sensors: SensorsOption = None
+) -> None:
+    """Write a robot as JSON for the page truepose.html, which calibrates without installation.
+
+    Example: **truepose export json stewart -o stewart.json**
+    """
+    made = load_with(robot, sensors)
+    put(robot, to_json(made), out, KIND, force)
+    say_stiff(made, "the page")

@@ -8,8 +8,8 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.deploy.json_export import to_json
 from truepose.robot.knowledge import root
+from truepose_printers.robot_json import to_json
 
 
 @pytest.fixture(params=["nominal", "calibrated"])
