@@ -39,8 +39,7 @@ report: paper
 reference: $(VENV)/installed
 	@python benchmarks/reference/run.py $(ARGS)
 
-# The benchmark of calibrations: four baselines on its twelve logs, and their scores. ARGS='--seeds 1 2 3' (needs
-# MuJoCo) shows how far the scores depend on the generator's seed. Its tests generate logs again.
+# The benchmark of calibrations: four baselines on its twelve logs, and their scores. Its tests generate logs again, in MuJoCo.
 pkm-calibration: $(VENV)/installed
 	@PYTHONPATH=benchmarks/pkm-calibration python -m pkm.baselines $(ARGS)
 

@@ -2,7 +2,7 @@
 
 faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
 faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
-faults.py noise, loose [--robots 3], payload [--robots 30]   # there: disturbances
+faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
 faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
@@ -366,32 +366,6 @@ def noise(robots: int) -> None:
             row(f"{which}, {law}", *key, *ends)
 
 
-def loose(robots: int) -> None:
-    row("sensors", "reading", "failed or stopped", "another failed", "error (mm), median, largest")
-    row("---", "---", "---:", "---:", "---:")
-    effects = tp.Effects()
-    for which in list(SETS)[1:3]:
-        cases = defaultdict(list)
-        for seed in range(robots):
-            robot, truth = sampled(which, seed, effects)
-            run = partial(
-                tp.simulate, robot, truth, tp.Controller.for_robot(robot, effects), hold=0.3,
-                effects=effects, seed=seed, monitor=tp.FaultMonitor(effects=effects),
-            )  # fmt: skip
-            usual = run()
-            for reading, at in product(robot.readings, np.arange(0.03, 0.22, 0.035)):
-                ran = run(faults=[Fault(reading, "loose", at)])
-                away = (ran.x - usual.x[: len(ran.x)])[~ran.stops, :3]
-                off = 1e3 * np.linalg.norm(away, axis=1).max()
-                found = reading in ran.failed or ran.stops.any(), {*ran.failed} - {reading}
-                kind = "motors" if reading in robot.readings[: robot.n] else "sensors"
-                cases[kind].append((found[0], bool(found[1]), off))
-        for kind, rows in cases.items():
-            found, wrong, off = np.array(rows).T
-            ends = f"{np.median(off):.2f}, {off.max():.2f}"
-            row(which, kind, f"{int(found.sum())} of {len(rows)}", int(wrong.sum()), ends)
-
-
 def payload(robots: int) -> None:
     row("payload (kg)", "named", "error after 0.5 s (%), median, largest", "sag, with feed-forward")
     row("---:", "---:", "---:", "---:")
@@ -429,7 +403,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     robots = {
         "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100, "noise": 3,
-        "loose": 3, "payload": 30, "consequences": 1,
+        "payload": 30, "consequences": 1,
     }  # fmt: skip
     parser.add_argument("what", choices=robots)
     parser.add_argument("--robots", type=int)
@@ -439,7 +413,7 @@ def main() -> None:
     args = parser.parse_args()
     count, tables = (
         args.robots or robots[args.what],
-        {f.__name__: f for f in (noise, loose, payload)},
+        {f.__name__: f for f in (noise, payload)},
     )
     if args.what == "consequences":
         consequences(args.seed)

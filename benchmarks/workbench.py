@@ -1,16 +1,14 @@
-"""Response time of the workbench: workbench.py [--repeats 200] [--browser].
+"""Response time of the workbench: workbench.py [--repeats 200].
 
 Drag: from a dragged frame of the nacelle to the complete update of the page (pose, motors, steady
-states, ellipsoids, map of the error) in viser; with --browser to the frame that shows it in
-chromium, without a graphics card. Start: from `truepose workbench` to the served page, in a
-separate process. On a shared machine processor time is more reliable than wall time.
+states, ellipsoids, map of the error) in viser. Start: from `truepose workbench` to the served page,
+in a separate process. On a shared machine processor time is more reliable than wall time.
 """
 
 import argparse
 import contextlib
 import io
 import resource
-import shutil
 import socket
 import subprocess
 import sys
@@ -32,41 +30,7 @@ def free() -> int:
         return trial.getsockname()[1]
 
 
-#: Keeps the time, ms since 1970, of the first frame after each change of the figures.
-WATCH = """() => {
-  const told = [...document.querySelectorAll(".answer")].find(e => e.textContent.includes("off ("));
-  new MutationObserver(() => requestAnimationFrame(() => setTimeout(
-    () => window.shown = performance.timeOrigin + performance.now()
-  ))).observe(told.parentElement, {childList: true, subtree: true, characterData: true});
-}"""
-
-
-@contextlib.contextmanager
-def browser(page, shown: bool):
-    """Yield a function that waits for the picture after a time, s, and returns its time, s."""
-    if not shown:
-        yield lambda begun: time.time()
-        return
-    from playwright.sync_api import sync_playwright
-
-    flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
-        seen = chromium.new_page(viewport={"width": 1400, "height": 900})
-        seen.goto(page.address("127.0.0.1"))
-        seen.wait_for_selector("text=steady state")
-        seen.wait_for_timeout(3000)
-        seen.evaluate(WATCH)
-
-        def picture(begun: float) -> float:
-            after = f"() => window.shown > {1e3 * begun} && window.shown"
-            return seen.wait_for_function(after).json_value() / 1e3
-
-        yield picture
-        chromium.close()
-
-
-def drags(name: str, repeats: int, shown: bool) -> np.ndarray:
+def drags(name: str, repeats: int) -> np.ndarray:
     """Return wall and processor time of some drags about home with everything shown, s."""
     robot = tp.load(name)
     page = serve.open_page(robot, port=free())
@@ -75,16 +39,13 @@ def drags(name: str, repeats: int, shown: bool) -> np.ndarray:
         page.coloured, page.map = True, "position error"
     box = robot.spec.workspace
     rng, took = np.random.default_rng(0), []
-    with browser(page, shown) as picture:
-        for _ in range(repeats):
-            x = robot.home + 0.3 * (rng.uniform(box.minimum, box.maximum) - robot.home)
-            frame = frames(robot, x)
-            begun = time.time(), time.process_time()
-            with page.doing():
-                page.drag(frame, False)
-            used = time.process_time() - begun[1]
-            took.append((picture(begun[0]) - begun[0], used))
-            time.sleep(0.02 if shown else 0)
+    for _ in range(repeats):
+        x = robot.home + 0.3 * (rng.uniform(box.minimum, box.maximum) - robot.home)
+        frame = frames(robot, x)
+        begun = time.perf_counter(), time.process_time()
+        with page.doing():
+            page.drag(frame, False)
+        took.append((time.perf_counter() - begun[0], time.process_time() - begun[1]))
     with contextlib.redirect_stdout(io.StringIO()):
         page.stop()
     return np.array(took)
@@ -110,11 +71,10 @@ def main() -> None:
     """Print a line for each robot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=200)
-    parser.add_argument("--browser", action="store_true", help="drags to the picture in chromium")
     asked = parser.parse_args()
     print("robot    a drag: median   95 %  processor (ms)   start  processor (s)")
     for name in ROBOTS:
-        wall, processor = 1e3 * drags(name, asked.repeats, asked.browser).T
+        wall, processor = 1e3 * drags(name, asked.repeats).T
         middle, most = np.percentile(wall, [50, 95])
         took, used = start(name)
         print(
