@@ -1,6 +1,5 @@
-/* Times of LinuxCNC's kinematics of a hexapod: its own module's, and ours. The same poses on ways
- * of a moving machine, each asked from the one before; poses that jump, each asked from a guess
- * next to it; and the inverse. The fastest of some repeats.
+/* Times of LinuxCNC's kinematics of a hexapod: its own module's, and ours. The same poses on
+ * straight paths, each asked from the one before; and the inverse. The fastest of some repeats.
  *
  *   cc -O2 -rdynamic benchmarks/linuxcnc_forward.c packages/linuxcnc/tests/stub_hal.c -ldl -lm \
  *     -o forward
@@ -34,47 +33,36 @@ static int larger(const void* a, const void* b) {
 static double joints[POSES][16];
 static pose asked[POSES];
 
-/** @param jumps  1: the guess is next to the pose, and the pose before is anywhere */
-static void judge(const char* name, forward f, int jumps) {
-  static double took[POSES];
+static void judge(const char* name, void* module) {
+  const forward fk = (forward)dlsym(module, "kinematicsForward");
+  const inverse ik = (inverse)dlsym(module, "kinematicsInverse");
+  static double took[2][POSES];
   int failed = 0, wrong = 0;
   unsigned long flags[4] = {0};
   for (int k = 1; k < POSES; ++k) {
-    took[k] = HUGE_VAL;
+    took[0][k] = took[1][k] = HUGE_VAL;
     for (int r = 0; r < REPEATS; ++r) {
       pose at = asked[k - 1];
-      f(joints[k - 1], &at, flags, flags); /* from the pose before */
-      for (int i = 0; i < 6 && jumps; ++i) at.x[i] = asked[k].x[i] + within(i < 3 ? 0.5 : 3);
+      double legs[16], off = 0;
+      fk(joints[k - 1], &at, flags, flags); /* from the pose before */
       const double begun = now();
-      const int result = f(joints[k], &at, flags, flags);
-      took[k] = fmin(took[k], now() - begun);
+      const int result = fk(joints[k], &at, flags, flags);
+      const double between = now();
+      ik(&asked[k], legs, flags, flags);
+      took[1][k] = fmin(took[1][k], now() - between);
+      took[0][k] = fmin(took[0][k], between - begun);
       if (r > 0) continue;
-      double off = 0;
       for (int i = 0; i < 6; ++i) off = fmax(off, fabs(at.x[i] - asked[k].x[i]));
       failed += result != 0;
       wrong += result == 0 && off > 1e-6;
     }
   }
-  qsort(took + 1, POSES - 1, sizeof *took, larger);
-  printf("%-14s %s: median %6.0f ns, worst %6.0f ns; of %d poses %d failed, %d wrong\n", name,
-         jumps ? "jumps" : "ways ", took[POSES / 2], took[POSES - 1], POSES - 1, failed, wrong);
-}
-
-static void judge_inverse(const char* name, inverse f) {
-  static double took[POSES];
-  unsigned long flags[4] = {0};
-  for (int k = 0; k < POSES; ++k) {
-    took[k] = HUGE_VAL;
-    for (int r = 0; r < REPEATS; ++r) {
-      double legs[16];
-      const double begun = now();
-      f(&asked[k], legs, flags, flags);
-      took[k] = fmin(took[k], now() - begun);
-    }
+  for (int what = 0; what < 2; ++what) {
+    qsort(took[what] + 1, POSES - 1, sizeof **took, larger);
+    printf("%-14s %s: median %6.0f ns, worst %6.0f ns\n", name, what ? "inverse" : "forward",
+           took[what][POSES / 2], took[what][POSES - 1]);
   }
-  qsort(took, POSES, sizeof *took, larger);
-  printf("%-14s inverse: median %6.0f ns, worst %6.0f ns\n", name, took[POSES / 2],
-         took[POSES - 1]);
+  printf("%-14s of %d poses %d failed, %d wrong\n", name, POSES - 1, failed, wrong);
 }
 
 int main(int count, char** words) {
@@ -91,26 +79,19 @@ int main(int count, char** words) {
   unsigned long flags[4] = {0};
   double from[6] = {0}, to[6] = {0};
   srand(1);
-  for (int k = 0; k < POSES; ++k) { /* straight ways of STEPS cycles between drawn poses */
+  for (int k = 0; k < POSES; ++k) { /* straight paths of STEPS cycles between random poses */
     if (k % STEPS == 0)
       for (int i = 0; i < 6; ++i) from[i] = to[i], to[i] = within(i < 3 ? 3 : most);
     memset(&asked[k], 0, sizeof asked[k]);
     for (int i = 0; i < 6; ++i)
       asked[k].x[i] = from[i] + (to[i] - from[i]) * (k % STEPS) / STEPS + (i == 2 ? 20 : 0);
-    if (legs(&asked[k], joints[k], flags, flags) != 0) { /* no pose of it: another way, from home */
+    if (legs(&asked[k], joints[k], flags, flags) !=
+        0) { /* no pose of it: another path, from home */
       memset(to, 0, sizeof to);
       k -= k % STEPS + 1;
     }
   }
-  judge("genhexkins", (forward)dlsym(stock, "kinematicsForward"), 0);
-  judge("truepose_kins", (forward)dlsym(own, "kinematicsForward"), 0);
-  judge_inverse("genhexkins", (inverse)dlsym(stock, "kinematicsInverse"));
-  judge_inverse("truepose_kins", legs);
-  for (int k = 0; k < POSES; ++k) {
-    for (int i = 0; i < 6; ++i) asked[k].x[i] = within(i < 3 ? 3 : most) + (i == 2 ? 20 : 0);
-    if (legs(&asked[k], joints[k], flags, flags) != 0) --k; /* no pose of it: another one */
-  }
-  judge("genhexkins", (forward)dlsym(stock, "kinematicsForward"), 1);
-  judge("truepose_kins", (forward)dlsym(own, "kinematicsForward"), 1);
+  judge("genhexkins", stock);
+  judge("truepose_kins", own);
   return 0;
 }
