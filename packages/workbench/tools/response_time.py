@@ -1,4 +1,4 @@
-"""Response time of the workbench: workbench.py [--repeats 200].
+"""Response time of the workbench: response_time.py [--repeats 200].
 
 Drag: from a dragged frame of the nacelle to the complete update of the page (pose, motors, steady
 states, ellipsoids, map of the error) in viser. Start: from `truepose workbench` to the served page,
