@@ -6,7 +6,7 @@ the rms of each anchor's error over σ. Strains are 3 σ at most, so poses can b
 Then --quarters sleds of 88 poses: scatter of anchors over disjoint quarters of the poses, in units
 of σ, for comparison with the guide's real log.
 
-coverage.py [--sleds 1000] [--quarters 200] [--seed 0]     # some minutes
+sled_trials.py [--sleds 1000] [--quarters 200] [--seed 0]     # some minutes
 """
 
 import argparse
