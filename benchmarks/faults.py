@@ -6,7 +6,6 @@ faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
 faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
-faults.py consequences [--seed 0]        # docs/fault-consequences.md, of packages/paper
 
 Robots calibrated themselves on readings at 100 poses. Errors are relative to the same run without
 a fault. Delays count from the first cycle in which the reading is off by the limit of
@@ -386,15 +385,6 @@ def payload(robots: int) -> None:
         row(mass, f"{len(error)} of {robots}", ends, "{:.2f}, {:.2f} mm".format(*np.median(sag, 0)))
 
 
-def consequences(seed: int) -> None:
-    """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
-    from truepose.show.table import markdown
-    from truepose_paper import faulty, tables
-
-    robot = tp.load("h4")
-    print(markdown(tables.faults(faulty.study(robot, 30, seed, truth=robot))))
-
-
 def row(*cells: object) -> None:
     print("|", " | ".join(map(str, cells)), "|", flush=True)
 
@@ -403,21 +393,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     robots = {
         "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100, "noise": 3,
-        "payload": 30, "consequences": 1,
+        "payload": 30,
     }  # fmt: skip
     parser.add_argument("what", choices=robots)
     parser.add_argument("--robots", type=int)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args()
     count, tables = (
         args.robots or robots[args.what],
         {f.__name__: f for f in (noise, payload)},
     )
-    if args.what == "consequences":
-        consequences(args.seed)
-    elif args.what in tables:
+    if args.what in tables:
         tables[args.what](count)
     else:
         with ProcessPoolExecutor(args.jobs) as pool:
