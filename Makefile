@@ -39,8 +39,7 @@ report: paper
 reference: $(VENV)/installed
 	@python benchmarks/reference/run.py $(ARGS)
 
-# The benchmark of calibrations: four baselines on its twelve logs, and their scores. ARGS='--seeds 1 2 3' (needs
-# MuJoCo) shows how far the scores depend on the generator's seed. Its tests generate logs again.
+# The benchmark of calibrations: four baselines on its twelve logs, and their scores. Its tests generate logs again, in MuJoCo.
 pkm-calibration: $(VENV)/installed
 	@PYTHONPATH=benchmarks/pkm-calibration python -m pkm.baselines $(ARGS)
 
@@ -155,7 +154,7 @@ bench: build/dev/build.ninja
 bench-peers: bench $(VENV)/installed
 	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
-	@if [ -e packages/linuxcnc/hal/truepose_kins.so ]; then cc -O2 -rdynamic benchmarks/linuxcnc_forward.c \
+	@if [ -e packages/linuxcnc/hal/truepose_kins.so ]; then cc -O2 -rdynamic packages/linuxcnc/tools/forward_times.c \
 	  packages/linuxcnc/tests/stub_hal.c -ldl -lm -o build/dev/forward && build/dev/forward 15; \
 	else echo "bench-peers: without genhexkins; first make -C packages/linuxcnc test"; fi
 

@@ -2,11 +2,10 @@
 
 faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
 faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
-faults.py noise, loose [--robots 3], payload [--robots 30]   # there: disturbances
+faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
 faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
-faults.py consequences [--seed 0]        # docs/fault-consequences.md, of packages/paper
 
 Robots calibrated themselves on readings at 100 poses. Errors are relative to the same run without
 a fault. Delays count from the first cycle in which the reading is off by the limit of
@@ -17,6 +16,7 @@ import argparse
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -44,6 +44,7 @@ TIMES, AT = 1.5, 0.25  #: size of a fault over its detectability; its start, s, 
 PICKED = 0.05  #: s, start of noise and payloads
 SLOW = 0.01  #: m/s, from which on stops are compared with the printed distance
 Fault, Disturbance, Shell = tp.faults.Fault, tp.faults.Disturbance, tp.control.SafetyShell
+Run = tp.simulation.Run
 
 
 def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[tp.Robot, tp.Robot]:
@@ -94,7 +95,9 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     robot, truth = sampled(which, seed)
     controller, shell = tp.Controller(law=law), Shell() if shells else None
     path = way(robot, 3 if shells else 4, seed, 0.3)
-    run = partial(tp.simulate, robot, truth, controller, path=path, seed=seed, safety=shell)
+    run = partial(
+        tp.simulate, robot, truth, controller, path=path, run=Run(seed=seed, safety=shell)
+    )
     try:
         healthy = run()
     except (tp.PoseError, tp.InputError):
@@ -197,8 +200,8 @@ def frozen(task: tuple[str, str, bool, int]) -> list[tuple]:
         at = round(duration * random.uniform(0.35, 0.65), 3)
         try:
             run = tp.simulate(
-                robot, None, controller, start=start, end=end, duration=duration, hold=0.2,
-                seed=seed, faults=[Fault("frame", "stuck", at)], safety=shell,
+                robot, None, controller, faults=[Fault("frame", "stuck", at)],
+                run=Run(start=start, end=end, duration=duration, hold=0.2, seed=seed, safety=shell),
             )  # fmt: skip
         except (tp.PoseError, tp.InputError):
             continue
@@ -252,10 +255,10 @@ def healthy(seconds: float, task: tuple[int, str]) -> tuple:
     try:
         control = tp.Controller.for_robot(robot, effects, ("joint", "estimated")[seed % 2])
         run = tp.simulate(
-            robot, truth, control, path=way(robot, int(seconds / 0.7) + 2, seed, 0.7), seed=seed,
-            effects=effects, safety=Shell(effects=effects),
-            monitor=tp.FaultMonitor(effects=effects),
-            disturbances=disturbances(robot, kind, seed),
+            robot, truth, control, path=way(robot, int(seconds / 0.7) + 2, seed, 0.7),
+            effects=effects, monitor=tp.FaultMonitor(effects=effects),
+            run=Run(seed=seed, safety=Shell(effects=effects),
+                    disturbances=disturbances(robot, kind, seed)),
         )  # fmt: skip
     except (tp.PoseError, tp.InputError):
         return which, kind, 0, "", ""
@@ -299,7 +302,7 @@ def rates(seconds: float, task: tuple[str, int]) -> list[int]:
     robot, truth = map(normal, sampled(which, seed))
     try:
         path = way(robot, int(seconds / 0.7) + 2, seed, 0.7)
-        run = tp.simulate(robot, truth, tp.Controller(law="joint"), path=path, seed=seed)
+        run = tp.simulate(robot, truth, tp.Controller(law="joint"), path=path, run=Run(seed=seed))
     except tp.PoseError:
         return [0] * (1 + len(CHANCES))
     pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
@@ -350,7 +353,7 @@ def noise(robots: int) -> None:
         cases = defaultdict(list)
         for seed in range(robots):
             robot, truth = sampled(which, seed)
-            run = partial(tp.simulate, robot, truth, law, seed=seed)
+            run = partial(tp.simulate, robot, truth, law, run=Run(seed=seed))
             usual = run()
             for reading in ("q1", *SETS[which][1]):
                 for name, faults in kinds(robot, reading).items():
@@ -366,59 +369,27 @@ def noise(robots: int) -> None:
             row(f"{which}, {law}", *key, *ends)
 
 
-def loose(robots: int) -> None:
-    row("sensors", "reading", "failed or stopped", "another failed", "error (mm), median, largest")
-    row("---", "---", "---:", "---:", "---:")
-    effects = tp.Effects()
-    for which in list(SETS)[1:3]:
-        cases = defaultdict(list)
-        for seed in range(robots):
-            robot, truth = sampled(which, seed, effects)
-            run = partial(
-                tp.simulate, robot, truth, tp.Controller.for_robot(robot, effects), hold=0.3,
-                effects=effects, seed=seed, monitor=tp.FaultMonitor(effects=effects),
-            )  # fmt: skip
-            usual = run()
-            for reading, at in product(robot.readings, np.arange(0.03, 0.22, 0.035)):
-                ran = run(faults=[Fault(reading, "loose", at)])
-                away = (ran.x - usual.x[: len(ran.x)])[~ran.stops, :3]
-                off = 1e3 * np.linalg.norm(away, axis=1).max()
-                found = reading in ran.failed or ran.stops.any(), {*ran.failed} - {reading}
-                kind = "motors" if reading in robot.readings[: robot.n] else "sensors"
-                cases[kind].append((found[0], bool(found[1]), off))
-        for kind, rows in cases.items():
-            found, wrong, off = np.array(rows).T
-            ends = f"{np.median(off):.2f}, {off.max():.2f}"
-            row(which, kind, f"{int(found.sum())} of {len(rows)}", int(wrong.sum()), ends)
-
-
 def payload(robots: int) -> None:
     row("payload (kg)", "named", "error after 0.5 s (%), median, largest", "sag, with feed-forward")
     row("---:", "---:", "---:", "---:")
     for mass in (0.7, 1.0, 2.0, 4.0):
         error, sag = [], []
         for seed in range(robots):
-            run = partial(tp.simulate, *sampled("h4 θ", seed), hold=0.4, seed=seed)
-            usual, picked = run(), [Disturbance("payload", PICKED, mass)]
-            runs = [
-                run(disturbances=picked, monitor=tp.FaultMonitor(carry=carry))
-                for carry in (False, True)
-            ]
+            pair, still = sampled("h4 θ", seed), Run(hold=0.4, seed=seed)
+            picked = replace(still, disturbances=[Disturbance("payload", PICKED, mass)])
+            usual, *runs = (
+                tp.simulate(*pair, run=run, monitor=monitor)
+                for run, monitor in (
+                    (still, None),
+                    *((picked, tp.FaultMonitor(carry=carry)) for carry in (False, True)),
+                )
+            )
             sag.append([1e3 * np.linalg.norm((ran.x - usual.x)[-1, :3]) for ran in runs])
             k = np.searchsorted(runs[1].time, PICKED + 0.5)
             if KINDS[runs[1].disturbance[k]] == "payload":
                 error.append(abs(100 * (runs[1].disturbance_size[k] / mass - 1)))
         ends = f"{np.median(error):.1f}, {max(error):.1f}"
         row(mass, f"{len(error)} of {robots}", ends, "{:.2f}, {:.2f} mm".format(*np.median(sag, 0)))
-
-
-def consequences(seed: int) -> None:
-    """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
-    from truepose.show.table import markdown
-    from truepose_paper import faulty, tables
-
-    robot = tp.load("h4")
-    print(markdown(tables.faults(faulty.study(robot, 30, seed, truth=robot))))
 
 
 def row(*cells: object) -> None:
@@ -429,21 +400,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     robots = {
         "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100, "noise": 3,
-        "loose": 3, "payload": 30, "consequences": 1,
+        "payload": 30,
     }  # fmt: skip
     parser.add_argument("what", choices=robots)
     parser.add_argument("--robots", type=int)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args()
     count, tables = (
         args.robots or robots[args.what],
-        {f.__name__: f for f in (noise, loose, payload)},
+        {f.__name__: f for f in (noise, payload)},
     )
-    if args.what == "consequences":
-        consequences(args.seed)
-    elif args.what in tables:
+    if args.what in tables:
         tables[args.what](count)
     else:
         with ProcessPoolExecutor(args.jobs) as pool:

@@ -1,30 +1,24 @@
 """Tables of docs/path-accuracy.md: H4s on a circle and a square.
 
 path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, exactly known geometry
-path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, compared with rest;
-                                                     # --without friction omits an effect
 path_accuracy.py iso [--robots 20]                   # AT and RT at three speeds, as with --full
 
-Every robot is sampled from the tolerances, each rod on its own. All take half an hour on one core.
+Every robot is sampled from the tolerances, each rod on its own. Minutes on one core.
 """
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 
 import numpy as np
 
 import truepose as tp
 from truepose.robot.laws import LAWS
 from truepose.show.table import markdown
-from truepose.simulation.plants.dynamic import visit
 from truepose_paper import following, tables
 
 RUNS = 3  #: of each robot at 2 Hz
-PLACES = 24  #: poses at rest on the circle
 MOTORS = tp.Effects().without("eccentricity", "thermal")  #: effects that motors observe
 WARM = 7200.0  #: s
-TIMES = 1.2  #: goal of rms at 0.1 Hz over rms at rest
 RMS, MOST = 0.3, 0.5  #: mm, goals of contouring with effects that motors observe
 #: Effects, whether the gains are stable under them, and time since start-up, s.
 CASES = {
@@ -64,27 +58,6 @@ def contour(seed: int) -> dict:
     return found
 
 
-def slow(without: list[str], seed: int) -> dict:
-    """Return the rms of one calibrated robot at rest on the circle (or NaN) and at 0.1 Hz, m."""
-    effects = tp.Effects().without(*without)
-    robot = tp.load("h4")
-    truth, believed = following.drawn(robot, effects, 0, seed)
-    angles = np.linspace(0, 2 * np.pi, PLACES, endpoint=False)
-    places = np.tile(following.CENTRE, (PLACES, 1))
-    places[:, :2] += following.RADIUS * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    found = {}
-    for law in LAWS:
-        controller = tp.Controller.for_robot(robot, effects, law)
-        known = believed[law, True]
-        x, _, _ = visit(known, truth, places, controller, effects, run=tp.simulation.Run(seed=seed))
-        rest = np.linalg.norm((x - places)[:, :3], axis=1)
-        run = tp.simulation.path_accuracy(
-            known, circle(0.1, 1), truth, controller, runs=1, effects=effects, seed=seed
-        )
-        found[law] = np.sqrt((rest**2).mean()), run.tracking
-    return found
-
-
 def row(*cells: object) -> None:
     print("|", " | ".join(map(str, cells)), "|", flush=True)
 
@@ -108,44 +81,18 @@ def print_contour(robots: list[dict]) -> None:
     row(f"{case}: {goal}", *beyond)
 
 
-def print_slow(robots: list[dict]) -> None:
-    """Print medians over the robots with a steady state, and how many exceed `TIMES`."""
-    heads = ["law", "rest, rms (mm)", "0.1 Hz, rms (mm)", "ratio: median", "largest"]
-    heads += [f"above {TIMES:g}", "added in quadrature, largest (mm)"]
-    row(*heads)
-    row("---", *["---:"] * (len(heads) - 1))
-    for law in LAWS:
-        resting = [one[law] for one in robots if np.isfinite(one[law][0])]
-        if not resting:
-            row(law, *["-"] * (len(heads) - 1))
-            continue
-        rest, moving = 1e3 * np.array(resting).T
-        ratio = moving / rest
-        beyond = f"{(ratio > TIMES).sum()} of {len(rest)}"
-        if lost := len(robots) - len(rest):
-            beyond += f" ({lost} more without a steady state)"
-        more = np.sqrt(np.maximum(moving**2 - rest**2, 0)).max()
-        cells = np.median(rest), np.median(moving), np.median(ratio), ratio.max()
-        row(law, *(f"{cell:.3g}" for cell in cells), beyond, f"{more:.2g}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=("contour", "slow", "iso"))
+    parser.add_argument("what", choices=("contour", "iso"))
     parser.add_argument("--robots", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--without", nargs="*", default=[], choices=tp.Effects.groups())
     args = parser.parse_args()
     if args.what == "iso":
         for table in tables.following(following.study(tp.load("h4"), args.robots, seed=0)):
             print(f"{table.title}\n\n{markdown(table)}\n", flush=True)
         return
     with ProcessPoolExecutor(args.jobs) as pool:
-        work, show = {
-            "contour": (contour, print_contour),
-            "slow": (partial(slow, args.without), print_slow),
-        }[args.what]
-        show(list(pool.map(work, range(args.robots))))
+        print_contour(list(pool.map(contour, range(args.robots))))
 
 
 if __name__ == "__main__":

@@ -60,40 +60,47 @@ class Legs:
 
 
 class Peer:
-    """Newton's method on a peer's residuals. Velocities: 6 of the platform, then 3 per leg."""
+    """Newton's method on a peer's residuals and Jacobian.
 
+    A state is the platform's position and quaternion (`order` from w, x, y, z), then two hinges and
+    a slide per leg; a velocity has 6 entries for the platform.
+    """
+
+    order = (0, 1, 2, 3)
     slides = 6 + 3 * np.arange(6) + 2
 
-    def newton(self, free):
+    def newton(self, q, free):
         for _ in range(50):
-            error, A = self.closure()
+            error, A = self.closure(q)
             if np.abs(error).max() < RESIDUAL:
-                return A
+                return q, A
             step = np.zeros(24)
             step[free] = np.linalg.solve(A[:, free], -error)
-            self.move(step)
+            q = self.moved(q, step)
         raise RuntimeError(f"{self.name}: no solution in 50 steps")
+
+    def at(self, pose):
+        """Return the state at a pose, and the closure's Jacobian."""
+        q = self.home.copy()
+        q[:3], q[3:7] = pose[:3], quaternion(rotation(pose[3:]))[list(self.order)]
+        return self.newton(q, np.arange(6, 24))
 
     def inverse(self, pose):
         """Return leg lengths and J of the platform's twist at a pose."""
-        self.place(pose)
-        A = self.newton(np.arange(6, 24))
+        q, A = self.at(pose)
         rates = np.linalg.solve(A[:, 6:], -A[:, :6])
-        return self.lengths(), np.linalg.inv(rates[self.slides - 6])
+        return q[9::3], np.linalg.inv(rates[self.slides - 6])
 
-    def forward(self, lengths, seed=None):
-        """Return platform and hinges for the lengths, from a seed by seed_at, or from home."""
-        self.start(seed, lengths)
-        self.newton(np.setdiff1d(np.arange(24), self.slides))
-        return self.position()
-
-    def seed_at(self, pose):
-        self.inverse(pose)
-        return self.state()
+    def forward(self, lengths, q):
+        """Return the platform's position for the lengths, from a state."""
+        q = q.copy()
+        q[9::3] = lengths
+        return self.newton(q, np.setdiff1d(np.arange(24), self.slides))[0][:3]
 
 
 class Pinocchio(Peer):
     name = "Pinocchio, Python"
+    order = (1, 2, 3, 0)
 
     def __init__(self, legs):
         import pinocchio as pin
@@ -101,58 +108,40 @@ class Pinocchio(Peer):
         self.pin, self.model = pin, pin.Model()
         model, none = self.model, pin.SE3.Identity()
         platform = model.addJoint(0, pin.JointModelFreeFlyer(), none, "platform")
-        self.anchors, self.tips = [], []
+        self.pairs = []
         for i in range(6):
             at = pin.SE3(legs.frame[i], legs.base[i])
             joint = 0
             for kind in (pin.JointModelRX(), pin.JointModelRY(), pin.JointModelPZ()):
                 joint = model.addJoint(joint, kind, at, f"leg{i}{kind.shortname()}")
                 at = none
-            for frames, parent, place in (
-                (self.anchors, platform, pin.SE3(np.eye(3), legs.pivot[i])),
-                (self.tips, joint, none),
-            ):
-                name = f"{'anchor' if parent == platform else 'tip'}{i}"
-                frame = pin.Frame(name, parent, 0, place, pin.FrameType.OP_FRAME)
-                frames.append(model.addFrame(frame))
+            ends = (joint, none, "tip"), (platform, pin.SE3(np.eye(3), legs.pivot[i]), "anchor")
+            self.pairs.append(
+                [
+                    model.addFrame(pin.Frame(f"{name}{i}", of, 0, at, pin.FrameType.OP_FRAME))
+                    for of, at, name in ends
+                ]
+            )
         self.data = model.createData()
         self.home = pin.neutral(model)
         self.home[:3] = legs.home[:3]
         self.home[9::3] = legs.length
 
-    def closure(self):
+    def closure(self, q):
         pin, model, data = self.pin, self.model, self.data
-        pin.computeJointJacobians(model, data, self.q)
+        pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         error, A = np.empty(18), np.empty((18, 24))
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        for i, (tip, anchor) in enumerate(zip(self.tips, self.anchors, strict=True)):
+        for i, (tip, anchor) in enumerate(self.pairs):
             rows = slice(3 * i, 3 * i + 3)
             error[rows] = data.oMf[tip].translation - data.oMf[anchor].translation
             of_tip = pin.getFrameJacobian(model, data, tip, world)[:3]
             A[rows] = of_tip - pin.getFrameJacobian(model, data, anchor, world)[:3]
         return error, A
 
-    def move(self, step):
-        self.q = self.pin.integrate(self.model, self.q, step)
-
-    def place(self, pose):
-        self.q = self.home.copy()
-        self.q[:3] = pose[:3]
-        self.q[3:7] = np.roll(quaternion(rotation(pose[3:])), -1)
-
-    def start(self, seed, lengths):
-        self.q = (self.home if seed is None else seed).copy()
-        self.q[9::3] = lengths
-
-    def lengths(self):
-        return self.q[9::3].copy()
-
-    def position(self):
-        return self.q[:3].copy()
-
-    def state(self):
-        return self.q.copy()
+    def moved(self, q, step):
+        return self.pin.integrate(self.model, q, step)
 
 
 class MuJoCo(Peer):
@@ -183,33 +172,17 @@ class MuJoCo(Peer):
         self.home = self.data.qpos.copy()
         self.home[9::3] = legs.length
 
-    def closure(self):
+    def closure(self, q):
         mujoco, model, data = self.mujoco, self.model, self.data
+        data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_makeConstraint(model, data)
         return data.efc_pos, data.efc_J.reshape(18, 24)
 
-    def move(self, step):
-        self.mujoco.mj_integratePos(self.model, self.data.qpos, step, 1)
-
-    def place(self, pose):
-        self.data.qpos[:] = self.home
-        self.data.qpos[:3] = pose[:3]
-        self.data.qpos[3:7] = quaternion(rotation(pose[3:]))
-
-    def start(self, seed, lengths):
-        self.data.qpos[:] = self.home if seed is None else seed
-        self.data.qpos[9::3] = lengths
-
-    def lengths(self):
-        return self.data.qpos[9::3].copy()
-
-    def position(self):
-        return self.data.qpos[:3].copy()
-
-    def state(self):
-        return self.data.qpos.copy()
+    def moved(self, q, step):
+        self.mujoco.mj_integratePos(self.model, q, step, 1)
+        return q
 
 
 def median_time(calls):
@@ -223,17 +196,18 @@ def median_time(calls):
 
 
 def measure_peer(peer, robot, x, near):
-    q, J = robot.ikm(x), robot.jacobian(x)
+    q, J, home = robot.ikm(x), robot.jacobian(x), peer.home
     for k in (0, len(x) // 2):  # check that the results agree
         lengths, peer_J = peer.inverse(x[k])
         assert np.abs(lengths - q[k]).max() < 1e-10
         assert abs(abs(np.linalg.det(peer_J)) / abs(np.linalg.det(J[k])) - 1) < 1e-8
-        assert np.abs(peer.forward(q[k]) - x[k, :3]).max() < 1e-10
-    seeds = [peer.seed_at(pose) for pose in near]
+        assert np.abs(peer.forward(q[k], home) - x[k, :3]).max() < 1e-10
+    seeds = [peer.at(pose)[0] for pose in near]
+    each = range(len(x))
     return (
-        median_time([lambda k=k: peer.inverse(x[k]) for k in range(len(x))]),
-        median_time([lambda k=k: peer.forward(q[k], seeds[k]) for k in range(len(x))]),
-        median_time([lambda k=k: peer.forward(q[k]) for k in range(len(x))]),
+        median_time([lambda k=k: peer.inverse(x[k]) for k in each]),
+        median_time([lambda k=k: peer.forward(q[k], seeds[k]) for k in each]),
+        median_time([lambda k=k: peer.forward(q[k], home) for k in each]),
     )
 
 

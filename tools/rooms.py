@@ -24,11 +24,12 @@ PACKAGE = "truepose"
 BASE = ("files", "headers", "moved", "plugins", "threads", "arguments", "exceptions")
 
 
-def floors() -> list[list[str]]:
-    """Return the rooms of each floor, top first, from the contract."""
+def rooms() -> list[str]:
+    """Return the rooms from the contract, top first, and the base."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
-    return [[room.strip(" ()") for room in layer.split("|")] for layer in layers]
+    listed = [room.strip(" ()") for layer in layers for room in layer.split("|")]
+    return [room for room in listed if room not in (*BASE, "__main__")] + ["base"]
 
 
 def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
@@ -47,8 +48,7 @@ def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
 def draw() -> Figure:
     """Draw the matrix: numbers in a row are imports from the columns' rooms."""
     modules, arrows = imports()
-    listed = [room for floor in floors() for room in floor if room not in (*BASE, "__main__")]
-    listed.append("base")
+    listed = rooms()
     figure = Figure(figsize=(8.4, 6.6), layout="constrained")
     axes = figure.subplots()
     counts = np.array([[arrows[row, column] for column in listed] for row in listed], float)
@@ -57,13 +57,10 @@ def draw() -> Figure:
     for row, column in zip(*np.nonzero(counts), strict=True):
         colour = "black" if column > row else "#b3261e"
         axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", color=colour)
-    for k in range(len(listed)):
-        axes.text(k, k, "·", ha="center", va="center", color="0.6")
     names = [f"{room} ({modules[room]})" for room in listed]
     axes.set_xticks(range(len(listed)), listed, rotation=45, ha="left")
     axes.set_yticks(range(len(listed)), names)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
-    axes.spines[:].set_visible(False)
     axes.set_ylabel("room (modules) that imports")
     return figure
 

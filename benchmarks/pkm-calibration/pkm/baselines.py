@@ -1,8 +1,4 @@
-"""The four baselines: written as submissions, scored, and compared over the generator's seeds.
-
-python -m pkm.baselines                    # on the published logs
-python -m pkm.baselines --seeds 1 2 3      # also generate logs of these seeds
-"""
+"""The four baselines, written as submissions and scored: python -m pkm.baselines."""
 
 from __future__ import annotations
 
@@ -114,24 +110,11 @@ def run(benchmark: Path, out: Path) -> dict[str, dict[str, Score]]:
     return {folder.name: score(folder, benchmark) for folder in submit(benchmark, out)}
 
 
-def over_seeds(seeds: Sequence[int], out: Path) -> dict[str, list[Score]]:
-    """Return the baselines' overall scores on benchmarks of several seeds."""
-    from pkm import generate  # needs MuJoCo
-
-    found: dict[str, list[Score]] = {}
-    for seed in seeds:
-        generate.generate(out / f"seed-{seed}", seed)
-        for name, scores in run(out / f"seed-{seed}", out / f"submissions-{seed}").items():
-            found.setdefault(name, []).append(scores["all"])
-    return found
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the baselines and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--benchmark", type=Path, default=HERE)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[])
-    parser.add_argument("--out", type=Path, help="keep submissions and generated logs here")
+    parser.add_argument("--out", type=Path, help="keep submissions here")
     given = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         out = given.out or Path(folder)
@@ -146,13 +129,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for log, refused in load(out / name / "submission.json")["refused"].items():
                 first, reason = next(iter(refused.items()))
                 print(f"{name}: {log}: {len(refused)} machines refused, {first}: {reason}")
-        for name, scores in over_seeds(given.seeds, out).items():
-            for key in ("position", "angle", "coverage", "ratio"):
-                values = np.array([getattr(one, key) for one in scores])
-                if np.isnan(values).all():
-                    continue
-                apart = np.abs(values / values.mean() - 1).max()
-                print(f"{name:20}{key:10}{values.mean():9.4g} ± {100 * apart:.1f} %", values)
     return 0
 
 

@@ -12,7 +12,7 @@ from truepose_printers.assessment import assess
     ("kinematics", "distances"), [("delta", True), ("delta", False), ("rotary_delta", True)]
 )
 def test_estimates_lie_within_their_sigma(kinematics, distances, robots_drawn):
-    """`python benchmarks/printers.py` takes hundreds, of other noise too."""
+    """`python packages/printers/tests/printers.py` takes hundreds, of other noise too."""
     count = robots_drawn
     ran = [trial for trial in trials(kinematics, count, seed=7, distances=distances) if trial]
     assert len(ran) == count  # none without an answer

@@ -1,7 +1,6 @@
 """The benchmark pkm-calibration: files, scorer, baselines, and its generator against truepose."""
 
 import copy
-import functools
 import shutil
 
 import numpy as np
@@ -230,16 +229,6 @@ def test_a_refused_machine_stays_nominal_and_is_counted(small, monkeypatch, tmp_
     )
     nominal, refused = (one["delta-2"].position for one in found.values())
     assert nominal == refused
-
-
-def test_scores_are_compared_over_seeds(small, monkeypatch, tmp_path, capsys):
-    few = functools.partial(generate.generate, machines=1, only=["five-bar-1"])
-    monkeypatch.setattr(generate, "generate", few)
-    arguments = ["--benchmark", str(small), "--seeds", "1", "2", "--out", str(tmp_path)]
-    assert baselines.main(arguments) == 0
-    said = capsys.readouterr().out
-    assert said.count("±") == 4 * 3  # a five-bar has no angle
-    assert (tmp_path / "seed-2" / "truth.json").is_file()
 
 
 def test_baselines_of_a_wrong_benchmark_are_refused_in_one_line(copied, capsys):

@@ -4,10 +4,9 @@ Sleds are sampled from the assumptions of `truepose maslow`, anchors 20 mm about
 at 48 poses with σ = 0.5 mm. Printed are NEES over the twelve unknowns with its scatter (1 ±), and
 the rms of each anchor's error over σ. Strains are 3 σ at most, so poses can be assigned to sides.
 Then --quarters sleds of 88 poses: scatter of anchors over disjoint quarters of the poses, in units
-of σ, for comparison with the guide's real log. Then --slips sleds, with and without a belt that
-slipped by 5 to 10 mm at least three rows from either end: slips found, by belt and row, and others.
+of σ, for comparison with the guide's real log.
 
-sleds.py [--sleds 1000] [--quarters 200] [--slips 200] [--seed 0]     # some minutes
+sled_trials.py [--sleds 1000] [--quarters 200] [--seed 0]     # some minutes
 """
 
 import argparse
@@ -41,10 +40,10 @@ def drawn(
 
 
 def main() -> None:
+    """Print the tables."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--sleds", type=int, default=1000)
     parser.add_argument("--quarters", type=int, default=200)
-    parser.add_argument("--slips", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     nees, normal, sigma = [], [], []
@@ -67,18 +66,6 @@ def main() -> None:
     ]
     low, middle, high = np.quantile(scatter, [0.05, 0.5, 0.95])
     print(f"quarters, over σ's share: {middle:.2f} ({low:.2f} to {high:.2f}, 5 to 95 %)")
-    found, false = 0, 0
-    for k in range(options.slips):
-        rng = np.random.default_rng((options.seed, 1, k))
-        read, _ = drawn(rng)
-        false += bool(belts.without_slips(belts.calibrate(read), np.arange(len(read)))[0].slips)
-        belt, row = rng.integers(4), rng.integers(3, len(read) - 2)
-        read[row:, belt] += rng.choice([-1, 1]) * rng.uniform(0.005, 0.01)
-        sled, said = belts.without_slips(belts.calibrate(read), np.arange(len(read)))
-        told = f"{belts.BELTS[belt]}: slipped before row {row}, by"
-        found += len(sled.slips) == 1 and said[0].startswith(told)
-    if options.slips:
-        print(f"slips: {found} of {options.slips} found; {false} in as many sleds without")
 
 
 if __name__ == "__main__":

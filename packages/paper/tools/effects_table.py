@@ -1,6 +1,6 @@
 """Tables of docs/effects.md: loss of self-calibration's gain by each effect, of packages/paper.
 
-effects.py [--robots 16] [--seed 0]      # a minute per robot on one core
+effects_table.py [--robots 16] [--seed 0]      # a minute per robot on one core
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ def takes(line: Line, less: Line) -> tuple[float, float, float]:
 
 
 def main() -> None:
+    """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)
