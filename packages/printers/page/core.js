@@ -39,20 +39,11 @@ const core = {
       taken.forEach((at) => this.c.free(at));
     }
   },
-  text(at) {
-    const all = new Uint8Array(this.c.memory.buffer, at);
+  why(status) {
+    const all = new Uint8Array(this.c.memory.buffer, this.c.truepose_status_text(status));
     return new TextDecoder().decode(all.slice(0, all.indexOf(0)));
   },
-  why(status) { return this.text(this.c.truepose_status_text(status)); },
 };
-
-// Why a robot has no answer; `part` is a chain or reading, from 0.
-class Refused extends Error {
-  constructor(status, part) {
-    super(core.why(status) + (part >= 0 ? ` (${part + 1})` : ""));
-    this.status = status;
-  }
-}
 
 class Robot {
   // of: what `truepose export json` wrote.
@@ -79,18 +70,17 @@ class Robot {
   }
   check(out) {
     const [status, part] = core.i32(out, 2);
-    if (status > 0) throw new Refused(status, part);
+    if (status > 0) throw new Error(core.why(status) + (part >= 0 ? ` (${part + 1})` : "")); // a chain or reading
   }
-  // The same robot with other values of some parameters, {name: value}.
+  // The same robot with other values of some parameters, [name, value] each.
   with(values) {
     const made = Object.create(Robot.prototype, Object.getOwnPropertyDescriptors(this));
     made.model = core.alloc(MODEL_BYTES);
-    const names = Object.keys(values);
-    const columns = names.map((name) => this.of.parameters.find((each) => each.name === name).column);
+    const columns = values.map(([name]) => this.of.parameters.find((each) => each.name === name).column);
     core.within((put, room) => {
       const out = room(1);
-      core.c.truepose_with_parameters(out, this.model, names.length, put(columns, Int32Array),
-        put(Object.values(values)), made.model, MODEL_BYTES);
+      core.c.truepose_with_parameters(out, this.model, values.length, put(columns, Int32Array),
+        put(values.map(([, value]) => value)), made.model, MODEL_BYTES);
       this.check(out);
     });
     return made;
@@ -139,7 +129,7 @@ class Robot {
     return core.within((put, room) => {
       const log = room(8), fit = room(7), out = room(1), count = rows.length, readings = put(rows.flat());
       const mean = put(this.of.parameters.map((each) => each.mean));
-      const arrays = [room(p), room(p * p), room(count * n), room(count), room(count)];
+      const arrays = [room(p), room(p * p), room(count * n), 0, room(count)]; // χ² of rows: not asked for
       core.i32(log, 4).set([count, loss, readings, 0]);
       core.i32(fit + 32, 5).set(arrays);
       core.c.truepose_calibrate(out, this.model, this.known, mean, log, fit);
@@ -150,9 +140,8 @@ class Robot {
         parameters: this.of.parameters.map((each, k) => (
           { ...each, value: value[k], sigma: Math.sqrt(covariance[k * (p + 1)]), prior: Math.hypot(...this.of.root[k]) })),
         poses: rows.map((_, k) => x.slice(k * n, k * n + n)),
-        chi2: [...core.f64(arrays[3], count)],
         status: [...core.i32(arrays[4], count)],
-        iterations: core.i32(fit, 4)[2], used: core.i32(fit, 4)[3], rms: core.f64(fit + 24, 1)[0],
+        used: core.i32(fit, 4)[3], rms: core.f64(fit + 24, 1)[0],
       };
     });
   }

@@ -35,7 +35,6 @@ function result(name, text) {
   if (/^"?\w+"?([,;\t]"?\w+"?)+$/.test(heads.trim())) return [bench.readLog(text)];
   const value = (id) => find(id).valueAsNumber || 0;
   const answer = printerAnswer(text, [value("arm"), value("probe-radius"), value("next")]);
-  page.lastPrinter = answer;
   if (answer.error) throw new Error(answer.error);
   return printerResult(answer, name);
 }

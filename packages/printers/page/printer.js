@@ -81,34 +81,28 @@ function shade(value) {
   return `rgb(${(t < 0 ? [33, 102, 172] : [178, 24, 43]).map(fade).join()})`;
 }
 
-// White to black, by a value from 0 to 1.
-function grey(value) {
-  const level = Math.round(245 - 200 * Math.max(0, Math.min(1, value)));
-  return `rgb(${[level, level, level].join()})`;
-}
-
 // Now and after, to one size: how far the nozzle is off by the estimate, and the estimate's own σ.
 function bedMaps({ points, now, after }) {
   const all = points.filter((p) => Number.isFinite(p[2])), most = Math.max(0.05, ...all.flatMap((p) => [Math.abs(p[2]), p[4]]));
   const reach = Math.max(...all.map((p) => Math.hypot(p[0], p[1])));
   const gap = Math.min(...all.slice(1).map((p) => Math.hypot(p[0] - all[0][0], p[1] - all[0][1])));
   const scale = 110 / (reach + gap / 2), size = 1.45 * scale * gap;
-  const map = (title, column, rms, colour, low) => {
+  const map = (title, column, rms, low) => {
     const label = `${title}; expected error ${fixed(rms[2], 3)} mm rms`;
     return h("figure", {}, svg("svg", { viewBox: "-125 -125 250 250", role: "img", "aria-label": label },
       all.map((p) => svg("rect", { x: scale * p[0] - size / 2, y: -scale * p[1] - size / 2,
-        width: size, height: size, fill: colour(p[column] / most) },
+        width: size, height: size, fill: shade(p[column] / most) },
       svg("title", {}, `x ${fixed(p[0], 0)}, y ${fixed(p[1], 0)} mm: off by ${fixed(p[2], 3)} now, σ ${fixed(p[4], 3)} mm`)))),
-    legend(colour, low, most), h("figcaption", {}, label));
+    legend(low, most), h("figcaption", {}, label));
   };
-  return h("div", { className: "maps" }, map("Now: height off by the estimate", 2, now.rms_mm, shade, -1),
-    map("After: σ of the height", 4, after.rms_mm, grey, 0));
+  return h("div", { className: "maps" }, map("Now: height off by the estimate", 2, now.rms_mm, -1),
+    map("After: σ of the height", 4, after.rms_mm, 0));
 }
 
 // Colours from low, −1 or 0, to 1 times the largest value, mm.
-function legend(colour, low, most) {
+function legend(low, most) {
   return svg("svg", { class: "legend", viewBox: "0 0 260 30", role: "img", "aria-label": `scale from ${fixed(low * most, 2)} to ${fixed(most, 2)} mm` },
-    Array.from({ length: 52 }, (_, k) => svg("rect", { x: 5 * k, y: 0, width: 5.5, height: 12, fill: colour(low + ((1 - low) * (k + 0.5)) / 52) })),
+    Array.from({ length: 52 }, (_, k) => svg("rect", { x: 5 * k, y: 0, width: 5.5, height: 12, fill: shade(low + ((1 - low) * (k + 0.5)) / 52) })),
     [[low, 0, "start"], [(low + 1) / 2, 130, "middle"], [1, 260, "end"]].map(([at, x, anchor]) =>
       svg("text", { x, y: 27, "text-anchor": anchor }, `${at > 0 && low < 0 ? "+" : ""}${fixed(at * most, 2)} mm`)));
 }

@@ -5,18 +5,19 @@ class Workbench {
   constructor(of, place) {
     this.of = of;
     this.drawn = new Robot(of); // nominal, of which a calibration makes others
-    this.start = this.model = this.drawn.with(Object.fromEntries(of.parameters.map(({ name, value }) => [name, value])));
+    this.start = this.model = this.drawn.with(of.parameters.map(({ name, value }) => [name, value]));
     const rods = of.parameters.filter(({ name }) => name.endsWith(".rod"));
     const { name, unit } = rods.find((each) => each.name === "chain3.rod") ?? rods[0] ?? of.parameters[0];
     this.errors = { [name]: unit === "m" ? -0.003 : 0.01 };
     this.desired = [...of.home];
     this.law = "joint";
+    this.unit = of.coordinates.some(({ unit }) => unit === "m") ? "m" : "rad"; // of errors
     this.view = { azimuth: -0.9, elevation: 0.45 };
     const { minimum, maximum } = of.workspace;
     this.box = of.home.map((at, k) => (minimum[k] < maximum[k] ? [minimum[k], maximum[k]]
       : [at - 0.05, at + 0.05])); // a file without a workspace
     this.build(place);
-    this.breakIt();
+    this.choose();
   }
   named(name) { return this.of.parameters.find((each) => each.name === name); }
 
@@ -27,7 +28,7 @@ class Workbench {
     this.picture.addEventListener("pointerdown", (event) => this.drag(event));
     this.sliders = of.coordinates.map(({ name, unit }, k) => this.slider(name, unit, ...this.box[k],
       () => this.desired[k], (value) => { this.desired[k] = value; this.show(); }));
-    this.choice = h("select", { ariaLabel: "Parameter in error", onchange: () => this.breakIt() },
+    this.choice = h("select", { ariaLabel: "Parameter in error", onchange: () => this.choose() },
       of.parameters.map(({ name }) => h("option", { value: name }, name)));
     this.choice.value = Object.keys(this.errors)[0];
     this.wrong = h("div");
@@ -46,7 +47,7 @@ class Workbench {
       h("div", {},
         h("h3", {}, "Desired pose"), this.sliders.map(({ row }) => row),
         h("h3", {}, "Error of the true robot"), h("div", { className: "row" }, this.choice,
-          h("button", { type: "button", onclick: () => { this.errors = {}; this.breakIt(); } }, "No error")), this.wrong, this.broken,
+          h("button", { type: "button", onclick: () => { this.errors = {}; this.choose(); } }, "No error")), this.wrong, this.broken,
         h("h3", {}, "Control"), this.laws, this.error, this.said)),
     h("h3", {}, "Readings"), this.reading,
     h("h3", {}, "Calibration"),
@@ -56,33 +57,28 @@ class Workbench {
 
   slider(name, unit, low, high, get, set) {
     const [factor] = UNITS[unit], shown = h("output");
-    const input = h("input", { type: "range", min: factor * low, max: factor * high, step: "any", ariaLabel: name,
-      oninput: () => set(input.valueAsNumber / factor) });
-    // Steps of 1 % of the range by the arrow keys, which "any" leaves to the browser.
-    input.step = factor * (high - low) / 200;
+    const input = h("input", { type: "range", min: factor * low, max: factor * high, step: factor * (high - low) / 200,
+      ariaLabel: name, oninput: () => { set(input.valueAsNumber / factor); update(); } });
     const update = () => { input.value = factor * get(); shown.textContent = inPrint(get(), unit, 2); };
     update();
     return { row: h("div", { className: "slider" }, h("span", {}, name), input, shown), update };
   }
 
-  // A true robot with the chosen errors.
-  breakIt() {
-    const name = this.choice.value, { unit } = this.named(name);
-    const most = { m: 0.01, rad: 0.05 }[unit] ?? 0.01;
-    const slider = this.slider("error", unit, -most, most, () => this.errors[name] ?? 0, (value) => {
+  // A slider for the chosen parameter's error.
+  choose() {
+    const name = this.choice.value, { unit } = this.named(name), most = unit === "rad" ? 0.05 : 0.01;
+    this.wrong.replaceChildren(this.slider("error", unit, -most, most, () => this.errors[name] ?? 0, (value) => {
       this.errors[name] = value;
       this.breakIt();
-    });
-    if (this.wrongOf !== name || !this.wrong.contains(document.activeElement)) {
-      this.wrong.replaceChildren(slider.row);
-      this.wrongOf = name;
-    } else { // the slider in the user's hand stays
-      this.wrong.querySelector("output").textContent = inPrint(this.errors[name], unit, 2);
-    }
+    }).row);
+    this.breakIt();
+  }
+  // A true robot with the chosen errors.
+  breakIt() {
     const changed = Object.entries(this.errors).filter(([, by]) => by !== 0);
     this.broken.textContent = changed.map(([of, by]) => `${of} ${by > 0 ? "+" : ""}${inPrint(by, this.named(of).unit, 2)}`).join(", ");
     try {
-      const truth = this.drawn.with(Object.fromEntries(changed.map(([of, by]) => [of, this.named(of).value + by])));
+      const truth = this.drawn.with(changed.map(([of, by]) => [of, this.named(of).value + by]));
       this.truth?.free();
       this.truth = truth;
       this.show();
@@ -94,7 +90,7 @@ class Workbench {
   show() {
     this.sliders.forEach(({ update }) => update());
     try {
-      const at = this.at = this.model.settle(this.truth, this.desired, this.law);
+      const at = this.model.settle(this.truth, this.desired, this.law);
       const expected = this.model.readings(this.desired);
       this.reading.replaceChildren(table(["reading", "expected", "true robot", "difference"], this.of.readings.map(({ name, unit }, k) => {
         const off = at.readings[k] - expected[k];
@@ -109,12 +105,14 @@ class Workbench {
       this.said.textContent = `No pose here: ${error.message}.`;
     }
   }
+  // Distance of two positions, or of two orientations of a robot without a position.
+  distance(x, y) {
+    return Math.hypot(...this.of.coordinates.map(({ unit }, k) => (unit === this.unit ? x[k] - y[k] : 0)));
+  }
   // Position as a distance, angles one by one.
   errorText(off) {
-    const { coordinates } = this.of;
-    const length = Math.hypot(...off.filter((_, k) => coordinates[k].unit === "m"));
-    const angles = off.map((value, k) => (coordinates[k].unit === "rad" ? `${coordinates[k].name} ${inPrint(value, "rad")}` : "")).filter(Boolean);
-    return [coordinates.some(({ unit }) => unit === "m") ? inPrint(length, "m") : "", ...angles].filter(Boolean).join(", ");
+    const angles = this.of.coordinates.flatMap(({ name, unit }, k) => (unit === "rad" ? [`${name} ${inPrint(off[k], unit)}`] : []));
+    return [...(this.unit === "m" ? [inPrint(this.distance(off, off.map(() => 0)), "m")] : []), ...angles].join(", ");
   }
 
   // Points of the model at a pose: arms, rods, platform; m.
@@ -197,25 +195,21 @@ class Workbench {
     const { normal } = generator(seed + 1000);
     return this.random(count, seed).map((x) => this.truth.readings(x).map((value, k) => value + this.of.sigma[k] * normal()));
   }
-  // The rms error of the platform's position, m (rad without a position), over random poses under the law.
+  // The rms error over random poses under the law.
   accuracy(model) {
-    const length = this.of.coordinates.map(({ unit }) => unit === "m"), counts = length.some(Boolean) ? length : length.map(() => true);
-    const squares = this.random(60, 7).flatMap((x) => {
-      try {
-        return model.settle(this.truth, x, this.law).x.reduce((sum, value, k) => sum + (counts[k] ? (value - x[k]) ** 2 : 0), 0);
-      } catch { return []; } // out of this model's reach
+    const off = this.random(60, 7).flatMap((x) => {
+      try { return [this.distance(model.settle(this.truth, x, this.law).x, x)]; } catch { return []; } // out of this model's reach
     });
-    return [Math.sqrt(squares.reduce((a, b) => a + b, 0) / squares.length), length.some(Boolean) ? "m" : "rad"];
+    return inPrint(Math.hypot(...off) / Math.sqrt(off.length), this.unit);
   }
 
   learn() {
     try {
       const rows = this.simulated(Math.round(this.poses.valueAsNumber)), fit = this.drawn.calibrate(rows);
-      const [before, unit] = this.accuracy(this.start);
+      const before = this.accuracy(this.start);
       this.use(fit);
-      const [after] = this.accuracy(this.model);
       this.fitted.replaceChildren(
-        h("p", { className: "verdict" }, `Error over the workspace: ${inPrint(before, unit)} rms before, ${inPrint(after, unit)} after.`),
+        h("p", { className: "verdict" }, `Error over the workspace: ${before} rms before, ${this.accuracy(this.model)} after.`),
         h("p", {}, `${rows.length} poses, readings with their own noise; the poses themselves are unknown. The robot above now has the calibrated model.`),
         this.parameters(fit, true));
       this.lastFit = { rows, fit };
@@ -226,7 +220,7 @@ class Workbench {
   }
   use(fit) {
     if (this.model !== this.start) this.model.free();
-    this.model = this.drawn.with(Object.fromEntries(fit.parameters.map(({ name, value }) => [name, value])));
+    this.model = this.drawn.with(fit.parameters.map(({ name, value }) => [name, value]));
   }
   // By the change in units of the prior σ; the first ten, then all.
   parameters(fit, known = false) {

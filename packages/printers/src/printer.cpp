@@ -14,12 +14,7 @@ int truepose_printer(const char* text, size_t length, const truepose_printer_opt
     request.arm = kMm * options->arm_mm;
     request.probe_radius = options->probe_radius_mm;
     request.next = options->next >= 1 ? int(std::min(options->next, 1000.0)) : 0;
-    double sigma[TRUEPOSE_PRINTER_SIGMAS];
-    for (int k = 0; k < TRUEPOSE_PRINTER_SIGMAS; ++k)
-      sigma[k] = options->sigma[k] * (k == TRUEPOSE_PRINTER_ANGLE       ? kDegree
-                                      : k == TRUEPOSE_PRINTER_SHRINKAGE ? 0.01
-                                                                        : kMm);
-    request.assumed.set(sigma);
+    request.assumed = options->sigma;
   }
   const std::string answered = answer({text, length}, request);
   if (answered.size() <= capacity) std::memcpy(json, answered.data(), answered.size());

@@ -242,10 +242,11 @@ def _trial(
     found = assess(text_of(printer, readings), sigma=assumed)
     off = found.answer["theta"] - np.array([*truth.p, truth.shrinkage, truth.width])
     sigma = np.sqrt(np.diag(found.covariance))
-    told = np.column_stack([found.points, np.zeros(len(found.points))])
+    points = MM * np.array([point[:2] for point in found.answer["bed"]["points"]])
+    told = np.column_stack([points, np.zeros(len(points))])
     there = printer.delta.positions(truth.p, printer.delta.steps(found.p, told))[0] - told
     there[:, :2] = without_rigid(told, there[:, :2])
-    error = found.bed("after").error
+    error = MM * np.array(found.answer["bed"]["after"]["error_mm"])
     inside = np.abs(there) < 1.96 * error
     shares = [np.mean(np.abs(off)[sigma > 0] < 1.96 * sigma[sigma > 0])]
     shares += [inside[:, :2].mean(), inside[:, 2].mean()]

@@ -8,7 +8,8 @@ from printer_files import REAL, changed, made_printer, read, text_of
 from printer_trials import ASSUMED, made
 
 import truepose as tp
-from truepose_printers.assessment import ESTIMATE, MM, assess, rms
+from truepose_printers.assessment import MM, assess
+from truepose_printers.review import rms
 
 #: z rms that Klipper's parameters leave, mm.
 LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}
@@ -31,8 +32,8 @@ def test_klippers_criterion_finds_what_klipper_found(name):
     begun = assess(text.replace(f"= {radius}", f"= {float(radius) + 2}"))
     for found in (real, begun):
         assert abs(column(found, "klipper") - column(real, "now")).max() < 2e-4
-    for fit in (real.fits[0], begun.fits[1]):
-        assert rms(fit.heights) / MM == pytest.approx(LEFT[name], abs=5e-5)
+    for found, key in ((real, "residual_now_mm"), (begun, "residual_klipper_mm")):
+        assert rms(found.column(key)) == pytest.approx(LEFT[name], abs=5e-5)
 
 
 def test_parameters_that_do_not_fit_the_readings_are_named_so():
@@ -59,12 +60,13 @@ def test_parameters_that_leave_as_much_as_klippers_fit():
 
 def test_calliper_distances_left_out():
     """Issue's figures by others: heights alone 0.160 mm, Klipper's nine 0.059, plain mean 0.044."""
-    left = {way.name: rms(way.distances) / MM for way in assess(read("phnxdrgn536")).held_out}
+    held_out = assess(read("phnxdrgn536")).answer["held_out_mm"]
+    left = {name: of["distances"] for name, of in held_out.items()}
     assert left["bed heights alone"] == pytest.approx(0.160, abs=5e-4)
     assert left["Klipper's nine parameters"] == pytest.approx(0.059, abs=5e-4)
     assert left["plain mean"] == pytest.approx(0.044, abs=5e-4)
     assert left["one common arm"] < 0.057
-    assert left[ESTIMATE] < 0.057
+    assert left["estimate with tolerances"] < 0.057
 
 
 def test_twelve_nearly_equal_distances_do_not_support_nine_parameters():
@@ -83,7 +85,7 @@ def test_words_say_whether_to_use_it():
         words[0] == "The file's parameters cannot bring the nozzle to where its readings were taken"
     )
     assert words[-1].endswith("with the file's parameters the nozzle does not reach the bed")
-    assert len(found.bed("now").error) == 0
+    assert found.answer["bed"]["now"]["error_mm"] == []
     assert words_of(read("fzechert"))[-1].startswith("Keep the file's")
 
 

@@ -441,13 +441,13 @@ def test_heights_found_by_hand_come_first():
     ],
 )
 def test_step_distances_are_klippers(old, new):
-    step = assess(read("phnxdrgn536").replace(old, new)).step
+    step = assess(read("phnxdrgn536").replace(old, new)).delta.step
     np.testing.assert_allclose(step, 0.0125e-3, rtol=1e-12)
 
 
 def test_a_rotary_deltas_step_is_an_angle():
     text, _ = made_text("rotary_delta")
-    step = assess(text).step
+    step = assess(text).delta.step
     np.testing.assert_allclose(step, 2 * np.pi / (200 * 16 * (107 / 16) * (60 / 16)), rtol=1e-12)
     with pytest.raises(tp.InputError, match=r"\[stepper_a\] gear_ratio = 107: must be pairs"):
         assess(text.replace("107.000:16, 60:16", "107"))

@@ -44,7 +44,7 @@ typedef struct truepose_printer_options {
  *
  * `text` has `length` bytes and need not end with 0; `options` may be null. The answer is one JSON
  * object in UTF-8 without a final 0: `{"error": "one line"}`, or the fit, its judgement, the lines
- * to send and the new configuration (docs/delta-printer.md lists its members).
+ * to send and the new configuration (packages/printers/docs/delta-printer.md lists its members).
  *
  * @return bytes of the answer; above `capacity` none was written: call again with that many */
 TRUEPOSE_API int truepose_printer(const char* text, size_t length,

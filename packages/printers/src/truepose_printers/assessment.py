@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,24 +29,6 @@ SIGMA = {"arm": MM, "angle": DEGREE, "radius": MM, "endstop": MM, "height": MM, 
 SIGMA |= {"shrinkage": 0.01, "width": MM}
 #: Names of the firmwares with lines to send.
 FIRMWARES = {"marlin": "Marlin", "rrf": "RepRapFirmware"}
-ESTIMATE = "estimate with tolerances"
-#: SI values of the answer's units, and their names.
-UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
-
-
-class Residuals(NamedTuple):
-    """Errors of one set of parameters or calibration method; NaN: no prediction."""
-
-    name: str
-    heights: Array  #: (H,) predicted − read, m
-    distances: Array  #: (D,)
-
-
-class Bed(NamedTuple):
-    """Predicted errors over the bed for the parameters in use."""
-
-    error: Array  #: (N, 3) expected root mean square error at :attr:`Assessment.points`, m
-    rms: Array  #: (3,) of x, y, z, m
 
 
 @dataclass(frozen=True)
@@ -60,11 +42,6 @@ class Assessment:
     def delta(self) -> Delta:
         """The printer's kinematics."""
         return Delta(self.answer["kinematics"] != "delta", np.array(self.answer["step"]))
-
-    @property
-    def step(self) -> Array:
-        """Motion of carriage or arm per step, (3,), m or rad."""
-        return np.array(self.answer["step"])
 
     @property
     def values(self) -> Array:
@@ -85,42 +62,9 @@ class Assessment:
         """Return the heights, or the distances."""
         return [reading for reading in self.answer["readings"] if reading["distance"] == distance]
 
-    @property
-    def extended(self) -> bool:
-        """Whether the readings include distances."""
-        return bool(self.readings(distance=True))
-
-    def _residuals(self, name: str, off: list[float | None]) -> Residuals:
-        count = len(self.readings())
-        values = MM * np.array(off, dtype=float)
-        return Residuals(name, values[:count], values[count:])
-
-    @cached_property
-    def fits(self) -> list[Residuals]:
-        """Residuals of the file's parameters, of Klipper's criterion's, of the estimate's."""
-        names = ("the file's parameters", "Klipper's criterion", ESTIMATE)
-        keys = ("residual_now_mm", "residual_klipper_mm", "residual_mm")
-        read = self.answer["readings"]
-        return [
-            self._residuals(name, [reading[key] for reading in read])
-            for name, key in zip(names, keys, strict=True)
-        ]
-
-    @cached_property
-    def held_out(self) -> list[Residuals]:
-        """Errors of every calibration method at left-out readings; empty: too few readings."""
-        return [self._residuals(name, of["off"]) for name, of in self.answer["held_out_mm"].items()]
-
-    def bed(self, key: str) -> Bed:
-        """Return the errors with the file's parameters ("now") or the estimate ("after")."""
-        of = self.answer["bed"][key]
-        error = MM * np.array(of["error_mm"], dtype=float).reshape(-1, 3)
-        return Bed(error, MM * np.array(of["rms_mm"], dtype=float))
-
-    @cached_property
-    def points(self) -> Array:
-        """Points over the bed, (N, 2), m."""
-        return MM * np.array([point[:2] for point in self.answer["bed"]["points"]])
+    def column(self, key: str, distance: bool = False) -> Array:
+        """Return a column of the heights' or the distances' table, mm; NaN: no value."""
+        return np.array([reading[key] for reading in self.readings(distance)], dtype=float)
 
     def noise(self, kind: str) -> float:
         """Return the standard deviation of Student's t of "heights" or "distances", m."""
@@ -175,9 +119,3 @@ def assess(
 def read(path: str | Path, **options: Any) -> Assessment:
     """Assess a printer from its file; `options` as for :func:`assess`."""
     return assess(files.text(Path(path), MOST_LOG), path, **options)
-
-
-def rms(values: Array) -> float:
-    """Return the root mean square of the finite values; NaN of none."""
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan

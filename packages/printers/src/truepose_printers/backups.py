@@ -35,13 +35,13 @@ def predict(by: Assessment, of: Assessment) -> Prediction:
     """
     names = by.path, of.path
     heights = of.readings()
-    steps = np.array([reading["steps"][0] for reading in heights]) * (of.step / by.step)
+    steps = np.array([reading["steps"][0] for reading in heights]) * (of.delta.step / by.delta.step)
     x, J = by.delta.positions(by.p, steps)
     if not np.isfinite(x).all():
         return Prediction(*names, np.inf, np.nan, False)
     noise = of.noise("heights") ** 2 * np.eye(len(x))
     center = np.eye(len(x)) - 1 / len(x)
-    off = center @ (MM * np.array([reading["value_mm"] for reading in heights]) - x[:, 2])
+    off = center @ (MM * of.column("value_mm") - x[:, 2])
     V = center @ (J[:, 2] @ by.covariance[:-2, :-2] @ J[:, 2].T + noise) @ center
     chi2 = float(off @ np.linalg.pinv(V, hermitian=True) @ off)
     count = len(x) - 1
@@ -59,7 +59,13 @@ def judged(found: Sequence[Assessment]) -> tuple[Table, str]:
             )
     every = [predict(by, of) for by in found for of in found if by is not of]
     rows = [
-        [p.by, p.of, mm(p.rms), mm(p.expected), Cell("yes" if p.agrees else "no", p.agrees)]
+        [
+            p.by,
+            p.of,
+            mm(p.rms / MM),
+            mm(p.expected / MM),
+            Cell("yes" if p.agrees else "no", p.agrees),
+        ]
         for p in every
     ]
     header = ["estimate from", "predicts", "rms (mm)", "σ (mm)", "agrees"]

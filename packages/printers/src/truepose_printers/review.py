@@ -9,26 +9,36 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.show.table import Cell, Table, fixed
-from truepose_printers.assessment import MM, UNITS, Assessment, rms
+from truepose_printers.assessment import DEGREE, MM, Assessment
+
+#: The sets of parameters, and the residuals of the readings with each in the answer.
+FITS = {
+    "the file's parameters": "residual_now_mm",
+    "Klipper's criterion": "residual_klipper_mm",
+    "estimate with tolerances": "residual_mm",
+}
+#: SI values of the answer's units, and their names.
+UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
 
 
 def tables(found: Assessment) -> list[Table]:
     """Return every table in reading order."""
-    left_out = [held_out(found)] if found.held_out else []
+    left_out = [held_out(found)] if found.answer["held_out_mm"] else []
     return [fits(found), parameters(found), *left_out, bed(found)]
 
 
 def fits(found: Assessment) -> Table:
     """Return the residuals of the readings with three sets of parameters."""
-    rows = [
-        [name, *(cell for of in parts for cell in (mm(_all(of), 4), mm(_worst(of))))]
-        for name, *parts in found.fits
-    ]
+    rows = []
+    for name, key in FITS.items():
+        parts = [found.column(key, distance) for distance in (False, True)]
+        cells = [(mm(rms(off), 4), mm(np.abs(off).max(initial=-math.inf))) for off in parts]
+        rows.append([name, *cells[0], *cells[1]])
     header = ["what is left over", "z rms (mm)", "worst z (mm)"]
     header += ["distance rms (mm)", "worst distance (mm)"]
     counts = f"{len(found.readings())} heights"
-    if found.extended:
-        counts += f", {len(found.readings(distance=True))} distances"
+    if distances := len(found.readings(distance=True)):
+        counts += f", {distances} distances"
     return _without_empty(Table("fits", f"The file's own readings: {counts}", header, rows))
 
 
@@ -48,7 +58,10 @@ def parameters(found: Assessment) -> Table:
 
 def held_out(found: Assessment) -> Table:
     """Return the errors at left-out readings, one row per calibration method."""
-    rows = [[way.name, mm(rms(way.heights)), mm(rms(way.distances))] for way in found.held_out]
+    rows = [
+        [name, *(mm(of[kind]) for kind in ("heights", "distances"))]
+        for name, of in found.answer["held_out_mm"].items()
+    ]
     header = ["each reading left out in turn", "heights, rms (mm)", "distances, rms (mm)"]
     title = "Prediction of held-out heights"
     return _without_empty(Table("held_out", title, header, rows))
@@ -56,8 +69,11 @@ def held_out(found: Assessment) -> Table:
 
 def bed(found: Assessment) -> Table:
     """Return the expected errors over the bed with the file's parameters and with the estimate."""
-    keys = (("the file's parameters", "now"), (found.fits[-1].name, "after"))
-    rows = [[name, *map(mm, found.bed(key).rms)] for name, key in keys]
+    before, _, estimate = FITS
+    of = found.answer["bed"]
+    rows = [
+        [name, *map(mm, of[key]["rms_mm"])] for name, key in ((before, "now"), (estimate, "after"))
+    ]
     header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
     return Table("bed", "Errors over the bed, less common shift and rotation", header, rows)
 
@@ -75,7 +91,7 @@ def plan(found: Assessment) -> Table:
         ends = [value for end in step["ends_mm"] for value in end[:2]]
         cells = [fixed(round(value) + 0.0, 0) for value in ends]
         cells += [Cell("", None)] * (4 - len(cells))
-        x, y, z = (MM * value for value in step["sigma_mm"])
+        x, y, z = step["sigma_mm"]
         name = Cell(step["reading"] or "before", data)
         rows.append([Cell(str(k), k), name, *cells, mm(math.hypot(x, y)), mm(z)])
     header = ["step", "reading", "x (mm)", "y (mm)", "to x (mm)", "to y (mm)"]
@@ -104,22 +120,19 @@ def points_text(found: Assessment) -> str:
     return "\n".join(lines) + "\n"
 
 
-def mm(value: float, decimals: int = 3) -> Cell:
-    """Return a length in mm; empty if unknown."""
-    return Cell(f"{value / MM:.{decimals}f}" if math.isfinite(value) else "", value / MM)
+def rms(values: Array) -> float:
+    """Return the root mean square; NaN of none, and where one has no value."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
+
+
+def mm(value: float | None, decimals: int = 3) -> Cell:
+    """Return a cell of a length in mm; empty if unknown."""
+    value = math.nan if value is None else float(value)
+    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", value)
 
 
 def _cell(value: float | None, decimals: int, scale: float) -> Any:
     return "" if value is None else Cell(f"{value:.{decimals}f}", scale * value)
-
-
-def _all(values: Array) -> float:
-    """Return the root mean square; NaN of none, and where one has no value."""
-    return rms(values) if np.isfinite(values).all() else math.nan
-
-
-def _worst(values: Array) -> float:
-    return float(np.max(np.abs(values))) if len(values) else math.nan
 
 
 def _without_empty(table: Table) -> Table:

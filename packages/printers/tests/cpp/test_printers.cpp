@@ -45,17 +45,18 @@ Made made(bool rotary, unsigned seed, int heights = 13, bool distances = true) {
   Made of;
   of.printer.delta = delta_of(rotary);
   const Delta& delta = of.printer.delta;
-  of.printer.p = drawing(rotary);
+  of.printer.options = options(rotary);
+  of.printer.theta.setZero(delta.count() + 2);
+  of.printer.theta.head(delta.count()) = drawing(rotary);
   of.printer.radius = (rotary ? 50 : 140) * kMm;
-  of.truth = Vector::Zero(delta.count() + 2);
-  of.truth.head(delta.count()) = of.printer.p;
+  of.truth = of.printer.theta;
   const Vector sigma = assumed.of(delta);
   for (double& each : of.truth) each += sigma[&each - of.truth.data()] * normal(random);
   const Vector p = of.truth.head(delta.count());
   for (const Vector3& at : spread(heights, of.printer.radius)) {
     Reading reading{
         "height" + std::to_string(of.printer.readings.size()), false, true, 16 * kMm, {}};
-    const Vector3 touched(at[0], at[1], reading.value + assumed.height * normal(random));
+    const Vector3 touched(at[0], at[1], reading.value + assumed.noise(false) * normal(random));
     reading.at[0] = delta.steps(p, touched).array().round();
     of.printer.readings.push_back(reading);
   }
@@ -67,7 +68,7 @@ Made made(bool rotary, unsigned seed, int heights = 13, bool distances = true) {
     reading.at[0] = delta.steps(p, from);
     reading.at[1] = delta.steps(p, to);
     reading.value = (1 - of.truth[delta.count()]) * (from - to).norm() +
-                    of.truth[delta.count() + 1] + assumed.distance * normal(random);
+                    of.truth[delta.count() + 1] + assumed.noise(true) * normal(random);
     of.printer.readings.push_back(reading);
   }
   return of;
@@ -83,10 +84,11 @@ std::string text_of(const Printer& printer) {
                    rotary ? "gear_ratio: 107.000:16, 60:16" : "rotation_distance: 40");
   text +=
       format("[delta_calibrate]\nradius: %g\n\n", printer.radius / kMm) + std::string(kSavedHeader);
-  const std::vector<Option> all = options(rotary);
-  for (std::size_t k = 0; k < all.size(); ++k)
-    text += format("#*# [%s]\n#*# %s = %.6f\n", all[k].section.c_str(), all[k].option.c_str(),
-                   printer.p[Eigen::Index(k)] / all[k].scale());
+  for (int k = 0; k < printer.delta.count(); ++k) {
+    const Option& of = printer.options[k];
+    text += format("#*# [%s]\n#*# %s = %.6f\n", of.section.c_str(), of.option.c_str(),
+                   printer.theta[k] / of.scale());
+  }
   text += "#*# [delta_calibrate]\n";
   for (const Reading& of : printer.readings) {
     text += format("#*# %s = %.5f\n", of.name.c_str(), of.value / kMm);
@@ -132,33 +134,26 @@ TEST("the estimate is the minimum of its own cost, and its σ is that of its slo
   for (const bool rotary : {false, true}) {
     const Made of = made(rotary, 3);
     const Assumed assumed;
-    const Prior known = prior(of.printer, Config(), assumed, of.printer.p[of.printer.delta.rod()]);
+    const Prior known =
+        prior(of.printer, Config(), assumed, of.printer.theta[of.printer.delta.rod()]);
     const Estimate found = estimate(of.printer.delta, of.printer.readings, known, assumed);
     const auto cost = [&](const Vector& theta) {
-      const Errors e =
-          errors(of.printer.delta, theta.head(of.printer.delta.count()), of.printer.readings);
-      const Vector off = left_over(e, theta, of.printer.readings);
+      const Vector off = errors(of.printer.delta, theta, of.printer.readings).off;
       double sum = 0;
-      for (Eigen::Index k = 0; k < off.size(); ++k) {
-        const double r = off[k] / assumed.noise(of.printer.readings[std::size_t(k)]);
-        sum += r * r;
-      }
-      for (const int k : found.free)
-        sum += std::pow((theta[k] - known.mean[k]) / known.sigma[k], 2);
+      for (Eigen::Index k = 0; k < off.size(); ++k)
+        sum += std::pow(off[k] / assumed.noise(of.printer.readings[k].distance), 2);
+      for (Eigen::Index k = 0; k < theta.size(); ++k)
+        if (known.sigma[k] > 0) sum += std::pow((theta[k] - known.mean[k]) / known.sigma[k], 2);
       return sum;
     };
     const double least = cost(found.theta);
-    for (std::size_t j = 0; j < found.free.size(); ++j) {
-      Vector more = found.theta, less = found.theta;
-      const double step = 0.1 * std::sqrt(found.covariance(found.free[j], found.free[j]));
-      more[found.free[j]] += step;
-      less[found.free[j]] -= step;
+    for (Eigen::Index j = 0; j < found.u.size(); ++j) {
+      const Vector step = 0.1 * std::sqrt(found.P(j, j)) * found.S.col(j);
+      const Vector more = found.theta + step, less = found.theta - step;
       const double slope = (cost(more) - cost(less)) / 0.2,
                    bend = cost(more) + cost(less) - 2 * least;
       CHECK_NEAR(slope, 0, 0.02 * bend / 0.01 + 1e-6);  // a hundredth of its own σ
-      CHECK_NEAR(bend / (0.02 * found.P.inverse()(Eigen::Index(j), Eigen::Index(j)) *
-                         found.P(Eigen::Index(j), Eigen::Index(j))),
-                 1, 0.02);
+      CHECK_NEAR(bend / (0.02 * found.P.inverse()(j, j) * found.P(j, j)), 1, 0.02);
     }
   }
 }
@@ -173,12 +168,10 @@ TEST("sampled printers are within their stated σ") {
         const Made of = made(rotary, unsigned(100 + k), 13, distances);
         const Assumed assumed;
         const Prior known =
-            prior(of.printer, Config(), assumed, of.printer.p[of.printer.delta.rod()]);
+            prior(of.printer, Config(), assumed, of.printer.theta[of.printer.delta.rod()]);
         const Estimate found = estimate(of.printer.delta, of.printer.readings, known, assumed);
-        Vector off(found.u.size());  // of the unknowns, in units of their prior σ
+        const Vector off = found.u - found.S.colPivHouseholderQr().solve(of.truth - known.mean);
         for (Eigen::Index j = 0; j < off.size(); ++j) {
-          const int at = found.free[std::size_t(j)];
-          off[j] = (found.theta[at] - of.truth[at]) / known.sigma[at];
           inside += std::fabs(off[j]) < 1.96 * std::sqrt(found.P(j, j));
           ++all;
         }
@@ -232,30 +225,33 @@ TEST("what is written is read again, and the same readings never count twice") {
     const std::string text =
         "#keep: me\r\n" + replaced_in(text_of(made(rotary, 5).printer), "\n", "\r\n");
     const Assessment first = assess(text, {});
-    const std::string written = rewritten(first.config, changes_of(first),
-                                          nominal_to_keep(first.prior, first.printer.delta));
+    const std::string written =
+        rewritten(first.config, changes_of(first), nominal_to_keep(first.prior, first.printer));
     CHECK(written.starts_with("#keep: me"));
     const Assessment again = assess(written, {});
     CHECK(again.config.error.empty());
-    CHECK_NEAR((again.printer.p - first.estimate.p()).norm(), 0, 1e-8);
+    CHECK_NEAR(
+        (again.printer.theta - first.estimate.theta).head(first.printer.delta.count()).norm(), 0,
+        1e-8);
     CHECK_NEAR(again.prior.arm, first.prior.arm, 1e-9);
-    CHECK_NEAR((again.estimate.p() - first.estimate.p()).norm(), 0, 1e-6);
+    CHECK_NEAR((again.estimate.theta - first.estimate.theta).norm(), 0, 1e-6);
     CHECK(again.verdict.starts_with("Keep the file's parameters"));
   }
 }
 
 TEST("a height's weight is Klipper's: heights by hand do not count") {
   Readings readings = made(false, 1, 7).printer.readings;
-  CHECK_NEAR(klipper_weight(readings), 12 / (0.5 * 7), 1e-12);
-  CHECK_NEAR(klipper_weight(heights_only(readings)), 1, 0);
+  const auto weight = [&] { return std::pow(klipper_weights(readings)[0], 2); };
+  CHECK_NEAR(weight(), 12 / (0.5 * 7), 1e-12);
+  CHECK_NEAR(klipper_weights(heights_only(readings))[0], 1, 0);
   readings[0].probed = readings[1].probed = false;
-  CHECK_NEAR(klipper_weight(readings), 12 / (0.5 * 5), 1e-12);
+  CHECK_NEAR(weight(), 12 / (0.5 * 5), 1e-12);
 }
 
 TEST("where a print is on the bed is no error, and has no σ") {
   const Made of = made(false, 1);
   const Assessment found = assess(text_of(of.printer), {});
-  Vector turned = found.estimate.p();
+  Vector turned = found.estimate.theta;
   turned.segment<3>(found.printer.delta.angle()).array() += 0.001;
   const Bed bed = over_the_bed(found.printer.delta, turned, found.estimate, found.printer.radius);
   for (const Vector3& offset : bed.offset)
@@ -265,7 +261,7 @@ TEST("where a print is on the bed is no error, and has no σ") {
   turn.segment<3>(found.printer.delta.angle()).setConstant(0.01);
   loose.covariance += turn * turn.transpose();
   const Bed same =
-      over_the_bed(found.printer.delta, found.estimate.p(), loose, found.printer.radius);
+      over_the_bed(found.printer.delta, found.estimate.theta, loose, found.printer.radius);
   for (std::size_t k = 0; k < same.points.size(); ++k)
     CHECK_NEAR((same.sigma[k] - found.after.sigma[k]).norm(), 0, 1e-9);
 }
@@ -274,7 +270,7 @@ TEST("a value of the file itself counts more than the saved one, and a note says
   const std::string text = text_of(made(false, 1).printer);
   const Assessment found =
       assess(replaced_in(text, "[stepper_b]\n", "[stepper_b]\nangle: 330.1\n"), {});
-  CHECK_NEAR(found.printer.p[2] / kDegree, 330.1, 1e-12);
+  CHECK_NEAR(found.printer.theta[2] / kDegree, 330.1, 1e-12);
   CHECK(found.notes.size() == 1);
   CHECK(
       found.notes.front() ==
@@ -287,11 +283,11 @@ TEST("the lines to send level a Marlin or RepRapFirmware printer") {
     const Delta& delta = of.printer.delta;
     const Vector truth = of.truth.head(delta.count());
     std::string text, heights;
-    for (const std::string& line : lines_to_send(of.printer.p, marlin))
+    for (const std::string& line : lines_to_send(of.printer.theta, marlin))
       text += "echo: " + line + " ; mine\n";
     int number = 0;
     for (const Vector3& at : spread(13, 100 * kMm)) {
-      const Vector3 seen = delta.position(of.printer.p, delta.steps(truth, at)) / kMm;
+      const Vector3 seen = delta.position(of.printer.theta, delta.steps(truth, at)) / kMm;
       text += marlin ? format("Recv: Bed X: %.5f Y: %.5f Z: %.5f\n", seen[0], seen[1], seen[2])
                      : format("G30 P%d X%.5f Y%.5f Z-99999\n", number++, seen[0], seen[1]);
       heights += format(" %.5f", seen[2]);
@@ -302,10 +298,10 @@ TEST("the lines to send level a Marlin or RepRapFirmware printer") {
     for (const Reading& reading : found.printer.readings)  // stable positions are the true ones
       CHECK_NEAR(found.printer.delta.position(truth, reading.at[0])[2], 0, 2e-6);
     std::string sent;
-    for (const std::string& line : lines_to_send(found.estimate.p(), marlin)) sent += line + "\n";
+    for (const std::string& line : lines_to_send(found.estimate.theta, marlin)) sent += line + "\n";
     Config config =
         read(sent + (marlin ? "Bed X: 0 Y: 0 Z: 0" : "G30 P0 X0 Y0\nbed probe heights: 0"), 0);
-    CHECK_NEAR((printer_of(config).p - found.estimate.p()).cwiseAbs().maxCoeff(), 0, 2e-5);
+    CHECK_NEAR((printer_of(config).theta - found.estimate.theta).cwiseAbs().maxCoeff(), 0, 2e-5);
   }
 }
 
@@ -319,17 +315,14 @@ TEST("a plan promises what the estimate then states") {
     const Planned& planned = found.plan[k];
     Reading reading{"planned", planned.distance, !planned.distance, 0, {}};
     for (int end = 0; end < 2; ++end)
-      reading.at[end] = more.delta.steps(found.estimate.p(), planned.at[end]);
-    reading.value = planned.distance ? (1 - found.estimate.shrinkage()) *
-                                               (planned.at[0] - planned.at[1]).norm() +
-                                           found.estimate.width()
-                                     : 0;
+      reading.at[end] = more.delta.steps(found.estimate.theta, planned.at[end]);
+    reading.value = 0;
+    reading.value = errors(more.delta, found.estimate.theta, {reading}).off[0] * planned.distance;
     more.readings.push_back(reading);
     CHECK((planned.sigma.norm() < found.plan[k - 1].sigma.norm()));
   }
   const Estimate then = estimate(more.delta, more.readings, found.prior, found.found_noise);
-  const std::vector<Planned> promised =
-      next_readings(more, found.prior, then, found.found_noise, 0, 0);
+  const std::vector<Planned> promised = next_readings(more, then, found.found_noise, 0, 0);
   for (int i = 0; i < 3; ++i)
     CHECK_NEAR(promised[0].sigma[i] / found.plan.back().sigma[i], 1, 0.02);
 }
@@ -344,11 +337,11 @@ TEST("a step distance that is wrong by a factor is named") {
 TEST("steps of all motors that were changed after the calibration are named") {
   const Made of = made(false, 4, 7, false);
   Printer as_true = of.printer;
-  as_true.p = of.truth.head(as_true.delta.count());
+  as_true.theta = of.truth;
   std::string text = text_of(as_true);
   CHECK(assess(text, {}).config.error.empty());
   Printer moved = as_true;  // endstops that were all moved alike are no such change
-  moved.p.segment<3>(moved.delta.endstop()).array() += 5 * kMm;
+  moved.theta.segment<3>(moved.delta.endstop()).array() += 5 * kMm;
   CHECK(assess(text_of(moved), {}).config.error.empty());
   for (const char* turn : {"20", "32", "60", "80"}) {
     text = text_of(as_true);

@@ -29,15 +29,20 @@ struct Assessment {
   Estimate estimate;
   Judged judged;
   Linear linear;
-  std::vector<Residuals> fits, held_out;  ///< the file's, Klipper's, the estimate's; empty: too few
+  vector<Residuals> fits, held_out;  ///< the file's, Klipper's, the estimate's; empty: too few
   Bed before, after;
-  std::vector<std::string> notes, words, assumptions;
-  std::string verdict;
+  vector<string> notes, words, assumptions;
+  string verdict;
   bool rely = false;
-  std::vector<Planned> plan;
+  vector<Planned> plan;
 
   int heights() const { return heights_of(printer.readings); }
   bool extended() const { return heights() < int(printer.readings.size()); }
+  /// Residuals of a calibration method at left-out readings.
+  const Residuals& way(string_view name) const {
+    return *std::find_if(held_out.begin(), held_out.end(),
+                         [&](const Residuals& each) { return each.name.starts_with(name); });
+  }
   Vector of_heights(const Residuals& of) const { return of.off.head(heights()); }
   Vector of_distances(const Residuals& of) const { return of.off.tail(of.off.size() - heights()); }
 };
@@ -49,12 +54,12 @@ inline const char* verdict_of(double prior_sigma, double sigma) {
 
 /// The prior-consistency (χ²) test: by the law of total variance û scatters by I - Σ_u from printer
 /// to printer, along each eigenvector of Σ_u: û_k² / (1 - σ_k²) are χ²₁. Empty where it passes.
-inline std::string tolerances_note(const Estimate& found) {
+inline string tolerances_note(const Estimate& found) {
   constexpr double kSeen = 1.0 / 3;
   const Eigen::SelfAdjointEigenSolver<Matrix> parts(found.P);
   double chi2 = 0;
   int seen = 0;
-  for (Eigen::Index k = 0; k < found.u.size(); ++k)
+  for (int k = 0; k < found.u.size(); ++k)
     if (const double variance = parts.eigenvalues()[k]; variance <= kSeen * kSeen) {
       const double u = parts.eigenvectors().col(k).dot(found.u);
       chi2 += u * u / (1 - variance);
@@ -65,45 +70,43 @@ inline std::string tolerances_note(const Estimate& found) {
       "the assumed σ seem too small by a factor of about %.1f, judged by the %d "
       "combination%s of parameters that the readings determine; other parameters' σ are "
       "then too small too",
-      std::sqrt(chi2 / seen), seen, seen == 1 ? "" : "s");
+      sqrt(chi2 / seen), seen, seen == 1 ? "" : "s");
 }
 
 /// A reading's deviation from the prediction of all others as text.
-inline std::string departing(const Assessment& of, int k) {
-  const Reading& reading = of.printer.readings[std::size_t(k)];
+inline string departing(const Assessment& of, int k) {
+  const Reading& reading = of.printer.readings[k];
   return reading.name + format(" = %.6g: %+.2f mm off what all else says, ± %.2f",
                                reading.value / kMm, of.judged.off[k] / kMm,
                                of.judged.scale[k] / kMm);
 }
 
-inline std::string left_over_text(const Assessment& of, std::size_t fit) {
-  const std::string distances =
-      ", distances " + shown_mm(rms(of.of_distances(of.fits[fit]))) + " mm";
+inline string left_over_text(const Assessment& of, size_t fit) {
+  const string distances = ", distances " + shown_mm(rms(of.of_distances(of.fits[fit]))) + " mm";
   return "z " + shown_mm(rms(of.of_heights(of.fits[fit]))) + " mm" +
          (of.extended() ? distances : "");
 }
 
 /// Whether the file's parameters are the fit of its readings.
-inline std::string fit_in_words(const Assessment& of, bool as_klipper, bool holds_estimate) {
+inline string fit_in_words(const Assessment& of, bool as_klipper, bool holds_estimate) {
   if (!of.of_heights(of.fits[0]).allFinite())
     return "The file's parameters cannot bring the nozzle to where its readings were taken";
-  const std::string left = left_over_text(of, 0), least = left_over_text(of, 1);
+  const string left = left_over_text(of, 0), least = left_over_text(of, 1);
   if (holds_estimate)
     return "The file's parameters are truepose's estimate, not what Klipper's criterion gives; "
            "left over: " +
            left_over_text(of, 2) + " rms";
   if (as_klipper)
     return "The file's parameters are what Klipper's criterion gives; left over: " + left + " rms";
-  const std::vector<Option> all = options(of.printer.delta.rotary);
-  std::size_t most = 0;
-  std::vector<double> off;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    off.push_back(std::fabs(of.klipper[Eigen::Index(k)] - of.printer.p[Eigen::Index(k)]) /
-                  all[k].scale());
+  const vector<Option>& all = of.printer.options;
+  size_t most = 0;
+  vector<double> off;
+  for (int k = 0; k < of.printer.delta.count(); ++k) {
+    off.push_back(fabs(of.klipper[k] - of.printer.theta[k]) / all[k].scale());
     if (off[k] > off[most]) most = k;
   }
-  const std::string away =
-      all[most].name + format(" off by %.2f%s", off[most], all[most].angle ? "°" : " mm");
+  const string away =
+      all[most].name + format(" off by %.2f%s", off[most], all[most].angle() ? "°" : " mm");
   if (left == least)
     return "The file's parameters fit the file's readings as those of Klipper's criterion do (" +
            left + " rms), " + away;
@@ -112,54 +115,41 @@ inline std::string fit_in_words(const Assessment& of, bool as_klipper, bool hold
          "): they were changed since, or the readings are older";
 }
 
-inline std::vector<std::string> distances_in_words(const Assessment& of) {
+inline vector<string> distances_in_words(const Assessment& of) {
   if (!of.extended())
     return {
         "Heights alone: arms are the drawing's, whatever a fit of them would say; distances on a "
         "print would tell more"};
-  std::vector<std::string> lines;
-  double low = HUGE_VAL, high = 0, sum = 0, best = HUGE_VAL, mean = kNaN, klippers = kNaN;
-  const int count = int(of.printer.readings.size()) - of.heights();
+  vector<double> values;
   for (const Reading& each : of.printer.readings)
-    if (each.distance) {
-      low = std::min(low, each.value);
-      high = std::max(high, each.value);
-      sum += each.value;
-    }
-  std::string name;
-  for (const Residuals& way : of.held_out) {
-    const double left = rms_finite(of.of_distances(way));
-    if (way.name == kMean)
-      mean = left;
-    else
-      best = std::min(best, left);
-    if (way.name.starts_with("Klipper's")) {
-      name = way.name;
-      klippers = left;
-    }
-  }
-  if (high - low < 0.02 * sum / count && mean <= best)
-    lines.push_back(
-        format("%d distances of nearly one length (%.2f to %.2f mm) do not support %s: their plain "
-               "mean predicts one that was left out to %s mm, %s to %s",
-               count, low / kMm, high / kMm, name.substr(10).c_str(), shown_mm(mean).c_str(),
-               name.c_str(), shown_mm(klippers).c_str()));
-  return lines;
+    if (each.distance) values.push_back(each.value / kMm);
+  if (values.size() < 2) return {};
+  const auto left = [&](const Residuals& way) { return rms_finite(of.of_distances(way)); };
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  const Residuals& klipper = of.way("Klipper's");
+  const double mean = left(of.way(kMean));
+  if (*high - *low >= 0.02 * median(values) ||
+      std::any_of(of.held_out.begin(), of.held_out.end(),
+                  [&](const Residuals& way) { return left(way) < mean; }))
+    return {};
+  return {
+      format("%d distances of nearly one length (%.2f to %.2f mm) do not support %s: their "
+             "plain mean predicts one that was left out to %s mm, %s to %s",
+             int(values.size()), *low, *high, klipper.name.substr(10).c_str(),
+             shown_mm(mean).c_str(), klipper.name.c_str(), shown_mm(left(klipper)).c_str())};
 }
 
 /// The noise of the readings, and whether they suffice for a verdict.
-inline std::vector<std::string> noise_in_words(const Assessment& of) {
+inline vector<string> noise_in_words(const Assessment& of) {
   const Noise& noise = of.judged.noise;
-  std::string said = "Noise of the readings, as they fit the printer: heights ± " +
-                     shown_mm(noise.sigma[0]) +
-                     format(" mm (%.0f degrees of freedom)", noise.dof[0]);
+  string said = "Noise of the readings, as they fit the printer: heights ± " +
+                shown_mm(noise.sigma[0]) + format(" mm (%.0f degrees of freedom)", noise.dof[0]);
   if (of.extended())
     said += ", distances ± " + shown_mm(noise.sigma[1]) +
             format(" mm (%.0f degrees of freedom)", noise.dof[1]);
-  std::vector<std::string> lines{said + "; every σ counts it"};
+  vector<string> lines{said + "; every σ counts it"};
   if (of.judged.wrong >= 0 || of.judged.scattered || of.judged.least <= kError) return lines;
-  const int more =
-      more_heights(of.printer.delta, of.prior, of.estimate, of.linear, noise, of.printer.radius);
+  const int more = more_heights(of.printer.delta, of.estimate, of.linear, noise, of.printer.radius);
   lines.push_back(
       "Too few readings to judge this calibration: an error of one height would show from " +
       shown_mm(of.judged.least) +
@@ -171,8 +161,8 @@ inline std::vector<std::string> noise_in_words(const Assessment& of) {
 }
 
 /// Whether to use the calibration; sets `rely`. `steps`: wrong steps that explain the readings.
-inline std::string use(const Assessment& of, bool as_klipper, bool holds_estimate,
-                       const std::string& steps, bool& rely) {
+inline string use(const Assessment& of, bool as_klipper, bool holds_estimate, const string& steps,
+                  bool& rely) {
   const double arm = of.prior.arm / kMm;
   rely = false;
   if (of.judged.wrong >= 0)
@@ -187,24 +177,21 @@ inline std::string use(const Assessment& of, bool as_klipper, bool holds_estimat
                "arms as drawn are %g mm, and calibrate again",
                arm);
   const double before = of.before.rms().norm(), after = of.after.rms().norm();
-  const std::string errors =
+  const string errors =
       "expected error over the bed " + shown_mm(before) + " mm with the file's parameters";
   if (of.held_out.empty() || of.after.rms()[2] > kLayer)
     return "Read more heights before anything rests on this calibration (--plan 6 says which): " +
            errors + ", " + shown_mm(after) + " with the estimate";
   rely = true;
-  if (!std::isfinite(before))
+  if (!isfinite(before))
     return "Use the estimate: with the file's parameters the nozzle does not reach the bed";
-  const Residuals *theirs = &of.held_out[0], *ours = theirs;
-  for (const Residuals& way : of.held_out) {
-    if (way.name == kEstimate) ours = &way;
-    if (way.name.starts_with("Klipper")) theirs = &way;
-  }
-  const std::string left_out = "readings that were left out are predicted to " +
-                               shown_mm(rms_finite(ours->off)) + " mm by the estimate and to " +
-                               shown_mm(rms_finite(theirs->off)) + " by " + theirs->name;
-  if (rms_finite(ours->off) > kWorse * rms_finite(theirs->off))
-    return std::string(as_klipper ? "Keep the file's" : "Use Klipper's") +
+  const Residuals& theirs = of.extended() ? of.way("Klipper's") : of.held_out[0];
+  const double ours = rms_finite(of.way(kEstimate).off), by_theirs = rms_finite(theirs.off);
+  const string left_out = "readings that were left out are predicted to " + shown_mm(ours) +
+                          " mm by the estimate and to " + shown_mm(by_theirs) + " by " +
+                          theirs.name;
+  if (ours > kWorse * by_theirs)
+    return string(as_klipper ? "Keep the file's" : "Use Klipper's") +
            format(" parameters, and look whether the arms as drawn are %g mm: ", arm) + left_out;
   if (holds_estimate) return "Keep the file's parameters: " + errors + ", which are the estimate";
   if (before < kWorse * after)
@@ -214,7 +201,7 @@ inline std::string use(const Assessment& of, bool as_klipper, bool holds_estimat
 }
 
 /// Assess a printer from its text. Config::error of the result is one line on what is wrong in it.
-inline Assessment assess(std::string_view text, const Request& request) {
+inline Assessment assess(string_view text, const Request& request) {
   Assessment of;
   Config& config = of.config = read(text, request.probe_radius);
   if (config.error.empty()) of.printer = printer_of(config);
@@ -222,8 +209,8 @@ inline Assessment assess(std::string_view text, const Request& request) {
   const Delta& delta = of.printer.delta;
   const Readings& readings = of.printer.readings;
   const Assumed& assumed = of.assumed = request.assumed;
-  const std::string where = "[" + std::string(kSection) + "] ";
-  const auto stop = [&](const std::string& said) {
+  const string where = "[" + string(kSection) + "] ";
+  const auto stop = [&](const string& said) {
     config.fail(said +
                 (request.arm > 0 ? format(" (or is --arm %g wrong?)", request.arm / kMm) : ""));
     return std::move(of);
@@ -242,15 +229,15 @@ inline Assessment assess(std::string_view text, const Request& request) {
                          config.kind == "marlin" ? "G30 X… Y…" : "bed.g"));
       return of;
     }
-    std::string said = heights ? format("%d heights: Klipper probes %d at least", heights, kFewest)
-                       : of.extended()
-                           ? "distances, but no heights; DELTA_CALIBRATE and SAVE_CONFIG write them"
-                           : "no saved readings; DELTA_CALIBRATE and SAVE_CONFIG write them";
-    for (const std::string& gap : gaps(config, {"manual_height", "height"}))
+    string said = heights ? format("%d heights: Klipper probes %d at least", heights, kFewest)
+                  : of.extended()
+                      ? "distances, but no heights; DELTA_CALIBRATE and SAVE_CONFIG write them"
+                      : "no saved readings; DELTA_CALIBRATE and SAVE_CONFIG write them";
+    for (const string& gap : gaps(config, {"manual_height", "height"}))
       said += (heights ? "; " : ". And ") + gap;
-    const std::string arms = unlike_arms(delta, of.printer.p);
+    const string arms = unlike_arms(delta, of.printer.theta);
     if (!heights && !arms.empty()) said += ". And " + arms;
-    config.fail("[" + std::string(kSection) + "]: " + said);
+    config.fail("[" + string(kSection) + "]: " + said);
     return of;
   }
   of.prior = prior(of.printer, config, assumed, request.arm);
@@ -258,12 +245,12 @@ inline Assessment assess(std::string_view text, const Request& request) {
       format("Arms as drawn: %g mm (%s)", of.prior.arm / kMm, of.prior.arm_said.c_str()),
       "σ assumed beforehand: " + assumed.text()};
   for (int i = 0; i < 3; ++i)
-    if (!std::isfinite(delta.homed(of.prior.mean, i)))
+    if (!isfinite(delta.homed(of.prior.mean, i)))
       return stop("an arm does not reach the middle at its endstop");
   if (!of.read) {
     of.estimate = estimate(delta, {}, of.prior, assumed);
     const int enough = int(adjusted(delta, false).cols()) + 1;
-    of.plan = next_readings(of.printer, of.prior, of.estimate, assumed, request.next, enough);
+    of.plan = next_readings(of.printer, of.estimate, assumed, request.next, enough);
     of.assumptions.insert(
         of.assumptions.begin(),
         format(
@@ -271,57 +258,55 @@ inline Assessment assess(std::string_view text, const Request& request) {
             "that nothing can be printed",
             enough));
   } else {
-    if (const std::string said = changed_steps(of.printer); !said.empty())
-      return stop(where + said);
-    if (const std::string said = mistake(of.printer, config, of.prior, assumed); !said.empty())
+    if (const string said = changed_steps(of.printer); !said.empty()) return stop(where + said);
+    if (const string said = mistake(of.printer, config, of.prior, assumed); !said.empty())
       return stop(where + wrong_steps(of.printer, config, assumed, request.arm) + said);
     const Estimate first = estimate(delta, readings, of.prior, assumed);
-    of.linear = linear(delta, readings, of.prior, first);
+    of.linear = linear(delta, readings, first);
     of.judged = judge(of.linear, assumed);
     of.found_noise = assumed;
-    of.found_noise.height = of.judged.noise.deviation(0);
-    of.found_noise.distance = of.judged.noise.deviation(1);
+    for (const bool kind : {false, true})
+      of.found_noise.sigma[TRUEPOSE_PRINTER_HEIGHT + kind] = of.judged.noise.deviation(kind);
     of.estimate = estimate(delta, readings, of.prior, of.found_noise);
-    const Vector p = of.estimate.p();
-    const Errors e = errors(delta, p, readings);
-    const Residuals own{kEstimate, left_over(e, of.estimate.theta, readings)};
+    const Vector& theta = of.estimate.theta;
+    const Residuals own{kEstimate, errors(delta, theta, readings).off};
     const double left[2] = {rms(of.of_heights(own)), of.extended() ? rms(of.of_distances(own)) : 0};
-    if (!(std::max(left[0], left[1]) <= kUnfit) || !p.allFinite() ||
+    if (!(max(left[0], left[1]) <= kUnfit) || !theta.allFinite() ||
         !of.estimate.covariance.allFinite() || !of.linear.y.allFinite())
       return stop(where + wrong_steps(of.printer, config, assumed, request.arm) +
                   format("no such printer has these readings: %.2f mm rms of the heights and %.2f "
                          "of the distances are "
                          "left over; are some wrong, or %s?",
                          left[0] / kMm, left[1] / kMm, kChanged));
-    std::string steps;
+    string steps;
     if (of.judged.wrong >= 0 || of.judged.scattered)
-      steps = wrong_steps(of.printer, config, assumed, request.arm,
-                          kRival * std::max(left[0], left[1]), 3);
-    const bool reaches = errors(delta, of.printer.p, readings).finite();
-    const Vector nominal = of.prior.mean.head(delta.count());
-    of.klipper = klipper_fit(delta, reaches ? of.printer.p : nominal, readings);
-    of.fits = {{"the file's parameters", errors(delta, of.printer.p, readings).off},
+      steps =
+          wrong_steps(of.printer, config, assumed, request.arm, kRival * max(left[0], left[1]), 3);
+    const Vector file = errors(delta, of.printer.theta, readings).off;
+    of.klipper = fit(delta, file.allFinite() ? of.printer.theta : of.prior.mean, readings,
+                     adjusted(delta, of.extended()));
+    of.fits = {{"the file's parameters", file},
                {"Klipper's criterion", errors(delta, of.klipper, readings).off},
                own};
-    of.held_out = held_out(delta, readings, of.klipper, nominal, of.judged);
-    of.before = over_the_bed(delta, of.printer.p, of.estimate, of.printer.radius);
-    of.after = over_the_bed(delta, p, of.estimate, of.printer.radius);
+    of.held_out = held_out(delta, readings, of.klipper, of.prior.mean, of.judged);
+    of.before = over_the_bed(delta, of.printer.theta, of.estimate, of.printer.radius);
+    of.after = over_the_bed(delta, theta, of.estimate, of.printer.radius);
     of.notes = of.printer.notes;
-    const auto note = [&](const std::string& said) {
+    const auto note = [&](const string& said) {
       if (!said.empty()) of.notes.push_back(said);
     };
     if (of.judged.wrong >= 0) note(departing(of, of.judged.wrong));
     note(tolerances_note(of.estimate));
-    note(unlike_arms(delta, of.printer.p));
-    std::vector<double> probed;
+    note(unlike_arms(delta, of.printer.theta));
+    vector<double> probed;
     for (const Reading& each : readings)
       if (each.probed) probed.push_back(each.value / kMm);
-    const std::string probe = probe_of(config);
+    const string probe = probe_of(config);
     const bool manual = std::all_of(probed.begin(), probed.end(),
-                                    [](double z) { return std::fabs(z) <= kManual / kMm; });
+                                    [](double z) { return fabs(z) <= kManual / kMm; });
     if (!probe.empty() && !manual && config.has(probe, "z_offset")) {
       const double z = config.number(probe, "z_offset"), middle = median(probed);
-      if (std::fabs(z - middle) > 0.5)
+      if (fabs(z - middle) > 0.5)
         note(
             format("[%s] z_offset = %.6g mm, but the heights were probed at %.6g mm: it was "
                    "changed since; z = 0 is "
@@ -330,14 +315,15 @@ inline Assessment assess(std::string_view text, const Request& request) {
     }
     const bool as_klipper =
         klipper_cost(delta, of.klipper, readings) >=
-        kRefit * klipper_cost(delta, of.printer.p, readings) - kNothing * kNothing;
-    const bool holds = (p - of.printer.p).cwiseAbs().maxCoeff() < kTheSame;
+        kRefit * klipper_cost(delta, of.printer.theta, readings) - kNothing * kNothing;
+    const bool holds =
+        (theta - of.printer.theta).head(delta.count()).cwiseAbs().maxCoeff() < kTheSame;
     of.words = {fit_in_words(of, as_klipper, holds)};
     for (const auto& lines : {distances_in_words(of), noise_in_words(of)})
       of.words.insert(of.words.end(), lines.begin(), lines.end());
     of.words.push_back(of.verdict = use(of, as_klipper, holds, steps, of.rely));
     if (request.next > 0)
-      of.plan = next_readings(of.printer, of.prior, of.estimate, of.found_noise, request.next, 0);
+      of.plan = next_readings(of.printer, of.estimate, of.found_noise, request.next, 0);
   }
   if (request.next > 0 && of.plan.empty()) return stop("the nozzle cannot be over the bed");
   if (request.next > 0 && int(of.plan.size()) <= request.next)

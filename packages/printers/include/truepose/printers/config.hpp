@@ -6,84 +6,84 @@
 // configuration, includes too, at every start of Klipper; the last one counts.
 #pragma once
 
-#include <algorithm>
-#include <map>
-#include <utility>
-
 #include "truepose/printers/text.hpp"
 
 namespace truepose::printers {
-constexpr std::size_t kMostBytes = 1000000;  ///< ten times the longest real configuration
-constexpr double kLargest = 1e12;            ///< larger numbers would overflow in powers
-constexpr std::string_view kSaved = "#*#";
-constexpr std::string_view kSavedHeader =
+constexpr size_t kMostBytes = 1000000;  ///< ten times the longest real configuration
+constexpr double kLargest = 1e12;       ///< larger numbers would overflow in powers
+constexpr string_view kSaved = "#*#";
+constexpr string_view kSavedHeader =
     "#*# <---------------------- SAVE_CONFIG ---------------------->\n"
     "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.\n"
     "#*#\n";
 
-using Options = std::map<std::string, std::string>;
+using Options = map<string, string>;
 /// By section and option; the second, in the order of the file.
-using Sections = std::map<std::string, Options>;
-using Place = std::pair<std::string, std::string>;
+using Sections = map<string, Options>;
+using Place = pair<string, string>;
 
 /// A configuration. The first error found by any function is kept; results after it are NaN.
 struct Config {
-  std::string kind = "klipper";  ///< or "marlin", "rrf"
-  bool log = false;              ///< of a klippy.log
-  bool own_rods = true;          ///< the firmware has a rod length for each tower
-  std::vector<std::string> lines;
-  std::string end = "\n", mark;  ///< most frequent line end; byte-order mark, or empty
-  Sections values, saved;        ///< as Klipper reads them; those of the saved block
-  std::vector<Place> saved_order;
-  std::map<Place, double> off;  ///< first number commented out in the file's own part
-  std::vector<std::string> included, notes;
-  std::string error;
+  string kind = "klipper";  ///< or "marlin", "rrf"
+  bool log = false;         ///< of a klippy.log
+  bool own_rods = true;     ///< the firmware has a rod length for each tower
+  vector<string> lines;
+  string end = "\n", mark;  ///< first line end; byte-order mark, or empty
+  Sections values, saved;   ///< as Klipper reads them; those of the saved block
+  vector<Place> saved_order;
+  map<Place, double> off;  ///< first number commented out in the file's own part
+  vector<string> included, notes;
+  string error;
 
-  void fail(const std::string& text) {
+  void fail(const string& text) {
     if (error.empty()) error = text;
   }
-  void fail(const std::string& section, const std::string& option, const std::string& text) {
-    const std::string* value = find(section, option);
+  void fail(const string& section, const string& option, const string& text) {
+    const string* value = find(section, option);
     fail("[" + section + "] " + option + (value ? " = " + one_line(*value) : "") + ": " + text);
   }
-  const std::string* find(const std::string& section, const std::string& option) const {
+  const string* find(const string& section, const string& option) const {
     const auto of = values.find(section);
     if (of == values.end()) return nullptr;
     const auto at = of->second.find(option);
     return at == of->second.end() ? nullptr : &at->second;
   }
-  bool has(const std::string& section, const std::string& option) const {
+  bool has(const string& section, const string& option) const {
     return find(section, option) != nullptr;
   }
-  std::string word(const std::string& section, const std::string& option) {
-    if (const std::string* value = find(section, option)) return *value;
-    std::string where;
-    for (const std::string& name : included) where += (where.empty() ? "" : ", ") + name;
-    if (!where.empty()) where = "; it may be in " + one_line(where, 200) + ": not read";
-    fail(section, option, "is missing" + where);
+  string word(const string& section, const string& option) {
+    if (const string* value = find(section, option)) return *value;
+    const string where = "; it may be in " + files() + ": not read";
+    fail(section, option, "is missing" + (included.empty() ? "" : where));
     return {};
   }
-  double checked(const std::string& section, const std::string& option, std::string_view text,
+  /// Names of the included files, for one line.
+  string files() const {
+    string names;
+    for (const string& name : included) names += (names.empty() ? "" : ", ") + name;
+    return one_line(names, 200);
+  }
+  double checked(const string& section, const string& option, string_view text,
                  double above = -kLargest) {
     const double value = number_of(text);
-    if (std::isnan(value)) fail(section, option, "must be a number");
-    if (std::fabs(value) >= kLargest)
+    if (isnan(value)) fail(section, option, "must be a number");
+    if (fabs(value) >= kLargest)
       fail(section, option, format("must be less than %g", kLargest));
     else if (value <= above)
       fail(section, option, format("must be greater than %g", above));
     return value;
   }
-  double number(const std::string& section, const std::string& option, double above = -kLargest) {
-    const std::string text = word(section, option);
+  double number(const string& section, const string& option, double above = -kLargest) {
+    const string text = word(section, option);
     return error.empty() ? checked(section, option, text, above) : kNaN;
   }
-  double number_or(const std::string& section, const std::string& option, double otherwise,
+  double number_or(const string& section, const string& option, double otherwise,
                    double above = -kLargest) {
     return has(section, option) ? number(section, option, above) : otherwise;
   }
   /// Parts of an option between separators.
-  std::vector<std::string> parts(std::string_view text, char by) const {
-    std::vector<std::string> found(1);
+  vector<string> parts(string_view text, char by) const {
+    vector<string> found(1);
     for (const char c : text)
       if (c == by)
         found.emplace_back();
@@ -92,10 +92,10 @@ struct Config {
     return found;
   }
   /// A gear ratio as 80:16, 2:1: motor turns per turn of the shaft.
-  double ratio(const std::string& section, const std::string& option) {
+  double ratio(const string& section, const string& option) {
     double result = 1;
-    for (const std::string& pair : parts(word(section, option), ',')) {
-      const std::vector<std::string> of = parts(pair, ':');
+    for (const string& pair : parts(word(section, option), ',')) {
+      const vector<string> of = parts(pair, ':');
       if (of.size() == 2)
         result *= checked(section, option, of[0], 0) / checked(section, option, of[1], 0);
       else
@@ -104,19 +104,19 @@ struct Config {
     return result;
   }
   /// The saved value of an option that the file itself sets to another value, or null.
-  const std::string* twice(const std::string& section, const std::string& option) const {
+  const string* twice(const string& section, const string& option) const {
     const auto of = saved.find(section);
     if (of == saved.end()) return nullptr;
     const auto at = of->second.find(option);
-    const std::string* counts = find(section, option);
+    const string* counts = find(section, option);
     return at == of->second.end() || (counts && *counts == at->second) ? nullptr : &at->second;
   }
   /// Number of the first line, from 1, in SAVE_CONFIG's block that it did not write; 0: none.
   int broken() const {
-    std::size_t last = lines.size();
+    size_t last = lines.size();
     while (last > 0 && trimmed(lines[last - 1]).empty()) --last;
     bool within = false;
-    for (std::size_t k = 0; k < last; ++k) {
+    for (size_t k = 0; k < last; ++k) {
       const bool of_block = lines[k].starts_with(kSaved);
       if (within && !of_block) return int(k) + 1;
       within = within || of_block;
@@ -126,55 +126,55 @@ struct Config {
 };
 
 /// The section that a line begins, empty if none.
-inline std::string section_of(std::string_view line) {
-  const std::size_t end = line.rfind(']');
+inline string section_of(string_view line) {
+  const size_t end = line.rfind(']');
   return line.starts_with('[') && end != line.npos && end > 1
-             ? std::string(trimmed(line.substr(1, end - 1)))
-             : std::string();
+             ? string(trimmed(line.substr(1, end - 1)))
+             : string();
 }
 
 /// Read sections and options by the rules of Python's configparser, which Klipper uses.
-inline void parse_sections(Config& config, const std::vector<std::string_view>& lines,
-                           Sections& into, std::vector<Place>* order) {
+inline void parse_sections(Config& config, const vector<string_view>& lines, Sections& into,
+                           vector<Place>* order) {
   Options* section = nullptr;
-  std::string* value = nullptr;
-  std::string name;
-  std::size_t indent = 0;
-  for (std::size_t k = 0; k < lines.size(); ++k) {
-    std::string_view line = lines[k].substr(0, lines[k].find('#'));
-    for (std::size_t at = line.find(';'); at != line.npos; at = line.find(';', at + 1))
+  string* value = nullptr;
+  string name;
+  size_t indent = 0;
+  for (size_t k = 0; k < lines.size(); ++k) {
+    string_view line = lines[k].substr(0, lines[k].find('#'));
+    for (size_t at = line.find(';'); at != line.npos; at = line.find(';', at + 1))
       if (at == 0 || blank(line[at - 1])) {
         line = line.substr(0, at);
         break;
       }
-    const std::string_view text = trimmed(line);
+    const string_view text = trimmed(line);
     if (text.empty()) {
       if (value) *value += '\n';
       continue;
     }
-    const std::size_t own = std::size_t(text.data() - line.data());
+    const size_t own = size_t(text.data() - line.data());
     if (value && own > indent) {
       (*value += '\n') += text;
       continue;
     }
     indent = own;
-    const std::string at_line = format("not a printer.cfg: line %d: ", int(k) + 1);
-    if (const std::string header = section_of(text); !header.empty()) {
+    const string at_line = format("not a printer.cfg: line %d: ", int(k) + 1);
+    if (const string header = section_of(text); !header.empty()) {
       section = &into[name = header];
       value = nullptr;
       if (order && header.starts_with("include "))
         config.fail(at_line + "include in a saved block");
       if (!order && header.starts_with("include "))
-        config.included.emplace_back(trimmed(std::string_view(header).substr(8)));
+        config.included.emplace_back(trimmed(string_view(header).substr(8)));
       continue;
     }
-    const std::size_t at = text.find_first_of("=:");
+    const size_t at = text.find_first_of("=:");
     if (!section) return config.fail(at_line + one_line(text) + ": before any [section]");
     if (at == text.npos || at == 0)
       return config.fail(at_line + one_line(text) + ": neither a [section] nor 'option: value'");
-    const std::string option = lower(std::string(trimmed(text.substr(0, at))));
+    const string option = lower(string(trimmed(text.substr(0, at))));
     const auto [place, is_new] =
-        section->insert_or_assign(option, std::string(trimmed(text.substr(at + 1))));
+        section->insert_or_assign(option, string(trimmed(text.substr(at + 1))));
     value = &place->second;
     if (order && is_new) order->emplace_back(name, option);
   }
@@ -184,39 +184,39 @@ inline void parse_sections(Config& config, const std::vector<std::string_view>& 
 }
 
 /// An option that a line sets, lower case, and in `rest` what follows; empty if none.
-inline std::string option_of(std::string_view line, std::string_view& rest) {
-  std::size_t end = 0;
+inline string option_of(string_view line, string_view& rest) {
+  size_t end = 0;
   while (end < line.size() && wordy(line[end])) ++end;
-  std::size_t at = end;
+  size_t at = end;
   while (at < line.size() && blank(line[at])) ++at;
   if (end == 0 || at == line.size() || (line[at] != ':' && line[at] != '=')) return {};
   rest = line.substr(at + 1);
-  return lower(std::string(line.substr(0, end)));
+  return lower(string(line.substr(0, end)));
 }
 
 /// The commented-out numbers by section, as SAVE_CONFIG leaves replaced values.
-inline std::map<Place, double> commented_out(const auto& lines) {
-  std::map<Place, double> found;
-  std::string section;
-  for (const std::string_view line : lines) {
+inline map<Place, double> commented_out(const auto& lines) {
+  map<Place, double> found;
+  string section;
+  for (const string_view line : lines) {
     if (line.starts_with(kSaved)) continue;
-    if (const std::string header = section_of(line); !header.empty()) section = header;
+    if (const string header = section_of(line); !header.empty()) section = header;
     if (!line.starts_with('#')) continue;
-    std::string_view rest;
-    const std::string option = option_of(trimmed(line.substr(1)), rest);
+    string_view rest;
+    const string option = option_of(trimmed(line.substr(1)), rest);
     const double value = number_of(rest.substr(0, rest.find_first_of("#;")));
-    if (!option.empty() && !std::isnan(value)) found.try_emplace({section, option}, value);
+    if (!option.empty() && !isnan(value)) found.try_emplace({section, option}, value);
   }
   return found;
 }
 
 /// Read a printer.cfg or klippy.log.
-inline Config parse_config(std::string_view text) {
+inline Config parse_config(string_view text) {
   Config config;
-  constexpr std::string_view kLogged = "===== Config file =====", kEnd = "=======================";
-  std::size_t begin = text.rfind(kLogged);
+  constexpr string_view kLogged = "===== Config file =====", kEnd = "=======================";
+  size_t begin = text.rfind(kLogged);
   for (; begin != text.npos; begin = begin ? text.rfind(kLogged, begin - 1) : text.npos) {
-    const std::size_t next = begin + kLogged.size();  // a line of its own
+    const size_t next = begin + kLogged.size();  // a line of its own
     if ((begin == 0 || text[begin - 1] == '\n') && next < text.size() &&
         (text[next] == '\r' || text[next] == '\n'))
       break;
@@ -224,37 +224,29 @@ inline Config parse_config(std::string_view text) {
   config.log = begin != text.npos;
   if (config.log) {
     text.remove_prefix(begin + kLogged.size());
-    const std::size_t end = text.find("\n" + std::string(kEnd));
+    const size_t end = text.find("\n" + string(kEnd));
     if (end == text.npos) config.fail("ends within the configuration of Klipper's last start");
     text = text.substr(0, end);
   }
   if (text.size() > kMostBytes) config.fail(format("more than %d bytes", int(kMostBytes)));
-  for (std::size_t k = 0; k < text.size() && config.error.empty();) {
-    const int size = utf8(text.substr(k));
-    if (size == 0 || text[k] == 0) config.fail("not a text file (UTF-8)");
-    k += std::size_t(size > 0 ? size : 1);
-  }
+  characters(text, [&](string_view c, bool valid) {
+    if (!valid || c[0] == 0) config.fail("not a text file (UTF-8)");
+  });
   if (!config.error.empty()) return config;
   if (text.starts_with("\xEF\xBB\xBF")) {
     config.mark = text.substr(0, 3);
     text.remove_prefix(3);
   }
-  std::size_t pairs = 0, returns = 0, feeds = 0;
-  for (std::size_t k = 0; k < text.size(); ++k) {
-    const bool pair = text[k] == '\r' && text.substr(k, 2) == "\r\n";
-    pairs += pair;
-    returns += text[k] == '\r' && !pair;
-    feeds += text[k] == '\n' && !(k && text[k - 1] == '\r');
-  }
-  config.end = pairs > returns && pairs > feeds ? "\r\n" : returns > feeds ? "\r" : "\n";
-  const std::vector<std::string_view> lines = lines_of(text);
+  if (const size_t at = text.find_first_of("\r\n"); at != text.npos)
+    config.end = text.substr(at, text.substr(at, 2) == "\r\n" ? 2 : 1);
+  const vector<string_view> lines = lines_of(text);
   config.lines.assign(lines.begin(), lines.end());
-  std::vector<std::string_view> own = lines, block(lines.size());
+  vector<string_view> own = lines, block(lines.size());
   bool begun = false;
-  for (std::size_t k = 0; k < lines.size(); ++k)
+  for (size_t k = 0; k < lines.size(); ++k)
     if (lines[k].starts_with(kSaved)) {
       own[k] = {};
-      block[k] = lines[k].substr(std::min<std::size_t>(4, lines[k].size()));
+      block[k] = lines[k].substr(min<size_t>(4, lines[k].size()));
       begun = begun || block[k].starts_with('[');
       if (!begun) block[k] = {};
     }
@@ -271,37 +263,36 @@ inline Config parse_config(std::string_view text) {
 /// The file's text with changed values, as SAVE_CONFIG would write it: the file's own values are
 /// commented out and the saved block has the new ones. All else, comments and includes too, stays.
 /// `nominal` numbers stay as comments, which Klipper ignores; Config::off reads the first one.
-inline std::string rewritten(const Config& config,
-                             const std::vector<std::pair<Place, std::string>>& changes,
-                             const std::vector<std::pair<Place, double>>& nominal) {
-  std::map<Place, std::string> changed(changes.begin(), changes.end());
-  std::vector<std::string> own;
-  std::string section;
+inline string rewritten(const Config& config, const vector<pair<Place, string>>& changes,
+                        const vector<pair<Place, double>>& nominal) {
+  map<Place, string> changed(changes.begin(), changes.end());
+  vector<string> own;
+  string section;
   bool replaced = false;
-  for (const std::string& line : config.lines) {
+  for (const string& line : config.lines) {
     if (line.starts_with(kSaved)) continue;
-    const std::string header = section_of(line);
+    const string header = section_of(line);
     if (!header.empty()) section = header;
-    std::string_view rest;
-    const std::string option = option_of(line, rest);
+    string_view rest;
+    const string option = option_of(line, rest);
     if (!header.empty() || !option.empty()) replaced = changed.contains({section, option});
     const bool goes_on = !line.empty() && blank(line[0]) && !trimmed(line).empty();
     own.push_back(replaced && (!option.empty() || goes_on) ? "#" + line : line);
   }
-  const std::map<Place, double> noted = commented_out(own);
+  const map<Place, double> noted = commented_out(own);
   for (const auto& [place, value] : nominal) {
-    const auto at = std::find_if(own.begin(), own.end(), [&](const std::string& line) {
+    const auto at = std::find_if(own.begin(), own.end(), [&](const string& line) {
       return section_of(line) == place.first;
     });
     const auto is = noted.find(place);
     if (at != own.end() && (is == noted.end() || is->second != value))
       own.insert(at + 1, "#" + place.second + format(": %.10g", value));
   }
-  std::vector<std::string> sections;  // in the order of the file
-  std::map<std::string, std::string> block;
-  const auto set = [&](const Place& place, std::string value) {
+  vector<string> sections;  // in the order of the file
+  map<string, string> block;
+  const auto set = [&](const Place& place, string value) {
     if (block.try_emplace(place.first).second) sections.push_back(place.first);
-    for (std::size_t k = value.find('\n'); k != value.npos; k = value.find('\n', k + 1))
+    for (size_t k = value.find('\n'); k != value.npos; k = value.find('\n', k + 1))
       value.replace(k, 1, "\n#*# \t");
     block[place.first] += "#*# " + place.second + " = " + value + "\n";
   };
@@ -314,14 +305,13 @@ inline std::string rewritten(const Config& config,
         of == config.saved.end() || !of->second.contains(place.second))
       set(place, value);
   while (!own.empty() && trimmed(own.back()).empty()) own.pop_back();
-  std::string text;
-  for (const std::string& line : own) (text += line) += '\n';
+  string text;
+  for (const string& line : own) (text += line) += '\n';
   (text += '\n') += kSavedHeader;
-  for (std::size_t k = 0; k < sections.size(); ++k)
+  for (size_t k = 0; k < sections.size(); ++k)
     text += (k ? "#*#\n#*# [" : "#*# [") + sections[k] + "]\n" + block[sections[k]];
   if (config.end != "\n")
-    for (std::size_t k = text.find('\n'); k != text.npos;
-         k = text.find('\n', k + config.end.size()))
+    for (size_t k = text.find('\n'); k != text.npos; k = text.find('\n', k + config.end.size()))
       text.replace(k, 1, config.end);
   return config.mark + text;
 }

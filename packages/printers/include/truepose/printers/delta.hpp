@@ -31,32 +31,18 @@ struct Delta {
 
   /// q of motor i with the nozzle at x; NaN if its rod does not reach.
   double motor(const Vector& p, int i, const Vector3& x) const {
-    const double c = std::cos(p[angle() + i]), s = std::sin(p[angle() + i]), L = p[rod() + i];
+    const double c = cos(p[angle() + i]), s = sin(p[angle() + i]), L = p[rod() + i];
     const double out = x[0] * c + x[1] * s - p[0], aside = x[1] * c - x[0] * s;
     const double rod2 = L * L - aside * aside;
-    if (!rotary) return x[2] + std::sqrt(rod2 - out * out);
+    if (!rotary) return x[2] + sqrt(rod2 - out * out);
     const double up = x[2] - p[1], u = p[upper() + i], reach2 = out * out + up * up;
-    return std::atan2(up, out) + std::acos((reach2 + u * u - rod2) / (2 * u * std::sqrt(reach2)));
+    return std::atan2(up, out) + std::acos((reach2 + u * u - rod2) / (2 * u * sqrt(reach2)));
   }
 
-  /// C_i(q), and its slopes by p and q where asked for.
-  Vector3 joint(const Vector& p, int i, double q, Matrix* by_p = nullptr,
-                Vector3* by_q = nullptr) const {
-    const double c = std::cos(p[angle() + i]), s = std::sin(p[angle() + i]);
-    const double u = rotary ? p[upper() + i] : 0, cq = std::cos(q), sq = std::sin(q);
-    const double r = p[0] + u * cq;
-    if (by_p) {
-      by_p->setZero(3, count());
-      by_p->col(0) << c, s, 0;
-      by_p->col(angle() + i) << -r * s, r * c, 0;
-      if (rotary) {
-        by_p->col(1) << 0, 0, 1;
-        by_p->col(upper() + i) << cq * c, cq * s, sq;
-      }
-    }
-    if (by_q && rotary) *by_q << -u * sq * c, -u * sq * s, u * cq;
-    if (by_q && !rotary) *by_q << 0, 0, 1;
-    return {r * c, r * s, rotary ? p[1] + u * sq : q};
+  /// C_i(q).
+  Vector3 joint(const Vector& p, int i, double q) const {
+    const double a = p[angle() + i], u = rotary ? p[upper() + i] : 0, r = p[0] + u * cos(q);
+    return {r * cos(a), r * sin(a), rotary ? p[1] + u * sin(q) : q};
   }
 
   double homed(const Vector& p, int i) const { return motor(p, i, {0, 0, p[endstop() + i]}); }
@@ -84,38 +70,45 @@ struct Delta {
     const double a = (L * L - L2 * L2 + d * d) / (2 * d);
     const double b = (L * L - L3 * L3 - a * a + (a - i3) * (a - i3) + j3 * j3) / (2 * j3);
     const Vector3 ez = ex.cross(ey);
-    const double up = std::sqrt(L * L - a * a - b * b);  // NaN: the spheres do not meet
+    const double up = sqrt(L * L - a * a - b * b);  // NaN: the spheres do not meet
     const Vector3 x = C[0] + a * ex + b * ey + (ez[2] > 0 ? -up : up) * ez;
     if (slopes) *slopes = slopes_at(p, x, q);
     return x;
   }
 
-  /// Slopes of homed() of every motor by p.
-  Matrix homed_slopes(const Vector& p) const {
-    Matrix home(3, count()), by_p;
-    Vector3 by_q;
+  /// Slopes of (L_i² - |g|²) / 2, g = x - C_i(q), by p, and by q; by x they are -g.
+  Eigen::RowVectorXd sphere(const Vector& p, int i, const Vector3& x, double q, Vector3& g,
+                            double& by_q) const {
+    const double c = cos(p[angle() + i]), s = sin(p[angle() + i]), cq = cos(q), sq = sin(q);
+    const double u = rotary ? p[upper() + i] : 0;
+    g = x - joint(p, i, q);
+    const double out = c * g[0] + s * g[1];
+    Eigen::RowVectorXd by_p = Eigen::RowVectorXd::Zero(count());
+    by_p[0] = out;
+    by_p[angle() + i] = (p[0] + u * cq) * (c * g[1] - s * g[0]);
+    by_p[rod() + i] = p[rod() + i];
+    if (rotary) {
+      by_p[1] = g[2];
+      by_p[upper() + i] = cq * out + sq * g[2];
+    }
+    by_q = rotary ? u * (cq * g[2] - sq * out) : g[2];
+    return by_p;
+  }
+  /// Slopes of the nozzle x, whose motors are at q, by p at fixed steps: with x at the spheres, and
+  /// with (0, 0, E_i) there when motor i is at its endstop.
+  Matrix slopes_at(const Vector& p, const Vector3& x, const Vector3& q) const {
+    Eigen::Matrix3d A;
+    Matrix B(3, count());
+    Vector3 g;
+    double by_q;
     for (int i = 0; i < 3; ++i) {
       const Vector3 end(0, 0, p[endstop() + i]);
-      const Vector3 g = end - joint(p, i, homed(p, i), &by_p, &by_q);
-      home.row(i) = -g.transpose() * by_p;
-      home(i, rod() + i) -= p[rod() + i];
-      home(i, endstop() + i) += g[2];
-      home.row(i) /= g.dot(by_q);
-    }
-    return home;
-  }
-  /// Slopes of the nozzle x, whose motors are at q, by p at fixed steps: those of |x - C_i|² =
-  /// L_i².
-  Matrix slopes_at(const Vector& p, const Vector3& x, const Vector3& q) const {
-    const Matrix home = homed_slopes(p);
-    Eigen::Matrix3d A;
-    Matrix B(3, count()), by_p;
-    Vector3 by_q;
-    for (int i = 0; i < 3; ++i) {
-      const Vector3 g = x - joint(p, i, q[i], &by_p, &by_q);
-      A.row(i) = g.transpose();
-      B.row(i) = g.transpose() * by_p + g.dot(by_q) * home.row(i);
-      B(i, rod() + i) += p[rod() + i];
+      Eigen::RowVectorXd home = -sphere(p, i, end, homed(p, i), g, by_q);
+      home[endstop() + i] += g[2];
+      home /= by_q;
+      B.row(i) = sphere(p, i, x, q[i], g, by_q);
+      B.row(i) += by_q * home;
+      A.row(i) = g;
     }
     return A.inverse() * B;
   }

@@ -21,7 +21,7 @@ namespace truepose::printers {
 constexpr double kTrim = 10;  ///< mm: a longer B of Marlin's M665 is a radius, no trim of a rod
 
 /// The first word of the settings that is not read, as a refusal; empty if there is none.
-inline std::string unread(const Words& words, bool marlin) {
+inline string unread(const Words& words, bool marlin) {
   bool known = true;  // whether this M665 is Marlin's, whose A, B, C are trims
   for (const auto& [word, values] : words) {
     const Command* of = command_of(word.substr(0, word.find(' ')));
@@ -29,7 +29,7 @@ inline std::string unread(const Words& words, bool marlin) {
     const bool tower = letter == 'A' || letter == 'B' || letter == 'C';
     const bool is_radius = marlin && word == "M665 B" && values[0] > kTrim;
     bool used = of->used.find(letter) != of->used.npos && values.size() == 1;
-    if (tower && of->name == "M665") used = marlin ? std::fabs(values[0]) <= kTrim : letter == 'B';
+    if (tower && of->name == "M665") used = marlin ? fabs(values[0]) <= kTrim : letter == 'B';
     if (tower && of->name == "M666") used = !marlin;
     if (word == "M665 L") used = values.size() == 1 || values.size() == 3;
     if (used || is_radius || of->idle == "*" || of->idle.find(letter) != of->idle.npos ||
@@ -53,7 +53,7 @@ inline std::string unread(const Words& words, bool marlin) {
 }
 
 /// The value of a word of the settings.
-inline double value_of(const Words& words, const std::string& word, double otherwise = 0) {
+inline double value_of(const Words& words, const string& word, double otherwise = 0) {
   const auto at = words.find(word);
   return at == words.end() ? otherwise : at->second[0];
 }
@@ -65,41 +65,40 @@ inline Vector parameters_of(const Words& words, bool marlin, Delta& delta) {
   const auto L = words.find("M665 L");
   for (int i = 0; i < 3; ++i) {
     const char axis = "XYZ"[i];
-    const double trim = marlin ? value_of(words, std::string("M665 ") + "ABC"[i]) : 0;
-    constexpr double usual[] = {210, 330, 90};
-    p[delta.rod() + i] = L->second[L->second.size() == 3 ? std::size_t(i) : 0] +
-                         (std::fabs(trim) <= kTrim ? trim : 0);
-    p[delta.angle() + i] = usual[i] + value_of(words, std::string("M665 ") + axis);
-    p[delta.endstop() + i] = value_of(words, "M665 H") +
-                             (marlin ? -1 : 1) * value_of(words, std::string("M666 ") + axis);
-    delta.step[i] = 1 / value_of(words, std::string("M92 ") + axis, 80);
+    const double trim = marlin ? value_of(words, string("M665 ") + "ABC"[i]) : 0;
+    p[delta.rod() + i] =
+        L->second[L->second.size() == 3 ? size_t(i) : 0] + (fabs(trim) <= kTrim ? trim : 0);
+    p[delta.angle() + i] = kTurns[i] + value_of(words, string("M665 ") + axis);
+    p[delta.endstop() + i] =
+        value_of(words, "M665 H") + (marlin ? -1 : 1) * value_of(words, string("M666 ") + axis);
+    delta.step[i] = 1 / value_of(words, string("M92 ") + axis, 80);
   }
   return p;
 }
 
 /// Why a probing cannot be used, empty if it can; its points, x, y, z in mm, are set.
-inline std::string points_of(const Probing& of, double probe_radius, std::vector<Vector3>& points) {
+inline string points_of(const Probing& of, double probe_radius, vector<Vector3>& points) {
   for (const auto& [word, by] : of.lost)
     if (!word.starts_with("M92"))
       return by + " changed " + word +
              ", which was not printed before this probing: send M503 (RepRapFirmware: M665, M666), "
              "probe again";
-  for (const auto& [letter, name] : {std::pair("L", "length of the rods"), std::pair("R", "radius"),
-                                     std::pair("H", "homed height")})
-    if (!of.words.contains(std::string("M665 ") + letter))
+  for (const auto& [letter, name] :
+       {pair("L", "length of the rods"), pair("R", "radius"), pair("H", "homed height")})
+    if (!of.words.contains(string("M665 ") + letter))
       return format("M665 has no %s, the %s (M503 lists it)", letter, name);
   const bool marlin = of.by != "G32";
-  if (std::string said = unread(of.words, marlin); !said.empty()) return said;
+  if (string said = unread(of.words, marlin); !said.empty()) return said;
   const double A = value_of(of.words, "M666 A") / 100, B = value_of(of.words, "M666 B") / 100;
   const char* probe = marlin ? "M851 " : "G31 ";
-  double dx = value_of(of.words, std::string(probe) + "X");
-  double dy = value_of(of.words, std::string(probe) + "Y");
+  double dx = value_of(of.words, string(probe) + "X");
+  double dy = value_of(of.words, string(probe) + "Y");
   const auto option = [&](char letter, double otherwise) {
     const auto at = of.options.find(letter);
     return at == of.options.end() ? otherwise : at->second;
   };
   points = of.bed;
-  for (std::size_t k = 0; k < of.g32.size(); ++k) {
+  for (size_t k = 0; k < of.g32.size(); ++k) {
     if (of.places.size() != of.g32.size() || !of.places.contains(int(k)))
       return format(
           "%d bed probe heights, but %d places 'G30 P… X… Y…': give bed.g and the answer to it",
@@ -123,13 +122,13 @@ inline std::string points_of(const Probing& of, double probe_radius, std::vector
     if (!(radius > 0))
       return "G33 of this firmware does not print where it probes: give the radius of its points "
              "(--probe-radius MM)";
-    const std::map<std::string, double> at{{"x", 210}, {"xy", 270}, {"y", 330},
-                                           {"yz", 30}, {"z", 90},   {"zx", 150}};
+    const map<string, double> at{{"x", 210}, {"xy", 270}, {"y", 330},
+                                 {"yz", 30}, {"z", 90},   {"zx", 150}};
     for (const auto& [name, z] : of.g33) {
       const auto turn = at.find(name);
       const double angle = turn == at.end() ? 0 : turn->second * kDegree;
       const double r = turn == at.end() ? 0 : radius;
-      points.emplace_back(r * std::cos(angle), r * std::sin(angle), z);
+      points.emplace_back(r * cos(angle), r * sin(angle), z);
     }
   }
   for (Vector3& at : points) {
@@ -140,7 +139,7 @@ inline std::string points_of(const Probing& of, double probe_radius, std::vector
 }
 
 /// A Marlin or RepRapFirmware session as Klipper's configuration; any other text as Klipper's own.
-inline Config read(std::string_view text, double probe_radius) {
+inline Config read(string_view text, double probe_radius) {
   if ((text.find("M665") == text.npos && text.find("delta radius") == text.npos) ||
       text.find("===== Config file =====") != text.npos)
     return parse_config(text);
@@ -157,15 +156,15 @@ inline Config read(std::string_view text, double probe_radius) {
         "bed.g with 'G30 P0 X… Y…' and its 'bed probe heights'");
   // The last probing of several points whose settings are known.
   const Probing* of = nullptr;
-  std::vector<Vector3> bed;
-  std::string why;
+  vector<Vector3> bed;
+  string why;
   int number = int(session.probings.size());
   for (const int fewest : {kFewest, 1})
     for (int k = int(session.probings.size()); k-- > 0 && !of;) {
-      const Probing& each = session.probings[std::size_t(k)];
+      const Probing& each = session.probings[k];
       if (each.points() < fewest) continue;
-      std::vector<Vector3> points;
-      const std::string said = points_of(each, probe_radius, points);
+      vector<Vector3> points;
+      const string said = points_of(each, probe_radius, points);
       if (why.empty()) why = said;
       if (!said.empty()) continue;
       of = &each;
@@ -199,11 +198,11 @@ inline Config read(std::string_view text, double probe_radius) {
   double reach = 0;
   Vector in_rad = p;
   in_rad.segment<3>(delta.angle()) *= kDegree;
-  std::string lines =
+  string lines =
       format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", now[0], kSection);
-  for (std::size_t k = 0; k < bed.size() && failed.error.empty(); ++k) {
+  for (size_t k = 0; k < bed.size() && failed.error.empty(); ++k) {
     const Vector3& at = bed[k];
-    reach = std::max(reach, std::sqrt(at[0] * at[0] + at[1] * at[1]));
+    reach = max(reach, sqrt(at[0] * at[0] + at[1] * at[1]));
     const Vector3 steps = delta.steps(in_rad, at);
     if (!steps.allFinite())
       failed.fail(format("no rod reaches (%g, %g) mm, a probed point", at[0], at[1]));
@@ -217,15 +216,15 @@ inline Config read(std::string_view text, double probe_radius) {
     lines += format(
         "[stepper_%c]\nstep_distance: %.17g\narm_length: %.17g\nangle: %.17g\n"
         "position_endstop: %.17g\n",
-        kTowers[i], later.step[i], now[later.rod() + i], now[later.angle() + i],
+        "abc"[i], later.step[i], now[later.rod() + i], now[later.angle() + i],
         now[later.endstop() + i]);
   Config config = parse_config(lines);
   config.kind = marlin ? "marlin" : "rrf";
-  const std::vector<double>& rods = of->words.at("M665 L");
+  const vector<double>& rods = of->words.at("M665 L");
   config.own_rods = rods.size() == 3;
   for (const char* word : {"M665 A", "M665 B", "M665 C"})
     config.own_rods = config.own_rods || (marlin && of->words.contains(word) &&
-                                          std::fabs(value_of(of->words, word)) <= kTrim);
+                                          fabs(value_of(of->words, word)) <= kTrim);
   if (session.probings.size() > 1)
     config.notes.push_back(
         format("%d probings: number %d is used, %d heights, with M665 R%g H%g, in force then%s%s",
@@ -251,18 +250,17 @@ inline Config read(std::string_view text, double probe_radius) {
 }
 
 /// Parameters as lines to send to Marlin or RepRapFirmware; `own_rods`: a length for each tower.
-inline std::vector<std::string> lines_to_send(const Vector& p, bool marlin, bool own_rods = true) {
+inline vector<string> lines_to_send(const Vector& p, bool marlin, bool own_rods = true) {
   const Delta delta;
   const Vector3 arms = p.segment<3>(delta.rod()) / kMm, ends = p.segment<3>(delta.endstop()) / kMm;
-  const Vector3 trims = p.segment<3>(delta.angle()) / kDegree - Vector3(210, 330, 90);
+  const Vector3 trims = p.segment<3>(delta.angle()) / kDegree - Vector3(kTurns);
   const double mean = arms.mean(), height = marlin ? ends.minCoeff() : ends.mean();
   const Vector3 own = marlin ? Vector3((height - ends.array()).matrix())
                              : Vector3((ends.array() - height).matrix());
   const Vector3 off = (arms.array() - mean).matrix();
-  const std::string rods = !own_rods ? format("L%.3f", mean)
-                           : marlin
-                               ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
-                               : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
+  const string rods = !own_rods ? format("L%.3f", mean)
+                      : marlin  ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
+                                : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
   return {"M665 " + rods +
               format(" R%.3f H%.3f X%.3f Y%.3f Z%.3f", p[0] / kMm, height, trims[0], trims[1],
                      trims[2]),

@@ -20,6 +20,8 @@
 // in all. An error of √v (t(1 - α/2m) + t(0.9)) or more is rejected in at least 90 % of cases.
 #pragma once
 
+#include <unsupported/Eigen/SpecialFunctions>
+
 #include "truepose/printers/fit.hpp"
 
 namespace truepose::printers {
@@ -30,23 +32,9 @@ constexpr double kError = 0.3 * kMm;   ///< of one height, detectable for a verd
 constexpr double kLayer = 0.15 * kMm;  ///< noise of the heights that prevents a first layer
 constexpr int kMostAdvised = 24;       ///< heights to add
 
-/// P(|T| > t) of Student's t: the incomplete beta function's continued fraction (Abramowitz and
-/// Stegun, 26.5.8 and 26.7.1).
+/// P(|T| > t) of Student's t (Abramowitz and Stegun, 26.7.1).
 inline double student_tails(double t, double dof) {
-  const auto beta = [](double x, double a, double b) {
-    double value = 1;
-    for (int m = 200; m >= 1; --m) {
-      const double even = m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m));
-      const double odd = -(a + m - 1) * (a + b + m - 1) * x / ((a + 2 * m - 2) * (a + 2 * m - 1));
-      value = 1 + odd / (1 + even / value);
-    }
-    return std::exp(a * std::log(x) + b * std::log1p(-x) + std::lgamma(a + b) - std::lgamma(a) -
-                    std::lgamma(b)) /
-           (a * value);
-  };
-  const double a = 0.5 * dof, x = dof / (dof + t * t);
-  if (!(x > 0) || !(x < 1)) return x > 0 ? 1 : 0;
-  return x < (a + 1) / (a + 2.5) ? beta(x, a, 0.5) : 1 - beta(1 - x, 0.5, a);
+  return Eigen::numext::betainc(0.5 * dof, 0.5, dof / (dof + t * t));
 }
 /// The t that Student's t exceeds with a probability below 0.5.
 inline double student_beyond(double probability, double dof) {
@@ -58,13 +46,8 @@ inline double student_beyond(double probability, double dof) {
   }
   return high;
 }
-/// P(χ² > x) for any degrees of freedom, by the incomplete gamma function's series (26.4.6).
-inline double chi2_tail(double x, double dof) {
-  double term = 1, sum = 1;
-  if (x > dof + 40 * std::sqrt(dof) + 200) return 0;
-  for (double k = dof + 2; term > 1e-17 * sum; k += 2) sum += term *= x / k;
-  return 1 - std::exp(0.5 * dof * std::log(0.5 * x) - 0.5 * x - std::lgamma(0.5 * dof + 1)) * sum;
-}
+/// P(χ² > x) for any degrees of freedom.
+inline double chi2_tail(double x, double dof) { return Eigen::numext::igammac(0.5 * dof, 0.5 * x); }
 
 /// Noise of heights and of distances, and the estimate at that noise.
 struct Noise {
@@ -73,58 +56,46 @@ struct Noise {
   Vector u;         ///< unknowns, in units of their prior σ
   Matrix P;         ///< their covariance
 
-  double deviation(int kind) const { return sigma[kind] * std::sqrt(dof[kind] / (dof[kind] - 2)); }
+  double deviation(int kind) const { return sigma[kind] * sqrt(dof[kind] / (dof[kind] - 2)); }
 };
 
-/// Linear readings y = G u + ε; kind 0 of a height, 1 of a distance.
+/// Linear readings y = G u + ε, the heights first.
 struct Linear {
   Matrix G;
   Vector y;
-  std::vector<int> kind;
+  int heights;
 };
-inline Linear linear(const Delta& delta, const Readings& readings, const Prior& known,
-                     const Estimate& found) {
-  const Errors e = errors(delta, found.p(), readings, true);
-  Linear of{slopes_of(e, found.theta, readings, known, found.free), {}, {}};
-  of.y = of.G * found.u - left_over(e, found.theta, readings);
-  for (const Reading& each : readings) of.kind.push_back(each.distance);
-  return of;
+inline Linear linear(const Delta& delta, const Readings& readings, const Estimate& found) {
+  const Errors e = errors(delta, found.theta, readings, true);
+  const Matrix G = e.slopes * found.S;
+  return {G, G * found.u - e.off, heights_of(readings)};
 }
 
 /// The noise of linear readings, without one of them, from a start of σ. `assumed`: the prior's
 /// centre.
-inline Noise noise_of(const Linear& of, const double (&assumed)[2], const double (&start)[2],
-                      int without = -1) {
+inline Noise noise_of(Linear of, const Assumed& assumed, const double* start, int without = -1) {
   constexpr int kRounds = 100;
   const auto size = of.G.cols();
-  Matrix A[2] = {Matrix::Zero(size, size), Matrix::Zero(size, size)};
-  Vector b[2] = {Vector::Zero(size), Vector::Zero(size)};
-  double count[2] = {};
-  for (int k = 0; k < int(of.kind.size()); ++k) {
-    if (k == without) continue;
-    const int kind = of.kind[std::size_t(k)];
-    A[kind] += of.G.row(k).transpose() * of.G.row(k);
-    b[kind] += of.G.row(k).transpose() * of.y[k];
-    count[kind] += 1;
+  double count[2] = {double(of.heights), double(of.y.size() - of.heights)};
+  if (without >= 0) {
+    of.G.row(without).setZero();
+    of.y[without] = 0;
+    --count[without >= of.heights];
   }
+  const Matrix G[2] = {of.G.topRows(of.heights), of.G.bottomRows(of.y.size() - of.heights)};
+  const Vector y[2] = {of.y.head(of.heights), of.y.tail(of.y.size() - of.heights)};
+  const Matrix A[2] = {G[0].transpose() * G[0], G[1].transpose() * G[1]};
   Noise found{{start[0], start[1]}, {}, {}, {}};
   for (int round = 0; round < kRounds; ++round) {
-    const double w[2] = {1 / (found.sigma[0] * found.sigma[0]),
-                         1 / (found.sigma[1] * found.sigma[1])};
+    const double w[2] = {pow(found.sigma[0], -2), pow(found.sigma[1], -2)};
     found.P = (Matrix::Identity(size, size) + w[0] * A[0] + w[1] * A[1]).inverse();
-    found.u = found.P * (w[0] * b[0] + w[1] * b[1]);
-    double left[2] = {}, change = 0;
-    for (int k = 0; k < int(of.kind.size()); ++k)
-      if (k != without) {
-        const double r = of.y[k] - of.G.row(k).dot(found.u);
-        left[of.kind[std::size_t(k)]] += r * r;
-      }
+    found.u = found.P * (w[0] * G[0].transpose() * y[0] + w[1] * G[1].transpose() * y[1]);
+    double change = 0;
     for (int kind = 0; kind < 2; ++kind) {
       found.dof[kind] = kDof + count[kind] - w[kind] * found.P.cwiseProduct(A[kind]).sum();
-      const double last = found.sigma[kind];
-      found.sigma[kind] =
-          std::sqrt((kDof * assumed[kind] * assumed[kind] + left[kind]) / found.dof[kind]);
-      change = std::max(change, std::fabs(found.sigma[kind] / last - 1));
+      const double last = found.sigma[kind], left = (y[kind] - G[kind] * found.u).squaredNorm();
+      found.sigma[kind] = sqrt((kDof * pow(assumed.noise(kind), 2) + left) / found.dof[kind]);
+      change = max(change, fabs(found.sigma[kind] / last - 1));
     }
     if (change < 1e-4) break;
   }
@@ -135,9 +106,9 @@ inline Noise noise_of(const Linear& of, const double (&assumed)[2], const double
 inline double detectable(double scale, double dof, int count) {
   return scale * (student_beyond(kFalseAlarm / (2 * count), dof) + student_beyond(1 - kPower, dof));
 }
-inline double median(std::vector<double> values) {
+inline double median(vector<double> values) {
   if (values.empty()) return kNaN;
-  const std::size_t half = values.size() / 2;
+  const size_t half = values.size() / 2;
   std::sort(values.begin(), values.end());
   return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
 }
@@ -145,35 +116,32 @@ inline double median(std::vector<double> values) {
 /// Every reading tested against all others, and its detectability.
 struct Judged {
   Noise noise;
-  Vector off, scale, dof;  ///< reading − prediction from the others, m; scale of it, of Student's t
+  Vector off, scale;       ///< reading − prediction from the others, m; scale of it
   Vector shows;            ///< error of the reading that is rejected in 90 % of cases, m
   int wrong = -1;          ///< the reading rejected by the test, or -1
   double least = 0;        ///< error detectable in half of the heights, m
   bool scattered = false;  ///< the heights' noise exceeds that of a possible first layer, at 99.5 %
 };
 inline Judged judge(const Linear& of, const Assumed& assumed) {
-  const double centre[2] = {assumed.height, assumed.distance};
-  const int count = int(of.kind.size());
+  const int count = int(of.y.size());
   Judged judged;
-  judged.noise = noise_of(of, centre, centre);
-  judged.off = judged.scale = judged.dof = judged.shows = Vector(count);
+  judged.noise = noise_of(of, assumed, &assumed.sigma[TRUEPOSE_PRINTER_HEIGHT]);
+  judged.off = judged.scale = judged.shows = Vector(count);
   double least_chance = kFalseAlarm / count;
-  std::vector<double> shows;
   for (int k = 0; k < count; ++k) {
-    const int kind = of.kind[std::size_t(k)];
-    const Noise by = noise_of(of, centre, judged.noise.sigma, k);
-    judged.off[k] = of.y[k] - of.G.row(k).dot(by.u);
-    judged.scale[k] = std::sqrt(by.sigma[kind] * by.sigma[kind] +
-                                of.G.row(k).dot(by.P * of.G.row(k).transpose()));
-    judged.dof[k] = by.dof[kind];
-    const double chance = student_tails(judged.off[k] / judged.scale[k], judged.dof[k]);
+    const bool kind = k >= of.heights;
+    const Noise by = noise_of(of, assumed, judged.noise.sigma, k);
+    const Vector g = of.G.row(k);
+    judged.off[k] = of.y[k] - g.dot(by.u);
+    judged.scale[k] = sqrt(pow(by.sigma[kind], 2) + g.dot(by.P * g));
+    const double chance = student_tails(judged.off[k] / judged.scale[k], by.dof[kind]);
     if (chance < least_chance) {
       least_chance = chance;
       judged.wrong = k;
     }
-    judged.shows[k] = detectable(judged.scale[k], judged.dof[k], count);
-    if (kind == 0) shows.push_back(judged.shows[k]);
+    judged.shows[k] = detectable(judged.scale[k], by.dof[kind], count);
   }
+  const vector<double> shows(judged.shows.begin(), judged.shows.begin() + of.heights);
   judged.least = median(shows);
   const double dof = judged.noise.dof[0], over = judged.noise.sigma[0] / kLayer;
   judged.scattered = chi2_tail(dof * over * over, dof) < kFalseAlarm;
@@ -181,46 +149,38 @@ inline Judged judge(const Linear& of, const Assumed& assumed) {
 }
 
 /// Evenly spread points of a disc at z = 0.
-inline std::vector<Vector3> spread(int count, double radius) {
-  std::vector<Vector3> points;
+inline vector<Vector3> spread(int count, double radius) {
+  vector<Vector3> points;
   for (int k = 0; k < count; ++k) {
-    const double turn = 180 * kDegree * (3 - std::sqrt(5.0)) * k;
-    const double ring = radius * std::sqrt((k + 0.5) / count);
-    points.emplace_back(ring * std::cos(turn), ring * std::sin(turn), 0);
+    const double turn = 180 * kDegree * (3 - sqrt(5.0)) * k;
+    const double ring = radius * sqrt((k + 0.5) / count);
+    points.emplace_back(ring * cos(turn), ring * sin(turn), 0);
   }
   return points;
 }
-/// Slopes of a height at x by the free unknowns, in units of their prior σ.
-inline Vector height_slope(const Delta& delta, const Prior& known, const Estimate& found,
-                           const Vector3& x) {
-  const Matrix J = delta.slopes(found.p(), x);
-  Vector g = Vector::Zero(Eigen::Index(found.free.size()));
-  for (std::size_t j = 0; j < found.free.size(); ++j)
-    if (found.free[j] < delta.count())
-      g[Eigen::Index(j)] = known.sigma[found.free[j]] * J(2, found.free[j]);
-  return g;
+/// Slopes of the nozzle at x by the free unknowns, in units of their prior σ; NaN out of reach.
+inline Matrix slopes(const Delta& delta, const Estimate& found, const Vector3& x) {
+  return delta.slopes(found.theta, x) * found.S.topRows(delta.count());
 }
 /// How many heights within `radius` to add so that half of all show an error of 0.3 mm; 0: the
 /// noise prevents this for any number up to kMostAdvised.
-inline int more_heights(const Delta& delta, const Prior& known, const Estimate& found,
-                        const Linear& of, const Noise& noise, double radius) {
+inline int more_heights(const Delta& delta, const Estimate& found, const Linear& of,
+                        const Noise& noise, double radius) {
   const double sigma2 = noise.sigma[0] * noise.sigma[0];
   for (int more = 1; more <= kMostAdvised; ++more) {
-    std::vector<Vector> rows;
-    for (std::size_t k = 0; k < of.kind.size(); ++k)
-      if (of.kind[k] == 0) rows.push_back(of.G.row(Eigen::Index(k)));
+    vector<Vector> rows;
+    for (int k = 0; k < of.heights; ++k) rows.push_back(of.G.row(k));
     Matrix known_then = noise.P.inverse();
     for (const Vector3& at : spread(more, radius)) {
-      rows.push_back(height_slope(delta, known, found, at));
+      rows.push_back(slopes(delta, found, at).row(2));
       known_then += rows.back() * rows.back().transpose() / sigma2;
     }
     const Matrix P = known_then.inverse();
     double sum = 0;
-    std::vector<double> spare, shows;
+    vector<double> spare, shows;
     for (const Vector& row : rows) sum += spare.emplace_back(1 - row.dot(P * row) / sigma2);
     for (const double each : spare)
-      shows.push_back(
-          detectable(std::sqrt(sigma2 / each), kDof + sum - each, int(of.kind.size()) + more));
+      shows.push_back(detectable(sqrt(sigma2 / each), kDof + sum - each, int(of.y.size()) + more));
     if (median(shows) <= kError) return more;
   }
   return 0;
@@ -228,7 +188,7 @@ inline int more_heights(const Delta& delta, const Prior& known, const Estimate& 
 
 /// Errors of one set of parameters or calibration method, predicted − read; NaN: no prediction.
 struct Residuals {
-  std::string name;
+  string name;
   Vector off;
 };
 constexpr char kEstimate[] = "estimate with tolerances", kMean[] = "plain mean";
@@ -237,24 +197,24 @@ constexpr char kEstimate[] = "estimate with tolerances", kMean[] = "plain mean";
 /// number of fits is limited. Heights are left out only if the others determine Klipper's
 /// parameters; the result is empty if none can be. The estimate's predictions are those of
 /// `judged`.
-inline std::vector<Residuals> held_out(const Delta& delta, const Readings& readings,
-                                       const Vector& by_klipper, const Vector& nominal,
-                                       const Judged& judged) {
+inline vector<Residuals> held_out(const Delta& delta, const Readings& readings,
+                                  const Vector& by_klipper, const Vector& nominal,
+                                  const Judged& judged) {
   constexpr int kParts = 24;
   const int count = int(readings.size()), H = heights_of(readings), D = count - H;
   const bool spare = adjusted(delta, false).cols() < H;
-  std::vector<Residuals> result;
+  vector<Residuals> result;
   if (!spare && D == 0) return result;
-  const auto way = [&](std::string name, const Vector& begin, const Matrix& F, bool heights_alone) {
+  const auto way = [&](string name, const Vector& begin, const Matrix& F, bool heights_alone) {
     Vector off = Vector::Constant(count, kNaN);
     const Vector near = fit(delta, begin, heights_alone ? heights_only(readings) : readings, F);
     for (int kind = 0; kind < 2; ++kind) {
-      const int first = kind ? H : 0, of = kind ? D : spare ? H : 0, parts = std::min(of, kParts);
+      const int first = kind ? H : 0, of = kind ? D : spare ? H : 0, parts = min(of, kParts);
       for (int part = 0; part < parts; ++part) {
         Readings by;
         for (int k = 0; k < (heights_alone ? H : count); ++k)
           if (k < first || k >= first + of || (k - first) % kParts != part)
-            by.push_back(readings[std::size_t(k)]);
+            by.push_back(readings[k]);
         const Vector p = heights_alone && kind ? near : fit(delta, near, by, F);
         const Errors e = errors(delta, p, readings);
         for (int k = part; k < of; k += kParts) off[first + k] = e.off[first + k];
@@ -273,9 +233,9 @@ inline std::vector<Residuals> held_out(const Delta& delta, const Readings& readi
   if (D > 1) {
     Vector off = Vector::Constant(count, kNaN);
     double sum = 0;
-    for (int k = H; k < count; ++k) sum += readings[std::size_t(k)].value;
+    for (int k = H; k < count; ++k) sum += readings[k].value;
     for (int k = H; k < count; ++k) {
-      const double value = readings[std::size_t(k)].value;
+      const double value = readings[k].value;
       off[k] = (sum - value) / (D - 1) - value;
     }
     result.push_back({kMean, off});
@@ -284,23 +244,22 @@ inline std::vector<Residuals> held_out(const Delta& delta, const Readings& readi
 }
 
 /// A mistake in the readings, or empty: impossible, mistyped, or in another unit.
-inline std::string mistake(const Printer& printer, const Config& config, const Prior& known,
-                           const Assumed& assumed) {
+inline string mistake(const Printer& printer, const Config& config, const Prior& known,
+                      const Assumed& assumed) {
   constexpr double kGross = 1 * kMm, kTimes = 6;  // beyond a calliper's error; and their scatter
   constexpr double kBed = 1 * kMm, kFactor = 0.05;
+  constexpr size_t kMany = 30;  // heights, of which a gross one alone is far off
   const Readings& readings = printer.readings;
-  const auto unit = [&](double ratio, const std::string& otherwise) {
-    for (const auto& [factor, name] :
-         {std::pair(1 / 25.4, "inches"), std::pair(0.1, "cm"), std::pair(1e-3, "m"),
-          std::pair(1e3, "µm"), std::pair(25.4, "mm of inches")})
-      if (std::fabs(ratio / factor - 1) < kFactor)
-        return "in " + std::string(name) + "? Klipper takes mm";
+  const auto unit = [&](double ratio, const string& otherwise) {
+    for (const auto& [factor, name] : {pair(1 / 25.4, "inches"), pair(0.1, "cm"), pair(1e-3, "m"),
+                                       pair(1e3, "µm"), pair(25.4, "mm of inches")})
+      if (fabs(ratio / factor - 1) < kFactor) return "in " + string(name) + "? Klipper takes mm";
     return otherwise;
   };
-  const Errors e = errors(printer.delta, known.mean.head(printer.delta.count()), readings);
-  for (Eigen::Index k = 0; k < e.off.size(); ++k)
-    if (!std::isfinite(e.off[k]))
-      return readings[std::size_t(k)].name + ": the nozzle cannot have been there; " + kChanged +
+  const Errors e = errors(printer.delta, known.mean, readings);
+  for (int k = 0; k < e.off.size(); ++k)
+    if (!isfinite(e.off[k]))
+      return readings[k].name + ": the nozzle cannot have been there; " + kChanged +
              ", or are lengths in other units than mm?";
   // A height: with a separate prior, since one gross height shifts the common one.
   const Readings heights = heights_only(readings);
@@ -308,19 +267,14 @@ inline std::string mistake(const Printer& printer, const Config& config, const P
     Printer part = printer;
     part.readings = by;
     const Prior own = prior(part, config, assumed, known.arm);
-    return errors(printer.delta, estimate(printer.delta, by, own, assumed).p(), by).off;
+    return errors(printer.delta, estimate(printer.delta, by, own, assumed).theta, by).off;
   };
   const Vector off = left(heights);
   if (!(rms(off) <= kBed)) {
-    std::vector<std::size_t> worst(heights.size());
-    for (std::size_t k = 0; k < worst.size(); ++k) worst[k] = k;
-    std::sort(worst.begin(), worst.end(), [&](std::size_t a, std::size_t b) {
-      return std::fabs(off[Eigen::Index(a)]) > std::fabs(off[Eigen::Index(b)]);
-    });
-    worst.resize(heights.size() > 3 ? std::min<std::size_t>(worst.size(), 30) : 0);
     double least = 0.2 * rms(off);
     const Reading* wrong = nullptr;
-    for (const std::size_t k : worst) {
+    for (size_t k = 0; k < heights.size() && heights.size() > 3; ++k) {
+      if (heights.size() > kMany && fabs(off[k]) < 2 * rms(off)) continue;
       Readings by = heights;
       by.erase(by.begin() + std::ptrdiff_t(k));
       if (const double now = rms(left(by)); now < least) {
@@ -335,28 +289,27 @@ inline std::string mistake(const Printer& printer, const Config& config, const P
                                wrong->value / kMm, kTakeOut);
   }
   // A distance.
-  std::vector<double> ratio, away;
-  for (std::size_t k = heights.size(); k < readings.size(); ++k) {
-    ratio.push_back(readings[k].value / e.lengths[Eigen::Index(k)]);
-    away.push_back(-e.off[Eigen::Index(k)]);
+  vector<double> ratio, away, length;
+  for (size_t k = heights.size(); k < readings.size(); ++k) {
+    away.push_back(-e.off[k]);
+    length.push_back(readings[k].value + e.off[k]);
+    ratio.push_back(readings[k].value / length.back());
   }
   if (ratio.empty()) return {};
-  const double first = e.lengths[Eigen::Index(heights.size())];
-  if (std::fabs(median(ratio) - 1) > kFactor)
+  if (fabs(median(ratio) - 1) > kFactor)
     return format("distances: %.6g mm, … where the nozzle moved by %.2f mm, …: ",
-                  readings[heights.size()].value / kMm, first / kMm) +
-           unit(median(ratio), std::string(kChanged) + ", or is a height wrong?");
+                  readings[heights.size()].value / kMm, length[0] / kMm) +
+           unit(median(ratio), string(kChanged) + ", or is a height wrong?");
   const bool many = away.size() > 2;
   const double middle = many ? median(away) : 0;
-  std::vector<double> from(away);
-  for (double& each : from) each = std::fabs(each - middle);
+  vector<double> from(away);
+  for (double& each : from) each = fabs(each - middle);
   const double scatter = many ? 1.4826 * median(from) : 0;
-  const std::size_t k = std::size_t(std::max_element(from.begin(), from.end()) - from.begin());
+  const auto k = std::max_element(from.begin(), from.end()) - from.begin();
   const Reading& of = readings[heights.size() + k];
-  const double length = e.lengths[Eigen::Index(heights.size() + k)];
-  if (from[k] > std::max({kGross, kTimes * scatter, many ? 0 : 0.02 * length}))
+  if (from[k] > max({kGross, kTimes * scatter, many ? 0 : 0.02 * length[k]}))
     return of.name +
-           format(" = %.6g: %.2f mm is expected%s: ", of.value / kMm, (length + middle) / kMm,
+           format(" = %.6g: %.2f mm is expected%s: ", of.value / kMm, (length[k] + middle) / kMm,
                   many ? " by the others" : "") +
            unit(ratio[k], "typed wrong?") + " Measure it again, or " + kTakeOut;
   return {};

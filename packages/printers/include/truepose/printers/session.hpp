@@ -13,22 +13,22 @@
 namespace truepose::printers {
 /// Reader of words and numbers from a place in a text on.
 struct Scan {
-  std::string_view text;
-  std::size_t at = 0;
+  string_view text;
+  size_t at = 0;
 
   bool done() const { return at >= text.size(); }
   bool starts_word() const { return at == 0 || !wordy(text[at - 1]); }
   void space() {
     while (!done() && blank(text[at])) ++at;
   }
-  bool take(std::string_view word) {
+  bool take(string_view word) {
     const bool is = text.substr(at).starts_with(word);
     at += is ? word.size() : 0;
     return is;
   }
   /// A decimal number without exponent; `unit` is one of its last digit.
   bool number(double& value, double* unit = nullptr) {
-    std::size_t end = at, digits = 0;
+    size_t end = at, digits = 0;
     double last = 1;
     if (end < text.size() && (text[end] == '-' || text[end] == '+')) ++end;
     for (bool point = false; end < text.size() && digits < 40; ++end)
@@ -47,8 +47,8 @@ struct Scan {
     return true;
   }
   /// Numbers with ':' between; empty if there is none.
-  std::vector<double> numbers(double* unit = nullptr) {
-    std::vector<double> values;
+  vector<double> numbers(double* unit = nullptr) {
+    vector<double> values;
     double value = 0;
     while (number(value, unit)) {
       values.push_back(value);
@@ -58,12 +58,12 @@ struct Scan {
   }
 };
 
-using Words = std::map<std::string, std::vector<double>>;  ///< "M665 L": values. mm, degrees
+using Words = map<string, vector<double>>;  ///< "M665 L": values. mm, degrees
 
 /// A command that sets where the nozzle is, its words that are used, and those without influence on
 /// heights and geometry, "*" all others: steps cancel, Marlin's H includes M206 Z.
 struct Command {
-  std::string_view name, used, idle;
+  string_view name, used, idle;
   double neutral = 0;  ///< value at which any other word has no influence
 };
 constexpr Command kCommands[] = {
@@ -72,7 +72,7 @@ constexpr Command kCommands[] = {
     {"M579", "", "P", 1},       {"M669", "", "ST", 3}, {"M852", "", ""},    {"G30", "", "*"},
     {"G33", "", "*"},           {"M501", "", "*"},     {"M502", "", "*"},
 };
-inline const Command* command_of(std::string_view name) {
+inline const Command* command_of(string_view name) {
   const auto at = std::find_if(std::begin(kCommands), std::end(kCommands),
                                [&](const Command& each) { return each.name == name; });
   return at == std::end(kCommands) ? nullptr : at;
@@ -80,16 +80,16 @@ inline const Command* command_of(std::string_view name) {
 
 /// Heights that were probed one after the other with the same settings.
 struct Probing {
-  std::string by;                                   ///< "G30", "G33" or "G32"
-  std::vector<Vector3> bed;                         ///< x, y, z of Marlin's G30
-  std::map<std::string, double> g33;                ///< height by name
-  std::vector<double> g32;                          ///< of RepRapFirmware
-  std::map<int, std::pair<double, double>> places;  ///< of its G30 P…
-  std::map<char, double> options;                   ///< of the command G33
-  double radius = 0;                                ///< of G33's points, as printed; 0: not
-  Words words;                                      ///< the settings
-  std::map<std::string, std::string> lost;          ///< unknown ones, and what changed them
-  int state = 0;                                    ///< number of the settings
+  string by;                              ///< "G30", "G33" or "G32"
+  vector<Vector3> bed;                    ///< x, y, z of Marlin's G30
+  map<string, double> g33;                ///< height by name
+  vector<double> g32;                     ///< of RepRapFirmware
+  map<int, pair<double, double>> places;  ///< of its G30 P…
+  map<char, double> options;              ///< of the command G33
+  double radius = 0;                      ///< of G33's points, as printed; 0: not
+  Words words;                            ///< the settings
+  map<string, string> lost;               ///< unknown ones, and what changed them
+  int state = 0;                          ///< number of the settings
 
   int points() const { return int(bed.size() + g33.size() + g32.size()); }
 };
@@ -97,14 +97,13 @@ struct Probing {
 /// State of the printer along a session.
 class Session {
  public:
-  std::vector<Probing> probings;
-  Words words;                              ///< at the end
-  std::map<std::string, std::string> lost;  ///< at the end
-  bool seen = false;                        ///< M665's L or R is there
+  vector<Probing> probings;
+  Words words;               ///< at the end
+  map<string, string> lost;  ///< at the end
+  bool seen = false;         ///< M665's L or R is there
 
-  explicit Session(std::string_view text) {
-    for (const std::string_view whole : lines_of(text))
-      line(std::string(whole.substr(0, whole.find(';'))));
+  explicit Session(string_view text) {
+    for (const string_view whole : lines_of(text)) line(string(whole.substr(0, whole.find(';'))));
     settle();
     for (Probing& each : probings) {
       // Printed for the first time later, and not changed before: already in force.
@@ -116,13 +115,13 @@ class Session {
 
  private:
   Words first_;  ///< of words that were printed before they were changed
-  std::map<int, std::pair<double, double>> places_;
-  std::map<char, double> options_;
+  map<int, pair<double, double>> places_;
+  map<char, double> options_;
   double radius_ = 0;
   int state_ = 0;
   bool calibrating_ = false;  ///< G33 was sent without V0, and its result is not printed yet
 
-  void set(const std::string& word, std::vector<double> values, double unit, bool sent) {
+  void set(const string& word, vector<double> values, double unit, bool sent) {
     seen = seen || word == "M665 L" || word == "M665 R";
     const auto now = words.find(word);
     if (now == words.end()) {
@@ -133,21 +132,21 @@ class Session {
     } else {
       // What is printed is rounded: the exact value stays.
       bool same = now->second.size() == values.size();
-      for (std::size_t k = 0; same && k < values.size(); ++k)
-        same = std::fabs(values[k] - now->second[k]) <= (sent ? 0 : 0.501 * unit);
+      for (size_t k = 0; same && k < values.size(); ++k)
+        same = fabs(values[k] - now->second[k]) <= (sent ? 0 : 0.501 * unit);
       if (same) return;
       ++state_;
     }
     words[word] = std::move(values);
     lost.erase(word);
   }
-  void lose(const std::string& word, const std::string& by) {
+  void lose(const string& word, const string& by) {
     words.erase(word);
     lost[word] = by;
     ++state_;
   }
   /// G33 P1 changes the height alone, P2 and T no angles.
-  void calibrated(const std::string& by) {
+  void calibrated(const string& by) {
     calibrating_ = false;
     const bool g33 = by == "G33";
     const auto P = options_.find('P');
@@ -161,21 +160,21 @@ class Session {
   void settle() {
     if (calibrating_) calibrated("G33");
   }
-  Probing& probing(const std::string& by, bool anew = false) {
+  Probing& probing(const string& by, bool anew = false) {
     if (anew || probings.empty() || probings.back().by != by || probings.back().state != state_)
       probings.push_back({by, {}, {}, {}, places_, options_, radius_, words, lost, state_});
     return probings.back();
   }
 
-  void command(const std::string& name, Scan& scan, bool sent) {
-    std::map<char, double> own;
+  void command(const string& name, Scan& scan, bool sent) {
+    map<char, double> own;
     if (name != "G33") settle();
     for (;;) {
       scan.space();
       if (scan.done() || scan.text[scan.at] < 'A' || scan.text[scan.at] > 'Z') break;
       const char letter = scan.text[scan.at++];
       double unit = 1;
-      std::vector<double> values = scan.numbers(&unit);
+      vector<double> values = scan.numbers(&unit);
       if (values.empty() && name != "G33") break;
       own[letter] = values.empty() ? 1 : values[0];
       if (name != "G30" && name != "G33") set(name + " " + letter, values, unit, sent);
@@ -197,18 +196,17 @@ class Session {
     }
   }
 
-  void line(const std::string& text) {
-    const auto has = [&](std::string_view word) { return text.find(word) != text.npos; };
-    const auto after = [&](std::string_view word, auto&& take) {
-      if (const std::size_t at = text.find(word); at != text.npos) {
+  void line(const string& text) {
+    const auto has = [&](string_view word) { return text.find(word) != text.npos; };
+    const auto after = [&](string_view word, auto&& take) {
+      if (const size_t at = text.find(word); at != text.npos) {
         Scan scan{text, at + word.size()};
         scan.space();
         double unit = 1;
-        if (const std::vector<double> values = scan.numbers(&unit); !values.empty())
-          take(values, unit);
+        if (const vector<double> values = scan.numbers(&unit); !values.empty()) take(values, unit);
       }
     };
-    const auto printed = [&](std::string_view label, const std::string& word) {
+    const auto printed = [&](string_view label, const string& word) {
       after(label, [&](const auto& values, double unit) { set(word, values, unit, false); });
     };
     const bool sent = has("Send:") || has("SENDING:") || text.starts_with('>');
@@ -225,10 +223,10 @@ class Session {
       printed(".Height:", "M665 H");
       printed("Radius:", "M665 R");
       for (const char axis : {'x', 'y', 'z'})
-        printed({std::string("E") + axis + ":"}, std::string("M666 ") + char(axis - 32));
+        printed({string("E") + axis + ":"}, string("M666 ") + char(axis - 32));
     }
     for (const char axis : {'x', 'y', 'z'})
-      printed({std::string(" T") + axis + ":"}, std::string("M665 ") + char(axis - 32));
+      printed({string(" T") + axis + ":"}, string("M665 ") + char(axis - 32));
     if (has("delta radius ") && has("iagonal")) {  // RepRapFirmware's answers to M665 and M666
       settle();
       printed(has("Diagonals ") ? "Diagonals " : "Diagonal ", "M665 L");
@@ -236,7 +234,7 @@ class Session {
       printed("homed height ", "M665 H");
       printed("bed radius ", "M665 B");
       for (const char axis : {'X', 'Y', 'Z'})
-        printed({std::string(", ") + axis + " "}, std::string("M665 ") + axis);
+        printed({string(", ") + axis + " "}, string("M665 ") + axis);
     }
     if (has("ndstop adjustments ")) {
       printed("adjustments X", "M666 X");
@@ -246,20 +244,20 @@ class Session {
       printed("% Y", "M666 B");
     }
     for (Scan scan{text}; !scan.done(); ++scan.at) {
-      const std::size_t begin = scan.at;
+      const size_t begin = scan.at;
       if (!scan.starts_word()) {
       } else if (text[begin] == 'M' || text[begin] == 'G') {
         ++scan.at;
         double number = 0;
-        const std::size_t from = scan.at;
+        const size_t from = scan.at;
         if (digit(scan.done() ? ' ' : text[from]) && scan.number(number)) {
-          const std::string name = text.substr(begin, scan.at - begin);
+          const string name = text.substr(begin, scan.at - begin);
           if (command_of(name) && text.find(" Auto Calibrate", begin) == text.npos)
             command(name, scan, sent);
         }
       } else if (scan.take("Bed X:")) {
         Vector3 at;
-        const auto next = [&](std::string_view name, double& value) {
+        const auto next = [&](string_view name, double& value) {
           scan.space();
           if (!scan.take(name)) return false;
           scan.space();
@@ -277,7 +275,7 @@ class Session {
           double z = 0;
           scan.at = begin;
           if (!scan.take(name) || !scan.number(z)) continue;
-          const std::string point(name, std::string_view(name).size() - 1);
+          const string point(name, string_view(name).size() - 1);
           const bool again = !probings.empty() && probings.back().by == "G33" &&
                              probings.back().g33.contains(point);
           if (again) settle();
