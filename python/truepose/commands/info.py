@@ -25,9 +25,6 @@ def command(
     plot: Path | None = options.plot_option("the conditioning map"),
     samples: int = Option(100_000, min=1, max=10_000_000, help="Poses sampled from the workspace."),
     seed: options.Seed = 0,
-    length: float = Option(
-        LENGTH, min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."
-    ),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -37,18 +34,18 @@ def command(
     """
     write = options.writer([robot], force, plot=plot)
     loaded = load(robot)
-    measured = measure(loaded, samples, seed, length)
-    write(plot=lambda: figure_of(lambda figure: draw(figure, loaded, length)))
+    measured = measure(loaded, samples, seed)
+    write(plot=lambda: figure_of(lambda figure: draw(figure, loaded)))
     title = loaded.spec.title or loaded.name
     table = Table("info", title, ["figure", "value"], rows(loaded, measured))
     show([table], how, written=(plot,))
 
 
-def draw(figure: Any, robot: Robot, length: float = LENGTH) -> None:
+def draw(figure: Any, robot: Robot) -> None:
     """Draw :func:`condition_map`."""
     mixed = len({unit for _, unit in robot.coordinates}) > 1
-    note = f"angles times {1e3 * length:g} mm" if mixed else "conditioning"
-    draw_map(figure, robot, *condition_map(robot, length), "condition number of J (–)", note, 1.0)
+    note = f"angles times {1e3 * LENGTH:g} mm" if mixed else "conditioning"
+    draw_map(figure, robot, *condition_map(robot), "condition number of J (–)", note, 1.0)
 
 
 def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:

@@ -16,7 +16,6 @@ from truepose.design.candidates import drawn, given_poses, reachable
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace, workspace_samples
-from truepose.show.units import printed
 
 #: Default number of poses over which sets are compared.
 POSES = 32
@@ -106,19 +105,10 @@ def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Arr
         low[names.index(name)], high[names.index(name)] = ends
     inside = np.random.default_rng(0).uniform(size=(CHECKED, robot.n))
     unit = np.vstack([inside, list(itertools.product((0.0, 1.0), repeat=robot.n))])
-    bare, units = robot.with_sensors(), dict(robot.coordinates)
-    out = ~reachable(bare, low + unit * (high - low), robot.highest_level)
-    if out.any():
-        asked = {name: (low[k], high[k]) for k, name in enumerate(names) if name in ranges}
-        whole = dict(zip(names, zip(box.minimum, box.maximum, strict=True), strict=True))
-        said, space = (
-            ", ".join(
-                f"{name} {printed(a, units[name], '.4g')} to {printed(b, units[name], '.4g')}"
-                for name, (a, b) in of.items()
-            )
-            for of in (asked, whole)
-        )
+    reached = reachable(robot.with_sensors(), low + unit * (high - low), robot.highest_level)
+    if not reached.all():
         raise InputError(
-            f"volume {said}: {out.mean():.0%} is out of reach; the workspace has {space}"
+            f"volume: {1 - reached.mean():.0%} of it is out of reach: choose a smaller one "
+            f"(truepose info {robot.name} prints the workspace)"
         )
     return low + inside[:POSES] * (high - low)

@@ -129,8 +129,6 @@ class Worth:
         """Return the covariance of the position by the readings' noise, (T, c, c)."""
         size, (motors, sensors) = len(self._linear), self._random
         sensors = sensors[list(chosen)]
-        if not (motors.any() or sensors.any()):
-            return np.zeros((*gains.shape[:2], size))
         rows = self._motors.take([size + k for k in chosen], 1)
         K = np.concatenate([self._motors[:, :size] - gains @ rows, -gains], axis=2)
         return K * np.concatenate([motors, sensors]) @ K.swapaxes(1, 2)

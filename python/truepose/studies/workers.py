@@ -146,7 +146,9 @@ class Workers:
             with connect(self.cluster, asked, retries=DEATHS) as there:
                 yield there
             return
-        executor = futures.ProcessPoolExecutor(self.count, initializer=_begin, initargs=(asked,))
+        executor: Any = futures.ProcessPoolExecutor(
+            self.count, initializer=_begin, initargs=(asked,)
+        )
         own = functools.partial(executor.submit, _timed_here)
         try:
             yield own, self.count
