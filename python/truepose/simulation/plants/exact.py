@@ -22,6 +22,9 @@ from truepose.simulation.plants import Visit
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
 TOLERANCE = 1e-12  #: of the tool's angle, rad
 
+#: The controller's robot, the true one, the controller's settings, and its covariances.
+_Given = tuple[_core.Robot, _core.Robot, _core.ControlSettings, _core.Knowledge | None]
+
 
 class ExactPlant:
     """A true robot in exact statics, at either level of the model.
@@ -152,7 +155,7 @@ class ExactPlant:
             x[stays], status[stays] = rest(stays, ahead[stays])
         return x, ahead, status
 
-    def _settle(self, given: tuple, x_d: Array, ahead: Array) -> tuple[Array, Array]:
+    def _settle(self, given: _Given, x_d: Array, ahead: Array) -> tuple[Array, Array]:
         """Find where the motor error is zero with the tool ahead of the platform."""
         x, status, _, by_truth = _core.settle(
             *given,
