@@ -25,11 +25,11 @@ from truepose.robot.robot import Robot, list_robots
 from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, progress, show
-from truepose.simulation.drive import controller_of, require_within
 from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.dynamic import visit
+from truepose.simulation.preparation import controller_of, require_within
 from truepose.simulation.run import Run
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.start_test import start_test as prove

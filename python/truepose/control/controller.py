@@ -10,7 +10,7 @@ from typing import Any, Literal, Self, cast
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, require
 from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
 from truepose.control.settings import ControllerSettings
@@ -182,5 +182,7 @@ def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:
 
 def require_same_readings(robot: Robot, truth: Robot) -> None:
     """Raise InputError unless the controller's and the true robot have the same readings."""
+    for one, name in ((robot, "robot"), (truth, "truth")):
+        require(one, Robot, name, "truepose.load(name)")
     if (robot.spec.mobility, robot.sensors) != (truth.spec.mobility, truth.sensors):
         raise InputError(f"{robot!r} and {truth!r} must have the same mobility and sensors")

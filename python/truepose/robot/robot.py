@@ -207,7 +207,7 @@ class Robot(Dynamics, Shown):
         answer: Callable[[Array, Array | None], compliance.Answer],
     ) -> tuple[Array, Array]:
         """Return estimates that compliances and conditions at work weight too, and χ²."""
-        names, every, full = knowledge.learnable(self), list(self.parameters), self.is_full(level)
+        names, full = knowledge.learnable(self), self.is_full(level)
 
         def residual(x: Array) -> tuple[Array, Array]:
             stiff = self.stiff.extended_positions(x, "nan", level)
@@ -222,7 +222,7 @@ class Robot(Dynamics, Shown):
             )
             moved = answer(stiff + (H_x @ (gain @ off[..., None]))[..., 0], x)[0]
             x = np.where(np.isfinite(moved), moved, x)
-        H_xi = self.linearize(x, "nan", level)[1][..., [every.index(name) for name in names]]
+        H_xi = knowledge.linearized(self, x, names, "nan", level)[1]
         parts = [
             H_xi @ knowledge.root(self, names),
             conditions.columns(self, x, full) * conditions.sigmas(self),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, require
+from truepose.arguments import Array, Errors
 from truepose.control.controller import Controller, OwnLaw, law_name, require_same_readings
 from truepose.control.own_law import equilibrium
 from truepose.exceptions import PoseError
@@ -94,12 +94,10 @@ def steady_state(
     >>> bool(abs(redundant[3] - 0.2) < abs(usual[3] - 0.2) / 8)
     True
     """
-    for one, name in ((robot, "robot"), (truth, "truth")):
-        require(one, Robot, name, "truepose.load(name)")
+    require_same_readings(robot, truth)
     if not isinstance(controller, Controller):
         controller = Controller(law=usual(robot) if controller is None else controller)
     rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)
-    require_same_readings(robot, truth)
     for one in {robot, truth}:
         warn_if_stiff(one, "a controller")
     start = robot.home if start is None else start

@@ -21,9 +21,9 @@ from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.show.units import PRINT
 from truepose.simulation.chart import Setpoints, difference
-from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
 from truepose.simulation.paths import MOVE_DURATION, Path, path_of
+from truepose.simulation.preparation import controller_of
 from truepose.simulation.run import Run
 from truepose.simulation.simulate import simulate
 

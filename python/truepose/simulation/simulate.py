@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, require, require_or_none
-from truepose.control.controller import Controller, OwnLaw, law_name, pose_of
+from truepose.arguments import Array, require_or_none
+from truepose.control.controller import Controller, OwnLaw, law_name, pose_of, require_same_readings
 from truepose.control.effects import Effects
 from truepose.control.own_law import Torques
 from truepose.control.safety import stop_text
@@ -29,17 +29,17 @@ from truepose.show.table import Table
 from truepose.show.units import printed
 from truepose.simulation import figures
 from truepose.simulation.chart import Setpoints
-from truepose.simulation.drive import (
+from truepose.simulation.feasible import require_feasible, require_feasible_move
+from truepose.simulation.paths import Line, Path, default_move, path_of
+from truepose.simulation.preparation import (
     NO_REST,
     RESTLESS,
-    begin,
     controller_of,
+    prepare,
     require_within,
     saturated,
     unanswered,
 )
-from truepose.simulation.feasible import require_feasible, require_feasible_move
-from truepose.simulation.paths import Line, Path, default_move, path_of
 from truepose.simulation.run import Run, with_former
 
 _REST = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
@@ -282,8 +282,7 @@ def simulate(
     ('mine', True)
     """
     truth, run = robot if truth is None else truth, with_former(run, former)
-    for one, name in ((robot, "robot"), (truth, "truth")):
-        require(one, Robot, name, "truepose.load(name)")
+    require_same_readings(robot, truth)
     for name, value, kind in (
         ("effects", effects, Effects),
         ("monitor", monitor, FaultMonitor),
@@ -305,34 +304,34 @@ def simulate(
         start, end = usual[0] if start is None else start, usual[1] if end is None else end
     target = pose_of(robot, end, "end")
     timed = replace(run, duration=duration)
-    drive = begin(robot, truth, controller, ("start", start), timed, effects, faults, monitor)
+    prepared = prepare(robot, truth, controller, ("start", start), timed, effects, faults, monitor)
     require_within([*faults, *run.disturbances], duration + hold)
     own = None
     if callable(controller.law):
-        own = Torques(controller, robot, drive.origin[: robot.n])
-    loop = _core.Loop(*drive.first)
+        own = Torques(controller, robot, prepared.origin[: robot.n])
+    loop = _core.Loop(*prepared.first)
     if setpoints is None:
-        origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
+        origin, end = (np.array(pose[: robot.n]) for pose in (prepared.origin, target))
         move = Line(start=origin, end=end, duration=duration)
         require_feasible_move(robot, move, controller.period)
-        drive.require_path(*move.setpoints(robot, controller.period))
-        asked = (drive.origin, target, duration, hold)
+        prepared.require_path(*move.setpoints(robot, controller.period))
+        asked = (prepared.origin, target, duration, hold)
         rows = 1 + round((duration + hold) / controller.period)
-        status, chain, *log = loop.simulate(*asked, *drive.last, own)  # type: ignore[call-arg]
+        status, chain, *log = loop.simulate(*asked, *prepared.last, own)  # type: ignore[call-arg]
     else:
-        drive.require_path(*setpoints)
+        prepared.require_path(*setpoints)
         rest = np.zeros((round(hold / controller.period), robot.n))
         held = (rest + setpoints.x[-1], rest, rest)
         x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
         rows = len(x)
-        status, chain, *log = loop.follow(x, rate, acceleration, *drive.last, own)  # type: ignore[call-arg]
+        status, chain, *log = loop.follow(x, rate, acceleration, *prepared.last, own)  # type: ignore[call-arg]
     ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * controller.period)
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")
     if not ended:
-        drive.require_started(robot, rows, *log[-3:-1])
+        prepared.require_started(robot, rows, *log[-3:-1])
     name = law_name(controller.law)
-    return Simulation(robot, drive.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
+    return Simulation(robot, prepared.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 
 def _ended(status: int, chain: int, after: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, check_seed, positive, require, require_or_none, whole
+from truepose.arguments import Array, check_seed, positive, require_or_none, whole
 from truepose.control.controller import (
     Controller,
     pose_of,
@@ -175,8 +175,6 @@ def start_test(
     True
     """
     truth = robot if truth is None else truth
-    for one, name in ((robot, "robot"), (truth, "truth")):
-        require(one, Robot, name, "truepose.load(name)")
     require_same_readings(robot, truth)
     positive("motion", motion, " (m)", _MOST)
     whole("pairs", pairs, 1, 1000)

@@ -24,8 +24,8 @@ from truepose.robot import knowledge
 from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
-from truepose.simulation.drive import unanswered
 from truepose.simulation.plants import Visit
+from truepose.simulation.preparation import unanswered
 from truepose.threads import each
 from truepose_mujoco.body import Body, Settled
 from truepose_mujoco.mjcf import TIMESTEP

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.control.controller import Controller
+from truepose.control.controller import Controller, require_same_readings
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
@@ -20,16 +20,16 @@ from truepose.robot.batches import as_rows
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.simulation.drive import (
+from truepose.simulation.plants import Visit
+from truepose.simulation.preparation import (
     NO_REST,
     RESTLESS,
     SATURATED,
-    begin,
     controller_of,
+    prepare,
     saturated,
     unanswered,
 )
-from truepose.simulation.plants import Visit
 from truepose.simulation.run import Run
 
 _USUAL = Run()
@@ -130,13 +130,16 @@ def visit(
     >>> status.tolist(), x.shape, q_e.shape
     (['ok', 'ok'], (2, 4), (2, 5))
     """
+    require_same_readings(robot, truth)
     rows = as_rows(robot, x_d, "x_d")
     if run.start is not None or run.end is not None:
         raise InputError("run: x_d names all poses: leave out start and end")
     controller = controller_of(controller, robot, effects)
-    drive = begin(robot, truth, controller, ("home", robot.home), run, effects, faults, monitor)
-    x, q_e, swing, held, status, cycles, reason = _core.Loop(*drive.first).visit(
-        rows, run.duration, run.hold, *drive.last
+    prepared = prepare(
+        robot, truth, controller, ("home", robot.home), run, effects, faults, monitor
+    )
+    x, q_e, swing, held, status, cycles, reason = _core.Loop(*prepared.first).visit(
+        rows, run.duration, run.hold, *prepared.last
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)

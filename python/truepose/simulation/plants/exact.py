@@ -22,6 +22,9 @@ from truepose.simulation.plants import Visit
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
 TOLERANCE = 1e-12  #: of the tool's angle, rad
 
+#: The controller's robot, the true one, the controller's settings, and its covariances.
+_Given = tuple[_core.Robot, _core.Robot, _core.ControlSettings, _core.Knowledge | None]
+
 
 class ExactPlant:
     """A true robot in exact statics, at either level of the model.
@@ -94,8 +97,11 @@ class ExactPlant:
         """
         x_d = as_rows(robot, x_d, "x_d")
 
+        believed, known = knowledge.for_law(robot, controller.built_in)
+        given = believed.core, self._exact.core, controller.settings(robot, robot.home), known
+
         def rest(poses: Array | slice, ahead: Array) -> tuple[Array, Array]:
-            return self._settle(robot, x_d[poses], controller, ahead)
+            return self._settle(given, x_d[poses], ahead)
 
         if self.effects.tool_backlash and self._geared.any():
             x, ahead, status = self._with_play(rest, len(x_d))
@@ -149,17 +155,10 @@ class ExactPlant:
             x[stays], status[stays] = rest(stays, ahead[stays])
         return x, ahead, status
 
-    def _settle(
-        self, robot: Robot, x_d: Array, controller: Controller, ahead: Array
-    ) -> tuple[Array, Array]:
+    def _settle(self, given: _Given, x_d: Array, ahead: Array) -> tuple[Array, Array]:
         """Find where the motor error is zero with the tool ahead of the platform."""
-        settings = controller.settings(robot, robot.home)
-        believed, known = knowledge.for_law(robot, controller.built_in)
         x, status, _, by_truth = _core.settle(
-            believed.core,
-            self._exact.core,
-            settings,
-            known,
+            *given,
             False,
             np.ascontiguousarray(x_d),
             ahead[:, None] * self._geared,

@@ -16,7 +16,6 @@ from truepose.control.controller import (
     OwnLaw,
     law_name,
     pose_of,
-    require_same_readings,
     warn_if_for_rigid,
 )
 from truepose.control.effects import Effects
@@ -37,7 +36,7 @@ NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or 
 SATURATED = "saturated: "  #: prefix of the status of a robot that rests despite saturation
 
 
-class Drive(NamedTuple):
+class Prepared(NamedTuple):
     """A robot ready to be simulated."""
 
     truth: Robot  #: with its effects at that time
@@ -59,7 +58,7 @@ class Drive(NamedTuple):
             raise not_started(robot, cause[0])
 
 
-def begin(
+def prepare(
     robot: Robot,
     truth: Robot,
     controller: Controller,
@@ -68,12 +67,11 @@ def begin(
     effects: Effects | None,
     faults: Sequence[Fault],
     monitor: FaultMonitor | None,
-) -> Drive:
+) -> Prepared:
     """Check the options and find the true robot's initial rest.
 
     `start` is the pose and before it its name in messages.
     """
-    require_same_readings(robot, truth)
     run.check(controller)
     learn, seed = run.learn, run.seed
     if callable(controller.law) and (learn is not None or monitor is not None):
@@ -108,7 +106,7 @@ def begin(
     belief = (believed.core, truth.core, gains, known)
     first = (*belief, plant, filtered, wrong, fault_setup, slow, events)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Drive(truth, origin, (*first, shell), (steps, held, check_seed(seed)), limits)
+    return Prepared(truth, origin, (*first, shell), (steps, held, check_seed(seed)), limits)
 
 
 def controller_of(
