@@ -220,11 +220,11 @@ def searched(number: int, seed: int, two: bool = False) -> Found:
     rows, x = wrongs[-1].rows, wrongs[-1].x
     log = log_checks.log_of(made.robot, rows)
     begun = time.process_time()
-    result, found, _ = causes.search(made.robot, log)
+    result, found, _ = causes.search(Case(made.robot, log))
     seconds = time.process_time() - begun
     first = result.found[: max(result.alike, 1)]
     right = any(all(says(of.text, of.kind, wrong) for wrong in wrongs) for of in first)
-    case = Case(made.robot, log, {"loss": "squares"})
+    case = Case(made.robot, log)
     gain = gained(case, *wrongs)
     able = gain > SEEN and (not two or gain - max(gained(case, of) for of in wrongs) > SEEN)
     ratio2 = math.nan
@@ -244,7 +244,7 @@ def searched(number: int, seed: int, two: bool = False) -> Found:
 def clean(number: int, seed: int) -> str:
     """Return the verdict on a good log, and its text."""
     made = Maker(list(ROBOTS)[number % len(ROBOTS)], np.random.default_rng([seed, 1, number]))
-    found = causes.search(made.robot, log_checks.log_of(made.robot, made.read())).causes
+    found = causes.search(Case(made.robot, log_checks.log_of(made.robot, made.read()))).causes
     return f"{found.verdict} {found.text}"
 
 

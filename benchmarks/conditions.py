@@ -8,7 +8,7 @@ import argparse
 import numpy as np
 
 import truepose as tp
-from truepose.calibration import at_other_temperature
+from truepose.calibration import CalibrationOptions, at_other_temperature
 from truepose.design.where import asked_poses, practice
 from truepose.robot.conditions import sampled
 from truepose.robot.units import summed
@@ -61,11 +61,13 @@ def error(robot, visited, home, x, seed):
     on_the_day, now = sampled(true, noise[0])
     model = robot
     if visited is not None:
-        model = tp.calibrate(model, true.read(visited, noise[1]), cause="ignore").robot
+        model = tp.calibrate(
+            model, true.read(visited, noise[1]), options=CalibrationOptions(cause="ignore")
+        ).robot
     if home is not None:
         model = at_other_temperature(model)
         at = on_the_day.read(home, noise[2]), home
-        model = tp.calibrate(model, known_pose=at, cause="ignore").robot
+        model = tp.calibrate(model, known_pose=at, options=CalibrationOptions(cause="ignore")).robot
     return (model.estimate(now.read(x, noise[3]), guess=x).x - x)[:, summed(robot).columns]
 
 
