@@ -14,7 +14,8 @@ from typing import Any, ParamSpec, TypeVar
 
 from truepose.exceptions import InputError
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 #: Package of each command that is in one; a point separates groups.
 COMMANDS = {

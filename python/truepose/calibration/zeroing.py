@@ -176,14 +176,15 @@ def zero(
         leaning = replace(leaning, amounts=amounts)
         postures = leaning.upright()
     _require_agreement(fit, postures, of, known, leaning)
+    x = np.asarray(postures.measured)
     if len(of) == 1:
-        told = np.isfinite(postures.measured[0])
+        told = np.isfinite(x[0])
         notes.append(
             "one posture: its pose cannot be checked; an error of it below "
             f"{sizes(robot, told, APART * allowed[0, told], '.2g')} goes into the homing offsets: "
             "repeat the posture, and read it again"
         )
-    return Zeroing(fit, postures.measured[first], _motors(fit, poses.readings), tuple(notes))
+    return Zeroing(fit, x[first], _motors(fit, poses.readings), tuple(notes))
 
 
 def _pose(robot: Robot, at: ArrayLike | None) -> Array:
@@ -298,8 +299,9 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
 
 def _poses_apart(postures: Log, apart: bool) -> Array:
     """Return the number of each posture's pose, (K,); all differ where `apart`."""
-    x, implied, leans = postures.measured, postures.implied, postures.base_lean
-    cells = [np.nan_to_num(x, nan=np.inf), implied] + [leans] * (leans is not None)
+    x, leans = np.asarray(postures.measured), postures.base_lean
+    cells = [np.nan_to_num(x, nan=np.inf), np.asarray(postures.implied)]
+    cells += [] if leans is None else [leans]
     numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
     keys = [(*row, k * apart) for k, row in enumerate(np.hstack(cells).tolist())]
     return np.array([numbers.setdefault(key, len(numbers)) for key in keys])
@@ -311,7 +313,8 @@ def _require_agreement(
     """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
     if len(of) < 2:
         return
-    robot, x, names = fit.robot, postures.measured, leaning.names if leaning else ()
+    robot, x = fit.robot, np.asarray(postures.measured)
+    names = leaning.names if leaning else ()
     acting = leaning.by_unknown(leaning.effect.reading) if leaning else None
     spread = np.broadcast_to(sigma, x.shape)
     rows = rows_of(robot, fit.names, postures.readings, fit.x[of], x, spread, acting)
@@ -339,11 +342,9 @@ def _require_agreement(
 
 def _require_near(robot: Robot, poses: Log, leaning: Leaning | None) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
-    model, n, rows, x = robot.expected(), robot.n, poses.readings, poses.measured
-    known, sigma = (
-        Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model))),
-        poses.measured_sigma,
-    )
+    model, n, rows = robot.expected(), robot.n, poses.readings
+    x, sigma = np.asarray(poses.measured), np.asarray(poses.measured_sigma)
+    known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
     if leaning is not None:
         sigma = np.hypot(sigma, leaning.spread(leaning.effect.pose))
     seen = expect(model, rows, x, sigma, known)

@@ -56,12 +56,16 @@ _HELP_ALL = Annotated[
 
 
 def _option(of: Field, hint: Any, default: Any, text: str, hidden: bool) -> inspect.Parameter:
-    metavar = None
+    metavar = callback = None
     if word := of.metadata.get("text"):
-        (metavar, _), default, hint = _TEXTS[word], None, str | None
-    hint = of.metadata.get("words", hint)
-    made = Option(help=text, metavar=metavar, hidden=hidden)
-    kind = inspect.Parameter.KEYWORD_ONLY
+        metavar, parse = _TEXTS[word]
+        name, default, hint = f"--{of.name.replace('_', '-')}", None, str | None
+
+        def callback(text: str | None) -> Any:
+            return None if text is None else parse(text, name)
+
+    made = Option(help=text, metavar=metavar, hidden=hidden, callback=callback)
+    kind, hint = inspect.Parameter.KEYWORD_ONLY, of.metadata.get("words", hint)
     return inspect.Parameter(of.name, kind, default=default, annotation=Annotated[hint, made])
 
 
@@ -76,37 +80,28 @@ def grouped(*first: str) -> Callable[[Callable[..., None]], Callable[..., None]]
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
         signature = inspect.signature(function, eval_str=True)
-        groups = {
-            p.name: p.default for p in signature.parameters.values() if is_dataclass(p.default)
-        }
         made: list[inspect.Parameter] = []
-        owned: dict[str, dict[str, Field]] = {}
+        groups: dict[str, tuple[Any, list[str]]] = {}
         for parameter in signature.parameters.values():
-            if (group := groups.get(parameter.name)) is None:
-                made.append(parameter)
+            group = parameter.default
+            if not is_dataclass(group):
+                made.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
                 continue
             hints, texts = get_type_hints(type(group)), described(type(group))
-            own = {of.name: of for of in fields(group) if of.metadata.get("option", True)}
-            owned[parameter.name] = own
+            own = [of for of in fields(group) if of.metadata.get("option", True)]
+            groups[parameter.name] = group, [of.name for of in own]
             made += [
-                _option(of, hints[name], getattr(group, name), texts[name], name not in first)
-                for name, of in own.items()
+                _option(of, hints[n], getattr(group, n), texts[n], n not in first)
+                for of in own
+                for n in [of.name]
             ]
-        made = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in made]
-        made.append(made[-1].replace(name="help_all", default=False, annotation=_HELP_ALL))
+        made.append(made[0].replace(name="help_all", default=False, annotation=_HELP_ALL))
 
         @functools.wraps(function)
-        def call(**given: Any) -> None:
-            del given["help_all"]
-            for name, own in owned.items():
+        def call(*, help_all: bool, **given: Any) -> None:
+            for name, (group, own) in groups.items():
                 values = {key: given.pop(key) for key in own}
-                for key, of in own.items():
-                    if of.metadata.get("text") is None:
-                        continue
-                    if (text := values.pop(key)) is not None:
-                        parse = _TEXTS[of.metadata["text"]][1]
-                        values[key] = parse(text, f"--{key.replace('_', '-')}")
-                given[name] = replace(groups[name], **values)
+                given[name] = replace(group, **{k: v for k, v in values.items() if v is not None})
             function(**given)
 
         call.__signature__ = signature.replace(parameters=made)  # type: ignore[attr-defined]
