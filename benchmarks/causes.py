@@ -179,7 +179,7 @@ def searched(number: int, seed: int) -> Found:
     name, kind, words, rows = made.wrong(number)
     log = log_checks.log_of(made.robot, rows)
     begun = time.process_time()
-    result, found, _ = causes.search(made.robot, log)
+    result, found, _ = causes.search(Case(made.robot, log))
     seconds = time.process_time() - begun
     first = result.found[: max(result.alike, 1)]
     right = any(kind in of.kind.split(", ") and words in of.text for of in first)
@@ -200,7 +200,9 @@ def searched(number: int, seed: int) -> Found:
 def clean(number: int, seed: int) -> bool:
     """Return whether a cause is claimed in a good log."""
     made = Made(number, seed + 1)
-    found = causes.search(made.robot, log_checks.log_of(made.robot, made.read(made.true))).causes
+    found = causes.search(
+        Case(made.robot, log_checks.log_of(made.robot, made.read(made.true)))
+    ).causes
     return found.verdict not in ("none", "unexplained")
 
 

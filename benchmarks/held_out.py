@@ -109,7 +109,7 @@ def homed(
         np.vstack([q[kept], moved[few]]),
         measured=np.vstack([seen[kept], seen[few]]),
         measured_sigma=SIGMA,
-        homing=(np.repeat([0, 1], [len(kept), FEW]), SHIFT),
+        influences=tp.calibration.homings(robot, np.repeat([0, 1], [len(kept), FEW]), SHIFT),
     )
     return (
         predict(fit, fit.robot, q[out], seen[out]),

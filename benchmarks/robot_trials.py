@@ -7,16 +7,17 @@ readings. The estimates are compared with the truth, and with the bound.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Level
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.fitting import Loss, ModelError
+from truepose.calibration.options import Loss, ModelError
 from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
 
@@ -117,9 +118,10 @@ def run(
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
         at = true.fkm(robot.ikm(desired + jitter), guess=desired)
         q_e = true.read(at, int(noise.generate_state(1)[0]))
-        options: dict[str, Any] = {"level": level, "model_error": model_error}
-        fit = calibrate(robot, q_e[:first], loss=loss, **options)
-        told = calibrate(fit.robot, known_pose=(q_e[first], at[first]), **options).robot
+        options = CalibrationOptions(level=level, model_error=model_error)
+        fit = calibrate(robot, q_e[:first], options=replace(options, loss=loss))
+        known = q_e[first], at[first]
+        told = calibrate(fit.robot, known_pose=known, options=options).robot
         rest = slice(first + 1, None)
         later, touched = (
             known.estimate(q_e[rest], guess=desired[rest]) for known in (fit.robot, told)

@@ -184,9 +184,11 @@ def commands() -> str:
 
 
 def _in_full(group) -> None:
-    """Let lists of commands have their first sentences whole."""
+    """Let lists of commands have their first sentences whole, and pages every option."""
     for command in getattr(group, "commands", {}).values():
         command.short_help = command.get_short_help_str(limit=1000)
+        for parameter in command.params:
+            parameter.hidden = False
         _in_full(command)
 
 

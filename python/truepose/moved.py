@@ -1,14 +1,21 @@
-"""Modules and commands of 0.5 that are in packages of their own since 0.6; gone with 0.7."""
+"""Modules, commands and arguments of 0.5 that have another place since 0.6; gone with 0.7."""
 
 from __future__ import annotations
 
+import functools
 import sys
+import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import Any, ParamSpec, TypeVar
 
 from truepose.exceptions import InputError
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 #: Package of each command that is in one; a point separates groups.
 COMMANDS = {
@@ -59,6 +66,29 @@ def answer(name: str, package: str) -> Callable[[], None]:
         raise InputError(where(f"truepose {name.replace('.', ' ')}", package))
 
     return command
+
+
+def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Accept arguments of 0.5 that are fields of the function's `options` now, with a warning.
+
+    `gone` has the new place of each other argument of 0.5; these raise InputError.
+    """
+    names = {each.name for each in fields(group)}
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @functools.wraps(function)
+        def call(*args: Any, **given: Any) -> T:
+            for name in gone.keys() & given.keys():
+                raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
+            if older := {name: given.pop(name) for name in sorted(names & given.keys())}:
+                said = f"{', '.join(older)}: since 0.6 in options={group.__name__}(…)"
+                warnings.warn(said, DeprecationWarning, stacklevel=2)
+                given["options"] = replace(given.get("options", group()), **older)
+            return function(*args, **given)
+
+        return call
+
+    return decorate
 
 
 class _Moved(MetaPathFinder):

@@ -15,6 +15,7 @@ import pytest
 from compiling import told, wheels_eigen
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.deploy.c_tables import identifier, to_c
 
 SOURCE = Path(__file__).parents[2]
@@ -302,7 +303,7 @@ def test_a_calibration_in_c_finds_the_geometry_sigmas_and_poses_of_python(prefix
     poses = np.random.default_rng(1).uniform(box.minimum, box.maximum, (40, h4.n))
     log = h4.replace({"chain3.rod": 0.483}).read(poses, seed=2)
     log[3, 4] = np.nan  # a sensor that was not read
-    fit = tp.calibrate(h4, log, cause="ignore")
+    fit = tp.calibrate(h4, log, options=CalibrationOptions(cause="ignore"))
     array = "static const double {}[] = {{{}}};\n".format
     rows = ", ".join(map(repr, log.ravel().tolist())).replace("nan", "NAN")
     means = ", ".join(repr(h4.parameters[name].mean) for name in fit.names)

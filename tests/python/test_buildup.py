@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 #: 1 mm of line on a radius of 25 mm.
 BUILDUP = 1e-3 / (4 * np.pi * 0.025**2)
@@ -46,7 +47,12 @@ def test_a_spool_is_calibrated_saved_and_loaded(tmp_path):
     rng = np.random.default_rng(4)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (80, 6))
-    fit = tp.calibrate(robot, true.extended_positions(x), measured=x, registration="known")
+    fit = tp.calibrate(
+        robot,
+        true.extended_positions(x),
+        measured=x,
+        options=CalibrationOptions(registration="known"),
+    )
     for k in range(1, 7):
         of = fit.parameters[f"chain{k}.spool_buildup"]
         assert abs(of.value - true.parameters[f"chain{k}.spool_buildup"].value) < 3 * of.sigma

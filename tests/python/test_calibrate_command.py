@@ -9,7 +9,8 @@ from fixtures import with_length_errors
 
 import truepose as tp
 from truepose import files, logs
-from truepose.calibration import log_checks, review
+from truepose.calibration import CalibrationOptions, log_checks, review
+from truepose.calibration.causes.hypothesis import Case
 from truepose.commands import cli, options
 
 
@@ -79,7 +80,11 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
     ):
         assert text in out
     robot = tp.load(tmp_path / "mine.toml")
-    fit = tp.calibrate(tp.load("h4").with_sensors("theta", "z_telemeter"), readings, loss="student")
+    fit = tp.calibrate(
+        tp.load("h4").with_sensors("theta", "z_telemeter"),
+        readings,
+        options=CalibrationOptions(loss="student"),
+    )
     assert robot.parameters == fit.robot.parameters
     page = (tmp_path / "mine.html").read_text(encoding="utf-8")
     assert page.count("data:image/svg+xml") == 3 and "not identified" in page
@@ -101,7 +106,7 @@ def test_postures_in_a_log_are_poses_that_were_measured(run, tmp_path):
 def test_the_figures_are_those_of_the_calibration(h4, readings):
     robot = h4.with_sensors("theta", "z_telemeter")
     log, _ = log_checks.check(robot, logs.of(robot, readings))
-    result = review.assess(robot, log, [], loss="student")
+    result = review.assess(Case(robot, log, CalibrationOptions(loss="student")))
     good = review.counted(result)
     assert good.sum() == 119 and not good[40]
     expected = robot.expected()
@@ -231,7 +236,7 @@ def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
         columns = {name: values[:40].copy() for name, values in readings.items()}
         columns["theta"][4::5] += wrong
         log, _ = log_checks.check(robot, logs.of(robot, columns))
-        off[wrong] = review.assess(robot, log, []).held_out[4::5, 0]
+        off[wrong] = review.assess(Case(robot, log)).held_out[4::5, 0]
     np.testing.assert_allclose(off[1e-3] - off[0.0], 1e-3, rtol=1e-9)
 
 
@@ -271,3 +276,22 @@ def test_without_a_log_a_known_pose_is_asked_for(run, log, words, said):
     status, out, err = run("h4", *words)
     assert (status, out) == (2, "") and err.startswith(f"truepose: error: {said}")
     assert err.count("\n") == 1
+
+
+def test_the_first_page_of_help_has_the_usual_options_and_the_second_has_all(run):
+    first, every = (
+        set(re.findall(r"^│ (--[a-z-]+)", run("calibrate", word)[1], flags=re.MULTILINE))
+        for word in ("--help", "--help-all")
+    )
+    assert len(first) <= 16 and first < every
+    assert {"--level", "--loss", "--cause", "--known-pose", "--help-all"} <= first
+    assert {"--tuning", "--euler", "--touch-sigma", "--tool", "--shrinkage"} <= every - first
+
+
+def test_arguments_of_0_5_are_options_now_and_say_so(h4, table2):
+    q_e = h4.sample(1).read(table2[:50])
+    with pytest.warns(DeprecationWarning, match=r"^level, loss: since 0.6 in options=Calib"):
+        fit = tp.calibrate(h4, q_e, level="ideal", loss="student")
+    assert (fit.level, fit.loss) == ("ideal", "student")
+    with pytest.raises(tp.InputError, match=r"^homing: .*truepose.calibration.homings\("):
+        tp.calibrate(h4, q_e, homing=(np.zeros(50), 0.1))

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 import truepose as tp
 from truepose import files
+from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
 
 
@@ -46,7 +47,7 @@ def test_the_calibration_is_the_maximum_a_posteriori(small):
     found = least_squares(
         residual, start, jac="3-point", x_scale=scale, xtol=1e-12, ftol=1e-15, gtol=1e-12
     )
-    fit = tp.calibrate(robot, q_e, loss="squares")
+    fit = tp.calibrate(robot, q_e, options=CalibrationOptions(loss="squares"))
     u = [(fit.parameters[n].value - prior[n].mean) / prior[n].sigma for n in names]
     assert u == pytest.approx(found.x[:p], abs=1e-5)
     assert fit.x == pytest.approx(found.x[p:].reshape(x.shape), abs=1e-9)
@@ -73,7 +74,7 @@ def test_passive_joints_teach_every_robot(case, anywhere, rng):
     before, after, nees = [], [], []
     for seed in range(5):
         true = robot.sample(seed)
-        fit = tp.calibrate(robot, true.read(x), cause="ignore")
+        fit = tp.calibrate(robot, true.read(x), options=CalibrationOptions(cause="ignore"))
         q_e = true.read(others)
         learnt, drawn = (r.estimate(q_e, guess=others) for r in (fit.robot, robot.expected()))
         after.append(difference(robot, learnt.x, others))
@@ -133,8 +134,11 @@ def test_repeated_calibrations_go_on_where_the_last_one_ended(h4, table2):
     """Half the poses and then the other half: as good as all at once, to first order."""
     robot = h4.with_sensors("theta", "z_telemeter")
     q_e = robot.sample(6).read(table2)
-    once, half = (tp.calibrate(robot, part, model_error="off") for part in (q_e, q_e[::2]))
-    twice = tp.calibrate(half.robot, q_e[1::2], model_error="off")
+    once, half = (
+        tp.calibrate(robot, part, options=CalibrationOptions(model_error="off"))
+        for part in (q_e, q_e[::2])
+    )
+    twice = tp.calibrate(half.robot, q_e[1::2], options=CalibrationOptions(model_error="off"))
     for name, learnt in once.parameters.items():
         again = twice.parameters[name]
         assert again.sigma == pytest.approx(learnt.sigma, rel=0.05)

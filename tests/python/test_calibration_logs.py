@@ -12,7 +12,7 @@ from pyarrow import parquet
 
 import truepose as tp
 from truepose import logs
-from truepose.calibration import log_checks
+from truepose.calibration import CalibrationOptions, log_checks
 
 
 @pytest.fixture(scope="module")
@@ -289,7 +289,7 @@ def test_empty_cells_and_repeats_are_said(robot, q_e):
 @pytest.mark.parametrize("option", ["loss", "model_error", "level"])
 def test_an_unknown_option_is_named(robot, q_e, option):
     with pytest.raises(tp.InputError, match=f"unknown {option} 'cubes'.*choices"):
-        tp.calibrate(robot, q_e, **{option: "cubes"})
+        tp.calibrate(robot, q_e, options=CalibrationOptions(**{option: "cubes"}))
 
 
 def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
@@ -307,13 +307,15 @@ def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
 
 
 def test_a_table_gives_the_fit_of_its_columns(robot, q_e):
-    by_rows = tp.calibrate(robot, q_e, loss="student")
-    by_name = tp.calibrate(robot, table(robot, q_e[:, ::1]), loss="student")
+    by_rows = tp.calibrate(robot, q_e, options=CalibrationOptions(loss="student"))
+    by_name = tp.calibrate(
+        robot, table(robot, q_e[:, ::1]), options=CalibrationOptions(loss="student")
+    )
     assert by_name.robot.parameters == by_rows.robot.parameters and by_name.notes == ()
     shuffled = dict(reversed(table(robot, q_e).items()))
-    assert tp.calibrate(robot, shuffled, loss="student").robot.parameters == (
-        by_rows.robot.parameters
-    )
+    assert tp.calibrate(
+        robot, shuffled, options=CalibrationOptions(loss="student")
+    ).robot.parameters == (by_rows.robot.parameters)
 
 
 def test_measured_columns_are_measurements(h4, table2):
@@ -323,7 +325,7 @@ def test_measured_columns_are_measurements(h4, table2):
     x = rng.permutation(table2)[:100]
     columns = table(blind, true.extended_positions(x))
     columns |= {f"measured_{c}": x[:, k] for k, (c, _) in enumerate(h4.coordinates)}
-    fit = tp.calibrate(blind, columns, registration="known")
+    fit = tp.calibrate(blind, columns, options=CalibrationOptions(registration="known"))
     assert np.abs(fit.robot.fkm(true.ikm(x)) - x).max() < 5e-5
 
 
@@ -338,7 +340,7 @@ def test_outliers_are_listed_worst_first(robot, q_e):
     wrong = q_e.copy()
     wrong[11, 4] += 0.01
     wrong[77, 5] += 0.02
-    fit = tp.calibrate(robot, table(robot, wrong), loss="student")
+    fit = tp.calibrate(robot, table(robot, wrong), options=CalibrationOptions(loss="student"))
     assert fit.outliers.tolist() == [11, 77]
     assert fit.chi2[77] > fit.chi2[11]
     assert fit.notes == ("rows 78, 12: 2 outliers, worst first",)

@@ -5,6 +5,7 @@ import pytest
 from fixtures import with_length_errors
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 LARGEST = {"student": 0.1, "huber": 0.3}  #: shift of any parameter, in units of its σ
 
@@ -28,8 +29,10 @@ def spoilt(request, h4, table2):
 @pytest.mark.parametrize("loss", LARGEST)
 def test_gross_errors_hardly_move_any_parameter(spoilt, loss):
     robot, q_e, lines = spoilt
-    fit = tp.calibrate(robot, q_e, loss=loss)
-    clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0), loss=loss)
+    fit = tp.calibrate(robot, q_e, options=CalibrationOptions(loss=loss))
+    clean = tp.calibrate(
+        robot, np.delete(q_e, lines, axis=0), options=CalibrationOptions(loss=loss)
+    )
     shift = [
         abs(p.value - clean.parameters[name].value) / clean.parameters[name].sigma
         for name, p in fit.parameters.items()
@@ -40,7 +43,7 @@ def test_gross_errors_hardly_move_any_parameter(spoilt, loss):
 def test_squares_are_pulled_away_by_the_same_errors_or_find_no_end(spoilt):
     robot, q_e, lines = spoilt
     try:
-        fit = tp.calibrate(robot, q_e, cause="ignore")
+        fit = tp.calibrate(robot, q_e, options=CalibrationOptions(cause="ignore"))
     except tp.PoseError as error:
         assert "loss='student'" in str(error)
         return
@@ -54,6 +57,6 @@ def test_squares_are_pulled_away_by_the_same_errors_or_find_no_end(spoilt):
 
 def test_every_gross_error_is_named(spoilt):
     robot, q_e, lines = spoilt
-    fit = tp.calibrate(robot, q_e, loss="student")
+    fit = tp.calibrate(robot, q_e, options=CalibrationOptions(loss="student"))
     named = set(fit.outliers) | set(np.flatnonzero(fit.status != "ok"))
     assert set(lines) <= named and len(named) < 2 * len(lines)

@@ -1,14 +1,16 @@
 """The search for the cause of a log's disagreement with a robot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.calibration import log_checks
+from truepose.calibration import CalibrationOptions, log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.causes import search as causes
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations
-from truepose.calibration.fitting import inflated
+from truepose.calibration.fitting import fit_to, inflated
 
 POSES = 60
 
@@ -22,8 +24,8 @@ def read(robot, seed=3, **replaced):
     return x, true.read(x, seed=seed + 1, level=robot.highest_level), true
 
 
-def search(robot, rows, **settings):
-    return causes.search(robot, log_checks.log_of(robot, rows), settings)
+def search(robot, rows):
+    return causes.search(Case(robot, log_checks.log_of(robot, rows)))
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +135,7 @@ def test_gross_errors_of_a_tracker_are_found_by_row(h4_z):
     measured = x + rng.normal(0, 2e-5, x.shape)
     bad = np.sort(rng.permutation(POSES)[:24])
     measured[bad, :3] += rng.normal(0, 0.03, (len(bad), 3))
-    fit = tp.calibrate(h4_z, rows, measured=measured, cause="apply")
+    fit = tp.calibrate(h4_z, rows, measured=measured, options=CalibrationOptions(cause="apply"))
     assert f"gross errors in 24 of 60 rows: rows {bad[0] + 1}, " in fit.causes.text
     assert ((fit.redundancy > 0) == ~np.isin(np.arange(POSES), bad)).all()
 
@@ -184,7 +186,10 @@ def test_a_leaning_shank_and_a_common_constant_are_found():
 @pytest.mark.parametrize("seed", range(6))
 def test_a_good_log_has_no_cause_and_is_fitted_as_before(h4_z, seed):
     _, rows, _ = read(h4_z, seed)
-    fit, plain = tp.calibrate(h4_z, rows), tp.calibrate(h4_z, rows, cause="ignore")
+    fit, plain = (
+        tp.calibrate(h4_z, rows),
+        tp.calibrate(h4_z, rows, options=CalibrationOptions(cause="ignore")),
+    )
     assert fit.causes.verdict == "none" and fit.notes == plain.notes
     np.testing.assert_array_equal(fit.covariance, plain.covariance)
 
@@ -192,7 +197,7 @@ def test_a_good_log_has_no_cause_and_is_fitted_as_before(h4_z, seed):
 def test_the_least_cost_is_chi2_with_as_many_freedoms_as_equations(h4_z):
     costs = []
     for seed in range(30):
-        fit = tp.calibrate(h4_z, read(h4_z, seed)[1], cause="ignore")
+        fit = tp.calibrate(h4_z, read(h4_z, seed)[1], options=CalibrationOptions(cause="ignore"))
         costs.append(fit.cost)
     assert equations(fit) == 2 * POSES
     assert abs(np.mean(costs) - 2 * POSES) < 3 * np.sqrt(2 * 2 * POSES / len(costs))
@@ -202,13 +207,13 @@ def test_a_decisive_cause_is_refused_applied_or_ignored(h4_z):
     x, rows, _ = read(h4_z, **{"chain1.encoder_offset": 0.09})
     with pytest.raises(tp.InputError, match=r"^readings: q1: homed off by 5\.\S+ ± \S+ °"):
         tp.calibrate(h4_z, rows)
-    fit = tp.calibrate(h4_z, rows, cause="apply")
+    fit = tp.calibrate(h4_z, rows, options=CalibrationOptions(cause="apply"))
     assert fit.causes.verdict == "decisive" and "undone: q1: homed off" in fit.notes[0]
     off = fit.x - x
     sigma = accuracy(fit.robot, x, level=fit.level)
     white = np.einsum("ki,kij,kj->k", off, np.linalg.inv(sigma), off).mean() / 4
     assert white < 3  # in units of the bound of a robot whose offset is known to be free
-    wrong = tp.calibrate(h4_z, rows, cause="ignore")
+    wrong = tp.calibrate(h4_z, rows, options=CalibrationOptions(cause="ignore"))
     assert np.abs(wrong.x - x)[:, :3].max() > 3 * np.abs(off)[:, :3].max()
 
 
@@ -245,11 +250,15 @@ def test_readings_noisier_than_stated_are_no_mistake_and_count_as_noisy(h4_z, no
     fit = tp.calibrate(h4_z, rows)
     assert fit.causes.verdict == "unexplained"
     assert "nearest: the sensors seem noisier than stated by a factor of about" in fit.notes[-1]
-    assert 0.2 < ratio2(fit, x) < 0.8 * ratio2(tp.calibrate(h4_z, rows, cause="ignore"), x)
+    assert (
+        0.2
+        < ratio2(fit, x)
+        < 0.8 * ratio2(tp.calibrate(h4_z, rows, options=CalibrationOptions(cause="ignore")), x)
+    )
 
 
 def test_a_misfit_that_no_cause_explains_enlarges_every_sigma(h4_z, noisy):
-    plain = tp.calibrate(h4_z, noisy[1], cause="ignore")
+    plain = tp.calibrate(h4_z, noisy[1], options=CalibrationOptions(cause="ignore"))
     fit = inflated(plain, "why")
     factor2 = plain.cost / (equations(plain) - 2)
     np.testing.assert_allclose(fit.covariance, factor2 * plain.covariance)
@@ -279,7 +288,9 @@ def test_a_long_log_is_searched_by_some_rows_and_fitted_by_all(h4_z):
     box = h4_z.spec.workspace
     x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (400, 4))
     true = h4_z.sample(seed=1).replace({"chain1.encoder_offset": 0.06})
-    fit = tp.calibrate(h4_z, true.read(x, seed=1, level="full"), cause="apply")
+    fit = tp.calibrate(
+        h4_z, true.read(x, seed=1, level="full"), options=CalibrationOptions(cause="apply")
+    )
     assert fit.causes.found[0].text.startswith("q1: homed off by 3.4")
     assert len(fit.x) == 400
 
@@ -287,7 +298,7 @@ def test_a_long_log_is_searched_by_some_rows_and_fitted_by_all(h4_z):
 def test_the_share_of_causes_tried_is_told(h4_z):
     shares = []
     log = log_checks.log_of(h4_z, read(h4_z, **{"chain1.encoder_offset": 0.09})[1])
-    causes.search(h4_z, log, progress=shares.append)
+    causes.search(Case(h4_z, log), progress=shares.append)
     assert shares == sorted(shares) and shares[0] == 0 and 0.9 < shares[-1] < 1
 
 
@@ -295,8 +306,9 @@ def test_a_hypothesis_is_given_up_after_some_iterations(h4_z):
     log = log_checks.log_of(h4_z, read(h4_z, **{"chain1.encoder_offset": 0.09})[1])
     case = Case(h4_z, log)
     assert case.fit(case.nothing()).iterations > 2
+    assert case.fit(case.nothing(), iterations=2) is None
     with pytest.raises(tp.PoseError, match="the search ended after 2 steps: not converged"):
-        case.fitted(case.nothing(), iterations=2)
+        fit_to(replace(case, iterations=2))
 
 
 def test_an_online_calibration_that_stopped_is_explained(h4_z):
@@ -334,4 +346,4 @@ def test_the_hypothesis_of_nothing_is_the_log_itself(h4_z):
 
 def test_an_unknown_choice_is_refused(h4_z):
     with pytest.raises(tp.InputError, match=r"cause 'guess' .*refuse, apply, ignore"):
-        tp.calibrate(h4_z, read(h4_z)[1], cause="guess")
+        tp.calibrate(h4_z, read(h4_z)[1], options=CalibrationOptions(cause="guess"))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.commands.conditions import under as of_option
 from truepose.design.criterion import SIGMA, Criterion
 from truepose.design.where import Use
@@ -112,7 +113,9 @@ def test_four_hundred_robots_at_work_are_as_far_off_as_predicted(name, reference
         if referenced:
             seen = before.read(home, 3 * seed)
             day = tp.calibration.at_other_temperature(robot)
-            model = tp.calibrate(day, known_pose=(seen, home), cause="ignore").robot
+            model = tp.calibrate(
+                day, known_pose=(seen, home), options=CalibrationOptions(cause="ignore")
+            ).robot
         off.append(model.estimate(now.read(x, 3 * seed + 1), guess=x).x - x)
     counted = summed(robot).columns
     rms = np.sqrt((np.array(off)[..., counted] ** 2).sum(axis=-1).mean())

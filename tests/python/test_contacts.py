@@ -10,12 +10,12 @@ from spoiling import spoiled
 
 import truepose as tp
 from truepose import logs
-from truepose.calibration import log_checks, review
+from truepose.calibration import CalibrationOptions, log_checks, review
 from truepose.calibration.between import Between, read
+from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.differences import measurements
 from truepose.calibration.fitting import fit_to
 from truepose.commands import cli
-from truepose.commands.options import Asked
 
 SIGMA = 2e-5
 
@@ -174,9 +174,12 @@ def test_a_print_has_its_drawn_size_unless_a_shrinkage_or_a_line_width_is_given(
     write(tmp_path / "distances.csv", ("from", "to", "distance"), distances)
     log = logs.of(printer(), table)
     given = {"distances": read(tmp_path / "distances.csv", log)}
-    for own in ({}, {"scale": 0.01}, {"width": 1e-4}):
+    for own in ({}, {"shrinkage": 0.01}, {"line_width": 1e-4}):
         print_ = Between(**given, **own).of(printer(), log)[-1]
-        assert (print_.scale, print_.width) == ((0, own.get("scale", 0)), (0, own.get("width", 0)))
+        assert (print_.scale, print_.width) == (
+            (0, own.get("shrinkage", 0)),
+            (0, own.get("line_width", 0)),
+        )
 
 
 def test_held_out_lines_are_predicted_without_their_touches():
@@ -191,7 +194,7 @@ def test_held_out_lines_are_predicted_without_their_touches():
     for wrong in (0.0, 1e-3):
         table["plane_above"] = np.where(np.arange(30) % 5 == 4, wrong, 0.0)
         log, _ = log_checks.check(robot, logs.of(robot, table))
-        held.append(review.assess(robot, log, [], cause="ignore").held_out)
+        held.append(review.assess(Case(robot, log, CalibrationOptions(cause="ignore"))).held_out)
     assert np.isfinite(held[0]).any()
     np.testing.assert_array_equal(*held)
 
@@ -249,7 +252,7 @@ def changed(name, old, new):
         (lambda _: None, ("--tool", "0,0"), "--tool 0,0: must be three numbers, x,y,z (m)"),
         (lambda _: None, ("--distances", "no.csv"), "no.csv: cannot be read: No such file"),
         (lambda _: None, ("--distances", "log.csv"), "log.csv: no column 'from'"),
-        (lambda _: None, ("--shrinkage", "-1"), "'--shrinkage'"),
+        (lambda _: None, ("--shrinkage", "-1"), "shrinkage (--shrinkage) = -1.0: must be 0 to 1"),
     ],
 )  # fmt: skip
 def test_wrong_touches_and_distances_are_one_line_and_write_nothing(
@@ -316,11 +319,14 @@ def test_spoiled_files_are_a_calibration_or_one_line(tmp_path, rng, count):
         (tmp_path / name).write_text(text, encoding="utf-8")
         try:
             log = logs.read(robot, tmp_path / "log.csv")
-            between = Asked(distances=tmp_path / "distances.csv").between(robot, log, "log.csv")
+            between = Between(distances=read(tmp_path / "distances.csv", log))
+            between.check(robot, log)
             differences = between.of(robot, log)
             log, findings = log_checks.check(robot, log, measurements(differences))
             if not any(finding.refused for finding in findings):
-                fit = fit_to(robot, log, differences=differences, loss="student")
+                fit = fit_to(
+                    Case(robot, log, CalibrationOptions(loss="student"), differences=differences)
+                )
                 assert np.isfinite(fit.covariance).all()
         except tp.TrueposeError as error:
             refused += 1

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +48,7 @@ def probe(true, rng, count=16, z=0.0, noise=1e-5):
 
 
 #: The bed is the base's plane z = 0.
-PROBE = {"measured_sigma": 1e-5, "registration": "known"}
+PROBE = {"measured_sigma": 1e-5, "options": CalibrationOptions(registration="known")}
 
 
 @pytest.fixture(scope="module")

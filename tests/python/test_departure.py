@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.learnt import FALSE_ALARMS, SEEN
 
 ELBOWS = ("elbow1", "elbow2", "elbow3", "elbow4")
@@ -37,13 +38,14 @@ def robot_of(case):
     return tp.load(name).with_sensors(*sensors)
 
 
-def calibrated(case, anywhere, seed, times, **settings):
+def calibrated(case, anywhere, seed, times, loss="squares"):
     _, _, level, poses = CASES[case]
     robot = robot_of(case)
     x = anywhere(robot, poses, np.random.default_rng([seed, poses]))
     q_e = drawn(robot, seed, times).read(x, seed=seed, level=level)
     error = "on" if level == "full" else "off"
-    return tp.calibrate(robot, q_e, **({"model_error": error, "cause": "ignore"} | settings))
+    options = CalibrationOptions(model_error=error, cause="ignore", loss=loss)
+    return tp.calibrate(robot, q_e, options=options)
 
 
 def said(fit):
@@ -89,10 +91,14 @@ def test_a_longer_log_that_contradicts_a_calibration_doubts_it(anywhere):
     """The robot was taken apart in between: it is another one, of the same drawing."""
     robot, rng = robot_of("delta"), np.random.default_rng(7)
     few, many = anywhere(robot, 6, rng), anywhere(robot, 200, rng)
-    first = tp.calibrate(robot, drawn(robot, 1, 1).read(few, seed=1), model_error="off")
+    first = tp.calibrate(
+        robot, drawn(robot, 1, 1).read(few, seed=1), options=CalibrationOptions(model_error="off")
+    )
     same, rebuilt = (drawn(robot, seed, 1).read(many, seed=2) for seed in (1, 2))
-    assert not tp.calibrate(first.robot, same, model_error="off").notes
-    (note,) = tp.calibrate(first.robot, rebuilt, model_error="off", cause="ignore").notes
+    assert not tp.calibrate(first.robot, same, options=CalibrationOptions(model_error="off")).notes
+    (note,) = tp.calibrate(
+        first.robot, rebuilt, options=CalibrationOptions(model_error="off", cause="ignore")
+    ).notes
     assert note.startswith("the last calibration's σ seem too small by a factor of about")
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.bound import after_visiting
 from truepose.robot import knowledge
 
@@ -114,7 +115,12 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
     found = least_squares(
         residual, start, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-15, gtol=1e-12
     )
-    fit = tp.calibrate(robot, q_e, differences=[plane, distances, revisits], cause="ignore")
+    fit = tp.calibrate(
+        robot,
+        q_e,
+        differences=[plane, distances, revisits],
+        options=CalibrationOptions(cause="ignore"),
+    )
     u = [(fit.parameters[n].value - prior[n].mean) / prior[n].sigma for n in names]
     assert u == pytest.approx(found.x[:count], abs=2e-4)
     assert fit.x == pytest.approx(found.x[count + 8 :].reshape(x.shape), abs=3e-7)
@@ -151,7 +157,9 @@ def test_a_printer_learns_from_touches_and_callipers_alone(loss):
     nees = []
     for seed in range(25):
         robot, true, q_e, own, differences = scene(seed)
-        fit = tp.calibrate(robot, q_e, differences=differences, loss=loss)
+        fit = tp.calibrate(
+            robot, q_e, differences=differences, options=CalibrationOptions(loss=loss)
+        )
         between, unknowns = fit.differences, fit.differences.unknowns
         assert list(unknowns) == [NAMES[k] for k in range(5)] and not between.doubt
         error = [p.value - true.parameters[name].value for name, p in fit.parameters.items()]
@@ -168,7 +176,9 @@ def test_the_bound_says_beforehand_what_differences_will_teach():
     x = on_the_bed(np.random.default_rng(1), 40)
     differences = printed(np.random.default_rng(1), x, np.zeros(5))
     exact = robot.expected().extended_positions(x)
-    fit = tp.calibrate(robot, exact, differences=differences, loss="squares")
+    fit = tp.calibrate(
+        robot, exact, differences=differences, options=CalibrationOptions(loss="squares")
+    )
     root = after_visiting(robot, x, "full", differences=differences)
     scale = np.sqrt(np.outer(*2 * [np.diag(fit.covariance)]))
     assert (root @ root.T) / scale == pytest.approx(fit.covariance / scale, abs=2e-3)
@@ -193,7 +203,9 @@ def test_a_calliper_typed_wrong_is_named(loss):
     measured = distances.measured.copy()
     measured[5] += 0.010
     wrong = dataclasses.replace(distances, measured=measured)
-    fit = tp.calibrate(robot, q_e, differences=[plane, wrong], loss=loss)
+    fit = tp.calibrate(
+        robot, q_e, differences=[plane, wrong], options=CalibrationOptions(loss=loss)
+    )
     i, j = distances.pairs[5]
     (doubt,) = fit.differences.doubt
     start = f"distances: {1e3 * measured[5]:.3f} mm, lines {i} and {j}: +"
@@ -202,7 +214,9 @@ def test_a_calliper_typed_wrong_is_named(loss):
     assert abs(off.left_out[5] - 0.010) < 4 * off.left_out_sigma[5]
     if loss == "student":
         assert off.weight[5] < 0.1
-        right = tp.calibrate(robot, q_e, differences=[plane, distances], loss=loss)
+        right = tp.calibrate(
+            robot, q_e, differences=[plane, distances], options=CalibrationOptions(loss=loss)
+        )
         for name, p in right.parameters.items():
             assert abs(fit.parameters[name].value - p.value) < 0.3 * p.sigma
 

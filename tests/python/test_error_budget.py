@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
 from truepose.robot.units import summed
@@ -76,7 +77,7 @@ def test_a_contribution_is_what_robots_with_that_error_alone_miss(h4, anywhere, 
 
 def test_after_a_calibration_its_correlated_parameters_are_one_source(h4, anywhere, rng):
     true, x = h4.sample(seed=1), anywhere(h4, 40, rng)
-    fit = tp.calibrate(h4, true.read(x, 1), cause="ignore")
+    fit = tp.calibrate(h4, true.read(x, 1), options=CalibrationOptions(cause="ignore"))
     found = tp.design.error_budget(fit.robot, Use(poses=x[:6]))
     assert {"calibration", "motors", "theta"} >= {one.source for one in found.contributions}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.frames import rotation
 
@@ -32,7 +33,7 @@ def read(robot, seed, poses):
 CALLS = {
     "with the log": lambda robot, q_e, known: tp.calibrate(robot, q_e, known_pose=known),
     "with the log, robustly": lambda robot, q_e, known: tp.calibrate(
-        robot, q_e, known_pose=known, loss="student"
+        robot, q_e, known_pose=known, options=CalibrationOptions(loss="student")
     ),
     "afterwards": lambda robot, q_e, known: tp.calibrate(
         tp.calibrate(robot, q_e).robot, known_pose=known

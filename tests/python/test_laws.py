@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.robot.laws import LAWS
 
 UNMEASURED = "needs a redundant sensor, and none is in use"
@@ -149,7 +150,7 @@ def self_calibrated(robot, true, poses, seed):
     """Return the robot calibrated on readings near these poses, where usual control goes."""
     near = poses + np.random.default_rng(seed).uniform(-5e-4, 5e-4, poses.shape)
     readings = true.read(tp.steady_state(robot, true, near, "joint"))
-    return tp.calibrate(robot, readings, cause="ignore").robot
+    return tp.calibrate(robot, readings, options=CalibrationOptions(cause="ignore")).robot
 
 
 @pytest.mark.parametrize(("sensors", "gain"), [(["theta"], 7), (["theta", "z_telemeter"], 12)])

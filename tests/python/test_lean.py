@@ -5,6 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose import logs
+from truepose.calibration import CalibrationOptions
 from truepose.exceptions import InputError
 from truepose.logs.reading import FLAT
 from truepose.robot import lean
@@ -242,7 +243,7 @@ def test_a_base_imu_s_bias_is_a_parameter_of_a_calibration(ankle, rng):
     assert any("more than its IMU reads; σ before: 0.2° (assumed)" in note for note in fit.notes)
     e, P = errors(fit, true, x)
     assert mean_nees([(e, P)]) < 4
-    exact = tp.calibrate(ankle, log, lean=0)
+    exact = tp.calibrate(ankle, log, options=CalibrationOptions(lean=0))
     assert exact.influences == {}
     assert np.trace(errors(exact, true, x)[1][0]) < np.trace(P[0])
 
@@ -250,11 +251,11 @@ def test_a_base_imu_s_bias_is_a_parameter_of_a_calibration(ankle, rng):
 def test_a_flat_posture_of_a_calibration_depends_on_the_lean(ankle):
     _, log = standing(ankle, 1, 2, lean_of=(0.0, 0.0))
     zeroed = tp.calibration.zero(ankle, log)
-    one = tp.calibrate(ankle, log, cause="ignore")
+    one = tp.calibrate(ankle, log, options=CalibrationOptions(cause="ignore"))
     assert [p.value for p in one.parameters.values()] == pytest.approx(
         [p.value for p in zeroed.fit.parameters.values()], abs=1e-5
     )
-    upright = tp.calibrate(ankle, log, lean=0, cause="ignore")
+    upright = tp.calibrate(ankle, log, options=CalibrationOptions(lean=0, cause="ignore"))
     assert upright.influences == {} and len(one.influences) == 2
     assert np.trace(upright.covariance) < np.trace(one.covariance)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 H4 = tp.load("h4")
 X = [0.05, 0.05, -0.4, 0.2]
@@ -115,7 +116,10 @@ MISTAKES = {
         lambda: tp.calibrate(H4, np.degrees(some_readings())),
         "in degrees, must be rad",
     ),
-    "a loss misspelt": (lambda: tp.calibrate(H4, some_readings(), loss="hubber"), "mean 'huber'"),
+    "a loss misspelt": (
+        lambda: tp.calibrate(H4, some_readings(), options=CalibrationOptions(loss="hubber")),
+        "mean 'huber'",
+    ),
     "motors to estimate": (
         lambda: H4.estimate(Q),
         r"q_e: shape \(4,\), must be \(\.\.\., 5\) for h4",

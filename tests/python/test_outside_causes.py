@@ -5,6 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose import logs
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.causes import column_check
 from truepose.logs import orientation
 from truepose.robot import frames
@@ -71,14 +72,16 @@ def test_a_mistake_of_an_outside_measurement_is_named(name, sensors, make, regis
     robot, _, readings, measured = read(name, *sensors)
     log = table(robot, readings, make(measured))
     with pytest.raises(tp.InputError, match=said + r".*cause='apply' undoes it"):
-        tp.calibrate(robot, log, registration=registration, loss="student")
+        tp.calibrate(
+            robot, log, options=CalibrationOptions(registration=registration, loss="student")
+        )
 
 
 def test_an_undone_mistake_of_a_tracker_gives_the_robot_of_the_right_log():
     robot, _, readings, measured = read("stewart")
     right = tp.calibrate(robot, table(robot, readings, measured))
     log = table(robot, readings, euler("ZYX")(measured))
-    fit = tp.calibrate(robot, log, cause="apply")
+    fit = tp.calibrate(robot, log, options=CalibrationOptions(cause="apply"))
     assert "a mistake of the log alone" in fit.notes[0]
     np.testing.assert_allclose(fit.covariance, right.covariance, rtol=1e-6)
 
@@ -87,7 +90,11 @@ def test_poses_in_another_frame_than_the_base_are_named():
     robot, _, readings, measured = read("delta", "elbow1")
     measured = measured @ frames.rotation([0.1, 0.2, 0.6]).T + [0.3, -0.2, 0.1]
     with pytest.raises(tp.InputError, match="in a frame of their own, not the base's"):
-        tp.calibrate(robot, table(robot, readings, measured), registration="known")
+        tp.calibrate(
+            robot,
+            table(robot, readings, measured),
+            options=CalibrationOptions(registration="known"),
+        )
 
 
 # --- orientations in a log
@@ -128,9 +135,13 @@ def test_orientations_that_cannot_be_used_are_refused_by_name():
     with pytest.raises(tp.InputError, match=r"row 3: measured_roll, .*: all of them or none"):
         logs.of(robot, right)
     with pytest.raises(tp.InputError, match="unknown euler 'XYX'"):
-        tp.calibrate(robot, table(robot, readings, measured), euler="XYX")
+        tp.calibrate(
+            robot, table(robot, readings, measured), options=CalibrationOptions(euler="XYX")
+        )
     with pytest.raises(tp.InputError, match="euler = XYZ: no column measured_roll"):
-        tp.calibrate(robot, table(robot, readings, measured), euler="XYZ")
+        tp.calibrate(
+            robot, table(robot, readings, measured), options=CalibrationOptions(euler="XYZ")
+        )
 
 
 def test_euler_angles_in_degrees_are_named_and_undone():
@@ -139,7 +150,7 @@ def test_euler_angles_in_degrees_are_named_and_undone():
     log = table(robot, readings, rpy, *"xyz", "roll", "pitch", "yaw")
     with pytest.raises(tp.InputError, match=r"measured_roll, .*: in degrees, must be rad"):
         tp.calibrate(robot, log)
-    fit = tp.calibrate(robot, log, cause="apply")
+    fit = tp.calibrate(robot, log, options=CalibrationOptions(cause="apply"))
     right = tp.calibrate(robot, table(robot, readings, measured))
     np.testing.assert_allclose(fit.covariance, right.covariance, rtol=1e-6)
 
@@ -162,7 +173,7 @@ def test_readings_that_nothing_explains_are_refused_under_every_loss():
     with pytest.raises(tp.InputError, match=r"no known cause .* times their noise, at most 10"):
         tp.calibrate(robot, log)
     with pytest.raises(tp.TrueposeError, match=r"times their noise|not converged"):
-        tp.calibrate(robot, log, loss="student")
+        tp.calibrate(robot, log, options=CalibrationOptions(loss="student"))
 
 
 # --- the robot as it reads in the last row
@@ -199,7 +210,7 @@ def test_a_robot_with_a_mistake_undone_is_right_for_readings_as_they_are_now(
 ):
     robot, x, readings, _ = read(name, *sensors, count=80, seed=8)
     change(readings, 26)
-    fit = tp.calibrate(robot, readings[:60], cause="apply")
+    fit = tp.calibrate(robot, readings[:60], options=CalibrationOptions(cause="apply"))
     assert "as it reads in the log's last row" in fit.notes[0]
     assert "as it reads in the log's last row" in fit.robot.spec.calibration.source
     for used in (fit.robot, saved(fit.robot, tmp_path)):
@@ -216,7 +227,7 @@ def saved(robot, folder):
 def test_a_leaning_base_leans_in_the_calibrated_robot():
     robot, _, readings, _ = read("g1-ankle", "foot_pitch", "foot_roll", count=60)
     readings[:, 2] += 3 * DEGREES
-    fit = tp.calibrate(robot, readings, cause="apply")
+    fit = tp.calibrate(robot, readings, options=CalibrationOptions(cause="apply"))
     moved = fit.robot.extended_positions(fit.x)[:, 2] - readings[:, 2]
     assert abs(moved).mean() < 0.1 * DEGREES
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.design.candidates import CandidatePoses, drawn, rows_of
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.poses import Sought
@@ -289,8 +290,7 @@ def test_poses_measured_from_outside_promise_what_they_teach(delta, registration
         readings,
         measured=plan.poses,
         measured_sigma=2e-5,
-        registration=registration,
-        loss="squares",
+        options=CalibrationOptions(registration=registration, loss="squares"),
     )
     P = tp.accuracy(fit.robot, plan.over)
     assert plan.sigma[-1, -1] == pytest.approx(position(robot, P), rel=0.01)
@@ -304,13 +304,15 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     """In its own frame: what a fit states of its predictions, at poses it was not made of."""
     robot = tp.load(name).with_sensors(*sensors)
     x = anywhere(robot, 40, rng)
-    known = {"measured_sigma": 1e-4, "measured_angle_sigma": 1e-4}
-    candidates = tp.design.CandidatePoses(poses=x[6:], **known)
+    candidates = tp.design.CandidatePoses(
+        poses=x[6:], measured_sigma=1e-4, measured_angle_sigma=1e-4
+    )
+    known = {"measured_sigma": 1e-4, "options": CalibrationOptions(measured_angle_sigma=1e-4)}
     plan = tp.plan_poses(robot, 15, candidates=candidates, use=Use(poses=x[:6]), seen=True)
     level = robot.highest_level
     visited = np.vstack([step.poses for step in plan.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
-    fit = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
+    fit = tp.calibrate(robot, readings, measured=visited, **known)
     promised = position(robot, fit.accuracy_seen(x[:6]))
     assert plan.sigma[-1, -1] == pytest.approx(promised, rel=0.02)
     if sensors:
@@ -318,7 +320,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     other = tp.plan_poses(robot, 15, candidates=candidates, use=Use(poses=x[:6]))
     visited = np.vstack([step.poses for step in other.steps])
     readings = robot.expected().with_level(level).extended_positions(visited)
-    apart = tp.calibrate(robot, readings, measured=visited, loss="squares", **known)
+    apart = tp.calibrate(robot, readings, measured=visited, **known)
     assert promised <= position(robot, apart.accuracy_seen(x[:6])) * (1 + 1e-6)
 
 
@@ -412,7 +414,11 @@ def test_the_command_goes_on_from_a_log(run, log, short_log):
     robot = short_log[0]
     words = ("plan", "h4", "--sensors", "theta,z_telemeter", "--candidates", "80", "--count", "3")
     rows = json.loads(run(*words, "--after", log, "--format", "json")[1])["plan"]
-    fit = tp.calibrate(robot, np.loadtxt(log, delimiter=",", skiprows=1), loss="student")
+    fit = tp.calibrate(
+        robot,
+        np.loadtxt(log, delimiter=",", skiprows=1),
+        options=CalibrationOptions(loss="student"),
+    )
     plan = tp.plan_poses(robot, 3, candidates=80, after=fit)
     assert [row["position (mm)"] for row in rows] == pytest.approx(1e3 * plan.sigma[:, -1])
     alone = json.loads(run(*words, "--format", "json")[1])["plan"]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.commands import cli, info, options
 from truepose.design import prediction
 from truepose.robot.units import label
@@ -171,7 +172,7 @@ def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     status, data, said = run(*words, "json")
     tables = json.loads(data)
     assert status == 0 and " uncertain parameters: " in said
-    fit = tp.calibrate(h4, readings, loss="student")
+    fit = tp.calibrate(h4, readings, options=CalibrationOptions(loss="student"))
     for row in tables["parameters"]:
         known = fit.parameters[row["parameter"]]
         assert (row["value"], row["σ"]) == (known.value, known.sigma)

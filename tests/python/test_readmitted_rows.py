@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 #: Of a printer that hangs on three low lines and a high one, in metres.
 ANCHORS = np.array([[0, -1.6, -0.15], [1.4, 0.8, -0.1], [-1.3, 0.9, -0.12], [0.1, 0, 2.7]])
@@ -40,9 +41,9 @@ def log(request, tmp_path, anywhere):
     return hanging(tmp_path, ANCHORS + off), true.read(x, seed=request.param), x, measured
 
 
-def fitted(robot, q_e, measured, **settings):
-    beside = {"measured": measured, "measured_sigma": 1e-4, "registration": "known"}
-    return tp.calibrate(robot, q_e, **beside, **settings)
+def fitted(robot, q_e, measured, loss="squares"):
+    options = CalibrationOptions(registration="known", loss=loss)
+    return tp.calibrate(robot, q_e, measured=measured, measured_sigma=1e-4, options=options)
 
 
 @pytest.mark.parametrize("loss", ["squares", "student"])
@@ -67,7 +68,9 @@ def test_a_row_that_the_result_cannot_reach_is_named(log):
     assert np.isnan(fit.x[20]).all() and fit.weights[20] == 0
     table = dict(zip(guess.readings, q_e.T, strict=True))
     table |= dict(zip(("measured_x", "measured_y", "measured_z"), measured.T, strict=True))
-    again = tp.calibrate(guess, table, measured_sigma=1e-4, registration="known")
+    again = tp.calibrate(
+        guess, table, measured_sigma=1e-4, options=CalibrationOptions(registration="known")
+    )
     assert fit.notes[0] in again.notes
 
 

@@ -5,6 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.registration import Registered
 from truepose.robot import frames
 
@@ -149,7 +150,11 @@ def test_any_rotation_is_a_good_start(h4, anywhere, rng, turn):
     seen = measured(robot, base, marker, x, rng)
     seen[7] += 0.5
     fit = tp.calibrate(
-        robot, true.read(x), measured=seen, measured_sigma=sigma_of(robot), loss="student"
+        robot,
+        true.read(x),
+        measured=seen,
+        measured_sigma=sigma_of(robot),
+        options=CalibrationOptions(loss="student"),
     )
     off = error(fit.registration, base, marker)
     assert np.abs(off[3:6]).max() < 0.01  # the base's own place is known to tolerances
@@ -224,7 +229,7 @@ def test_the_bases_frame_is_told_apart_from_the_trackers(h4, anywhere, rng):
         q,
         measured=measured(robot, np.eye(4), np.eye(4), x, rng),
         measured_sigma=sigma,
-        registration="known",
+        options=CalibrationOptions(registration="known"),
     )
 
     def position(P):
@@ -248,7 +253,7 @@ def test_a_known_marker_and_a_given_base_are_kept(h4, anywhere, rng):
         true.read(x),
         measured=measured(robot, base, marker, x, rng),
         measured_sigma=sigma_of(robot),
-        registration=given,
+        options=CalibrationOptions(registration=given),
     )
     assert np.abs(fit.registration.base - base).max() < 1e-12
     assert np.sqrt(np.median(fit.chi2 / fit.redundancy)) < 1.5
@@ -274,18 +279,21 @@ def test_partly_measured_poses_count_as_far_as_they_go(h4, anywhere, rng):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("sigma", "words", "said"),
     [
-        ({"registration": "lost"}, "unknown registration 'lost'"),
-        ({"measured_sigma": -1.0}, "measured_sigma = -1.0: must be greater than 0"),
-        ({"measured_angle_sigma": 0.0}, "measured_angle_sigma = 0.0: must be greater than 0"),
-        ({"measured_sigma": [1e-5] * 3}, "measured_sigma: must be a number, 4 or"),
+        (None, {"registration": "lost"}, "unknown registration 'lost'"),
+        (-1.0, {}, "measured_sigma = -1.0: must be greater than 0"),
+        (None, {"measured_angle_sigma": 0.0}, "measured_angle_sigma = 0.0: must be greater than 0"),
+        ([1e-5] * 3, {}, "measured_sigma: must be a number, 4 or"),
     ],
 )
-def test_wrong_words_are_refused(h4, table2, words, said):
+def test_wrong_words_are_refused(h4, table2, sigma, words, said):
     x = table2[:20]
     with pytest.raises(tp.InputError, match=said):
-        tp.calibrate(h4, h4.extended_positions(x), measured=x, **words)
+        options = CalibrationOptions(**words)
+        tp.calibrate(
+            h4, h4.extended_positions(x), measured=x, measured_sigma=sigma, options=options
+        )
 
 
 @pytest.mark.parametrize(

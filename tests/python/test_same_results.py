@@ -60,14 +60,15 @@ def test_calibration_of(kept, case):
     truth, x, of = h4.sample(5), some(h4, 20), tp.calibration
     q_e, options = truth.read(x, seed=6), {}
     if case == "known":
-        options = {"measured": x, "measured_sigma": 5e-5, "registration": "known", "loss": "huber"}
+        how = of.CalibrationOptions(registration="known", loss="huber")
+        options = {"measured": x, "measured_sigma": 5e-5, "options": how}
     elif case == "tracker":
         options = {
             "measured": x + np.array([1.0, 2.0, 0.5, 0.0]),
             "measured_sigma": 2e-5,
-            "measured_angle_sigma": 1e-3,
-            "registration": of.Registration(),
-            "level": "full",
+            "options": of.CalibrationOptions(
+                measured_angle_sigma=1e-3, registration=of.Registration(), level="full"
+            ),
         }
     elif case == "contacts":
         options = {
@@ -92,7 +93,8 @@ def test_calibration_of(kept, case):
             ]
         }
     elif case == "homings":
-        options = {"homing": (np.repeat([0, 1], 10), 0.01), "loss": "student"}
+        earlier = of.homings(h4, np.repeat([0, 1], 10), 0.01)
+        options = {"influences": earlier, "options": of.CalibrationOptions(loss="student")}
     elif case == "rehomed":
         h4 = of.rehomed(tp.calibrate(h4, truth.read(some(h4, 30, 7), seed=7)).robot, 0.02)
     fit = tp.calibrate(h4, q_e, **options)

@@ -5,6 +5,7 @@ import pytest
 from robot_trials import difference
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
 from truepose.robot.frames import rotation, rotation_vector
 
@@ -63,7 +64,9 @@ def test_hexapods_measured_from_outside_know_how_well_they_are_known(
         for line in np.flatnonzero(rng.random(poses) < gross):
             q_e[line, rng.integers(6)] += rng.choice([-1, 1]) * rng.uniform(3, 300) * OUTSIDE
         seen = {"measured": measured, "measured_sigma": np.full(6, OUTSIDE)}
-        fit = tp.calibrate(stewart, q_e, **seen, registration="known", loss=loss)
+        fit = tp.calibrate(
+            stewart, q_e, **seen, options=CalibrationOptions(registration="known", loss=loss)
+        )
         found.append(xi_nees(fit, true))
     p = len(fit.names)
     assert p == 42
@@ -111,7 +114,9 @@ def test_poses_are_estimated_to_nanometres(stewart, anywhere, rng, step):
     x, others = anywhere(robot, 100, rng), anywhere(robot, 500, rng)
     measured = tracked(x, rng, 1e-7)
     seen = {"measured": measured, "measured_sigma": np.full(robot.n, 1e-7)}
-    fit = tp.calibrate(robot, true.read(x, seed=1), **seen, registration="known")
+    fit = tp.calibrate(
+        robot, true.read(x, seed=1), **seen, options=CalibrationOptions(registration="known")
+    )
     found = fit.robot.estimate(true.read(others, seed=2), guess=others)
     error = difference(robot, found.x, others)
     assert np.abs(error).max() < 2e-6
@@ -136,6 +141,6 @@ def test_a_search_ends_however_fine_the_motors_count(name, level, seed, anywhere
     x = anywhere(robot, 100, np.random.default_rng(seed))
     true = robot.sample(seed)
     q_e = true.read(x, seed=seed, level=level)
-    fit = tp.calibrate(robot, q_e, level=level, model_error="off")
+    fit = tp.calibrate(robot, q_e, options=CalibrationOptions(level=level, model_error="off"))
     assert fit.iterations < 20
     assert xi_nees(fit, true) < len(fit.names) + 4 * np.sqrt(2 * len(fit.names))

@@ -7,6 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
+from truepose.calibration import CalibrationOptions
 from truepose.design.candidates import CandidatePoses
 from truepose.design.where import Use
 from truepose.exceptions import InputError, RobotFileError
@@ -166,15 +167,26 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     x = anywhere(robot, 80, rng) * [1, 1, 1, 0.7, 0.7, 0.7]
     force = rng.uniform(0, 1, (80, 1)) * [0, 0, -400.0]
     q_e = read(true, x, force, 3)
-    both = tp.calibrate(robot, q_e, loss="squares", loads=tp.calibration.Payloads(force=force))
+    both = tp.calibrate(
+        robot,
+        q_e,
+        loads=tp.calibration.Payloads(force=force),
+        options=CalibrationOptions(loss="squares"),
+    )
     first = tp.calibrate(
-        robot, q_e[:40], loss="squares", loads=tp.calibration.Payloads(force=force[:40])
+        robot,
+        q_e[:40],
+        loads=tp.calibration.Payloads(force=force[:40]),
+        options=CalibrationOptions(loss="squares"),
     )
     first.robot.save(tmp_path / "first.toml")
     again = tp.load(tmp_path / "first.toml").with_sensors("roll", "pitch")
     assert again.parameters == first.robot.parameters
     then = tp.calibrate(
-        again, q_e[40:], loss="squares", loads=tp.calibration.Payloads(force=force[40:])
+        again,
+        q_e[40:],
+        loads=tp.calibration.Payloads(force=force[40:]),
+        options=CalibrationOptions(loss="squares"),
     )
     for name, of in both.parameters.items():
         last = then.parameters[name]
@@ -194,8 +206,8 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     table = {f"q{k + 1}": (true.stiff.extended_positions(x) + added)[:, k] for k in range(3)}
     outside = dict(zip(("measured_x", "measured_y", "measured_theta"), x.T, strict=True))
     tensions = {f"q{k + 1}_tension": pull[:, k] for k in range(3)}
-    known = {"registration": "known", "measured_sigma": 1e-6, "measured_angle_sigma": 1e-6}
-    fit = tp.calibrate(robot, table | outside | tensions, **known)
+    options = CalibrationOptions(registration="known", measured_angle_sigma=1e-6)
+    fit = tp.calibrate(robot, table | outside | tensions, measured_sigma=1e-6, options=options)
     of = fit.parameters["compliance.all_chains"]
     assert of.verdict == "identified" and abs(of.value - 4e-6) < 3 * of.sigma
     assert not any("not used" in note for note in fit.notes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 import truepose as tp
 from pkm.poses import position
+from truepose.calibration import CalibrationOptions
 
 _MOBILITY = {2: "planar_translation", 3: "translation", 4: "schoenflies", 6: "spatial"}
 _ACTUATOR = {"hinge": "revolute", "slide": "prismatic", "leg": "telescopic"}
@@ -106,14 +108,18 @@ def calibrated(
     """
     measured, tracker = log["measured"], robot["tracker"]
     seen = {} if measured is None else {
-        "measured": measured, "registration": "known",
-        "measured_sigma": tracker["position"], "measured_angle_sigma": tracker["angle"],
+        "measured": measured, "measured_sigma": tracker["position"],
     }  # fmt: skip
-    if loaded.n < 4:
-        seen.pop("measured_angle_sigma", None)
+    options = CalibrationOptions(
+        level=level,
+        loss="student",
+        registration="known",
+        measured_angle_sigma=tracker["angle"] if loaded.n >= 4 else None,
+    )
     try:
-        fit = tp.calibrate(loaded, log["calibration"], level=level, loss="student", **seen)
+        fit = tp.calibrate(loaded, log["calibration"], **seen, options=options)
     except tp.PoseError:
-        fit = tp.calibrate(loaded, log["calibration"], level=level, loss="huber", **seen)
+        options = replace(options, loss="huber")
+        fit = tp.calibrate(loaded, log["calibration"], **seen, options=options)
     estimate = fit.robot.estimate(log["held_out"])
     return estimate.x, estimate.covariance

@@ -9,11 +9,12 @@ import numpy as np
 from rows import Row, numbers, table, worst
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 HERE = Path(__file__).parent
 MM = 1e-3
 #: σ of motion capture, assumed, as in docs/guides/hexapod.md: 0.5 mm, 0.1°.
-SIGMA = {"measured_sigma": 0.5e-3, "measured_angle_sigma": np.radians(0.1)}
+SIGMA, ANGLE_SIGMA = 0.5e-3, np.radians(0.1)
 #: mm per turn by which the readings of logs are counted.
 COUNTED = 71.2
 
@@ -32,7 +33,8 @@ def fitted(robot: tp.Robot, log: tp.logs.Log, turn: np.ndarray | None = None) ->
         tolerances = {k: v for k, v in robot.spec.tolerances.items() if k != "chain*.gain"}
         robot = tp.Robot(robot.spec.model_copy(update={"tolerances": tolerances}))
         q = q * turn / COUNTED
-    fit = tp.calibrate(robot, q, measured=log.measured, cause="ignore", **SIGMA)
+    options = CalibrationOptions(measured_angle_sigma=ANGLE_SIGMA, cause="ignore")
+    fit = tp.calibrate(robot, q, measured=log.measured, measured_sigma=SIGMA, options=options)
     return Fitted(fit, position_rms(fit, q, log.measured))
 
 
@@ -62,7 +64,8 @@ def rows() -> list[Row]:
     few, rest = few[:10], few[10:]
     homed = tp.calibrate(
         tp.calibration.rehomed(free.fit.robot, 0.02),
-        other.readings[few], measured=other.measured[few], **SIGMA,
+        other.readings[few], measured=other.measured[few], measured_sigma=SIGMA,
+        options=CalibrationOptions(measured_angle_sigma=ANGLE_SIGMA),
     )  # fmt: skip
     left = position_rms(homed, other.readings[rest], other.measured[rest])
     return [

@@ -9,6 +9,7 @@ from rows import Row, numbers, table, worst
 from scipy.spatial.transform import Rotation
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 
 HERE = Path(__file__).parent
 MM = 1e-3
@@ -43,10 +44,9 @@ def by_angle(radius: float, between: float) -> np.ndarray:
 def calibration(nominal: tp.Robot, real: tp.Robot, want: np.ndarray) -> tuple[float, int]:
     """Return the worst parameter error, mm, and how many combinations the poses identify."""
     legs = nominal.ikm(want)
-    fit = tp.calibrate(
-        nominal, legs, measured=real.fkm(legs, guess=want),
-        measured_sigma=SIGMA, measured_angle_sigma=SIGMA, registration="known",
-    )  # fmt: skip
+    seen = real.fkm(legs, guess=want)
+    options = CalibrationOptions(measured_angle_sigma=SIGMA, registration="known")
+    fit = tp.calibrate(nominal, legs, measured=seen, measured_sigma=SIGMA, options=options)
     off = [found.value - real.parameters[name].value for name, found in fit.parameters.items()]
     prior = nominal.parameters["chain1.base.x"].sigma  # the same for all 42
     known = np.linalg.eigvalsh(fit.covariance) < (0.5 * prior) ** 2

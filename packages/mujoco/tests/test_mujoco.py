@@ -12,6 +12,7 @@ from answers import answer, some
 
 import truepose as tp
 from truepose import _core
+from truepose.calibration import CalibrationOptions
 from truepose.simulation.plants.exact import ExactPlant
 from truepose_mujoco import plant, viewing
 from truepose_mujoco.body import Body
@@ -445,7 +446,7 @@ def test_a_real_robot_on_its_own_calibration_rests_where_the_exact_statics_say(h
     robot, poses = h4.with_sensors("theta", "z_telemeter"), table2[::200]
     true = robot.sample(11).with_level("full")
     readings = true.read(tp.steady_state(robot, true, table2, "joint"))
-    believed = tp.calibrate(robot, readings, cause="ignore").robot
+    believed = tp.calibrate(robot, readings, options=CalibrationOptions(cause="ignore")).robot
     expected = tp.steady_state(believed, true, poses, "estimated")
     controller = tp.Controller(law="estimated", integral=20.0)
     visit = MujocoPlant(true).visit(believed, poses, controller)

@@ -13,6 +13,7 @@ from browsing import browser  # noqa: F401 – a fixture
 from compiling import for_wasm, told, wheels_eigen
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose_printers.library import answer
 from truepose_printers.robot_json import to_json
 
@@ -106,7 +107,7 @@ def test_the_page_calibrates_a_broken_h4_as_python_does(opened):
     opened.tab.get_by_role("button", name="Simulate a log and calibrate").click()
     rows, fit = opened.tab.evaluate("[truepose.bench.lastFit.rows, truepose.bench.lastFit.fit]")
     robot = tp.load("h4").with_sensors("theta", "z_telemeter")
-    same = tp.calibrate(robot, np.array(rows), cause="ignore")
+    same = tp.calibrate(robot, np.array(rows), options=CalibrationOptions(cause="ignore"))
     assert fit["used"] == 40
     for found in fit["parameters"]:
         expected = same.parameters[found["name"]]
@@ -122,7 +123,9 @@ def test_a_log_as_simulate_log_writes_it_is_calibrated_as_in_python(opened, tmp_
     h4 = tp.load("h4")
     opened.drop("h4.json", to_json(h4))
     assert "rows used" in opened.drop("log.csv", log)
-    same = tp.calibrate(h4, tp.logs.read(h4, str(tmp_path / "log.csv")), cause="ignore")
+    same = tp.calibrate(
+        h4, tp.logs.read(h4, str(tmp_path / "log.csv")), options=CalibrationOptions(cause="ignore")
+    )
     for found in opened.tab.evaluate("truepose.bench.lastFit.fit.parameters"):
         assert abs(found["value"] - same.parameters[found["name"]].value) < WITHIN, found
 

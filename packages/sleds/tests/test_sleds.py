@@ -8,6 +8,7 @@ import pytest
 from spoiling import spoiled
 
 import truepose as tp
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.robot.frames import frames
@@ -218,8 +219,10 @@ def test_an_influence_that_is_known_is_taken_off():
     x = poses()
     strain = belts.influences(robot, x, "alike")[0]
     known = NuisanceParameter(name="known", pattern=strain.pattern, amount=(1e-3, 1e-12))
-    one = calibrate(robot, read, influences=[known], cause="ignore")
-    other = calibrate(robot, read - 1e-3 * strain.pattern, cause="ignore")
+    one = calibrate(robot, read, influences=[known], options=CalibrationOptions(cause="ignore"))
+    other = calibrate(
+        robot, read - 1e-3 * strain.pattern, options=CalibrationOptions(cause="ignore")
+    )
     for name, of in other.parameters.items():
         assert abs(one.parameters[name].value - of.value) < 1e-3 * of.sigma
     assert one.residuals == pytest.approx(other.residuals, abs=1e-8)

@@ -5,14 +5,17 @@ from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import (
     NuisanceParameter,
     at_other_temperature,
+    homings,
     rehomed,
 )
+from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import Registration
 from truepose.calibration.zeroing import Zeroing, zero
 from truepose.robot.compliance import Payloads
 
 __all__ = [
     "Calibration",
+    "CalibrationOptions",
     "DistanceMeasurements",
     "NuisanceParameter",
     "Payloads",
@@ -21,6 +24,7 @@ __all__ = [
     "RepeatedPoses",
     "Zeroing",
     "at_other_temperature",
+    "homings",
     "rehomed",
     "zero",
 ]

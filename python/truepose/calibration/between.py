@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,15 +37,37 @@ class Distance(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Between:
-    """Measurement errors and auxiliary unknowns of a log's touches and distances."""
+    """Measurement errors and auxiliary unknowns of a log's touches and distances.
 
-    sigma: float = SIGMA  #: of a touch, m
-    tilt: float = 0.0  #: prior σ of a plane's slopes, rad; 0: level
-    tool: tuple[float, ...] = (0.0, 0.0, 0.0)  #: contact point, platform frame, m
-    tool_sigma: float = 0.0  #: of each of its coordinates
-    distances: tuple[Distance, ...] = ()
-    scale: float = 0.0  #: prior σ of a print's shrinkage
-    width: float = 0.0  #: prior σ of a printed line's width, m
+    Parameters
+    ----------
+    touch_sigma : float
+        σ of a contact with a plane or a point (columns plane, point): 0.02mm by default.
+    tilt : float
+        σ of a plane's inclination: 1deg; level by default.
+    tool : tuple of float
+        Contact point in the platform's frame, m; by default the platform's point.
+    tool_sigma : float
+        σ of each coordinate of the tool: 1mm; exactly known by default.
+    shrinkage : float
+        σ of a print's relative shrinkage: 0.002.
+    line_width : float
+        σ of a print's line width: 0.05mm; known by default.
+    distances : tuple of Distance
+        Distances between rows, as of :func:`read`.
+    """
+
+    touch_sigma: float = field(default=SIGMA, metadata={"text": "m"})
+    tilt: float = field(default=0.0, metadata={"text": "rad"})
+    tool: tuple[float, ...] = field(default=(0.0, 0.0, 0.0), metadata={"text": "point"})
+    tool_sigma: float = field(default=0.0, metadata={"text": "m"})
+    shrinkage: float = 0.0
+    line_width: float = field(default=0.0, metadata={"text": "m"})
+    distances: tuple[Distance, ...] = field(default=(), metadata={"option": False})
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.shrinkage <= 1:
+            raise InputError(f"shrinkage (--shrinkage) = {self.shrinkage}: must be 0 to 1")
 
     def of(self, robot: Robot, log: Log) -> list[Difference]:
         """Return the differences between the rows left in `log`; single touches are skipped."""
@@ -67,7 +89,7 @@ class Between:
                 result.append(
                     PlaneContacts(
                         lines=rows,
-                        sigma=self.sigma,
+                        sigma=self.touch_sigma,
                         above=above,
                         height=(mean if np.isfinite(mean) else 0.0, SPREAD),
                         slope_sigma=0.0 if column == POINT else self.tilt,
@@ -86,8 +108,8 @@ class Between:
                     measured=[of.measured for of in kept],
                     sigma=[of.sigma for of in kept],
                     times=[of.times for of in kept],
-                    scale=(0.0, self.scale),
-                    width=(0.0, self.width),
+                    scale=(0.0, self.shrinkage),
+                    width=(0.0, self.line_width),
                     name="distance",
                     called=[f"{1e3 * of.measured:.3f} mm, {of.ends}" for of in kept],
                     **common,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import logs
-from truepose.arguments import Level, require
+from truepose import logs, moved
+from truepose.arguments import require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
@@ -29,16 +29,16 @@ from truepose.calibration.causes.search import (
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import Loss, ModelError, inflated, misfit, tuned
-from truepose.calibration.influences import NuisanceParameter, homings
-from truepose.calibration.lean import of_log
-from truepose.calibration.registration import KnownPose, Registration
-from truepose.exceptions import InputError, PoseError, choose
+from truepose.calibration.fitting import fit_to, inflated, misfit
+from truepose.calibration.influences import NuisanceParameter
+from truepose.calibration.lean import leaning_of
+from truepose.calibration.options import CalibrationOptions
+from truepose.calibration.registration import KnownPose
+from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 
-CauseChoice = Literal["refuse", "apply", "ignore"]
 #: Factor of the σ from which a misfit is notable.
 NOTABLE = 1.2
 #: Share of outliers below which a robust fit asks for no cause.
@@ -47,9 +47,12 @@ OUTLIERS = 0.1
 APART = 10.0
 #: Note on a log that a robust loss cannot be fitted to and squares explain.
 NO_ROBUST = "the robust loss did not converge; squares explain all readings: calibrated with these"
-CHOICES: tuple[CauseChoice, ...] = ("refuse", "apply", "ignore")
 
 
+@moved.grouped(
+    CalibrationOptions,
+    homing="influences=truepose.calibration.homings(robot, homing, sigma)",
+)
 def calibrate(
     robot: Robot,
     readings: ArrayLike | Mapping[str, ArrayLike] | Log | None = None,
@@ -57,19 +60,10 @@ def calibrate(
     known_pose: KnownPose | None = None,
     measured: ArrayLike | None = None,
     measured_sigma: ArrayLike | float | None = None,
-    measured_angle_sigma: float | None = None,
-    registration: Literal["unknown", "known"] | Registration = "unknown",
-    level: Level | None = None,
-    loss: Loss = "squares",
-    tuning: float | None = None,
-    model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
     influences: Sequence[NuisanceParameter] = (),
-    lean: ArrayLike | None = None,
-    homing: tuple[ArrayLike, ArrayLike] | None = None,
     loads: Payloads | None = None,
-    cause: CauseChoice = "refuse",
-    euler: str | None = None,
+    options: CalibrationOptions = CalibrationOptions(),
 ) -> Calibration:
     """Identify a robot's geometry from its own readings: maximum a posteriori, poses unknown.
 
@@ -98,50 +92,18 @@ def calibrate(
     measured_sigma : float, or array_like, shape (n,) or (N, n), optional
         Their σ: of lengths (m; of a rotational platform's angles, rad), or of every coordinate.
         By default a table's columns measured_x_sigma, …, else 0.02 mm.
-    measured_angle_sigma : float, optional
-        σ of measured angles, rad; 0.01° by default.
-    registration : {"unknown", "known"} or Registration
-        Frame of `measured` and the measured marker. Unknown: identified with the geometry within
-        wide priors, result in ``registration``. Known: base frame and platform reference point.
-    level : {"ideal", "full"}, optional
-        One rod per chain, or every rod; by default :attr:`Robot.highest_level`, full where
-        available. The calibrated robot keeps it (:attr:`Robot.level`).
-    loss : {"squares", "huber", "student"}
-        Cost of gross errors: quadratic, linear, or almost none. Squares are 1 % more accurate on
-        readings without gross errors (30 H4s).
-    tuning : float, optional
-        Huber's threshold (1 by default) or Student's degrees of freedom (4).
-    model_error : {"on", "off"}
-        Whether to allow, at the ideal level, for the errors that it omits: axis errors that tilt
-        the platform and turn its bars, by the file's tolerances. The calibrated robot's estimates
-        then include them. "off" is for robots that are ideal on paper.
     differences : sequence of PlaneContacts, DistanceMeasurements and RepeatedPoses, optional
         Differences measured between these poses, by rows of the readings, from 0. They can
         calibrate a robot without sensors. By default a table's columns plane and point, with σ
         of 0.02 mm a touch.
     influences : sequence of NuisanceParameter, optional
-        Additions to the readings of known pattern and unknown amount.
-    lean : float, or array_like, shape (2,), optional
-        σ of the base's lean about each horizontal axis, rad: common to the log, and of each
-        posture; with columns base_lean_x and base_lean_y (the base's roll and pitch by an IMU on
-        it, rad), σ of that IMU's bias. Inclinometers and a table's flat postures depend on it. By
-        default 0.2° (assumed) with these columns, 1° (assumed) with flat postures, else 0.
-        ``influences`` has the lean.
-    homing : tuple of array_like, optional
-        For a log with several homings: the number of the homing before each row, (N,), increasing,
-        and σ of each offset's change, m or rad, a number or (n,). The robot then has the offsets of
-        the last homing; ``influences`` has by how much the earlier ones exceed them.
+        Additions to the readings of known pattern and unknown amount; for a log with several
+        homings, :func:`truepose.calibration.homings`.
     loads : Payloads, optional
         Forces and measured tensions of each row, for robots whose file has compliances with
         tolerances; by default a table's columns load_x, … and q1_tension, ….
-    cause : {"refuse", "apply", "ignore"}
-        What to do with a log that a mistake explains decisively: a motor homed off, a wrong rod,
-        exchanged columns, a slipped encoder. Refuse it, calibrate with the mistake undone, or do
-        not search. ``causes`` has what was found.
-    euler : str, optional
-        Convention of measured_roll, measured_pitch, measured_yaw: by default "ZYX",
-        R = R_z(yaw) R_y(pitch) R_x(roll); every order of the three axes, about the turned axes
-        (upper case) or fixed ones (lower case, the first turn first: "xyz" is "ZYX").
+    options : CalibrationOptions
+        Level, loss, registration, search for causes and the rest.
 
     Raises
     ------
@@ -169,12 +131,12 @@ def calibrate(
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     table, notes, refused = logs.is_table(readings), list[str](), list[str]()
-    log = log_checks.log_of(robot, readings, known_pose is not None, euler)
+    log = log_checks.log_of(robot, readings, known_pose is not None, options.euler)
     known: KnownPose | Log | None = known_pose
     if logs.is_table(known_pose):
-        known = logs.of(robot, known_pose, "known_pose", euler)
+        known = logs.of(robot, known_pose, "known_pose", options.euler)
     forms = [each.form for each in (log, known) if isinstance(each, Log)]
-    logs.orientation.require_used(euler, *forms)
+    logs.orientation.require_used(options.euler, *forms)
     if table:
         if not differences:
             Between().check(robot, log)
@@ -182,60 +144,37 @@ def calibrate(
         log, findings = log_checks.check(robot, log, measurements(differences))
         notes = [finding.text for finding in findings if not finding.refused]
         refused = [finding.text for finding in findings if finding.refused]
-    if homing is not None:
-        influences = [*influences, *homings(robot, *homing)]
     given: dict[str, Any] = {"measured": measured, "measured_sigma": measured_sigma, "loads": loads}
     log = replace(log, **{name: value for name, value in given.items() if value is not None})
     if measured is not None:
         log = replace(log, implied=None, euler=None, form="")
-    settings: dict[str, Any] = {
-        "known_pose": known,
-        "measured_angle_sigma": measured_angle_sigma,
-        "registration": registration,
-        "level": level,
-        "loss": loss,
-        "tuning": tuning,
-        "model_error": model_error,
-        "differences": differences,
-        "influences": influences,
-        "lean": lean,
-    }
-    fit, of = explained(robot, log, settings, cause, refused)
+    case = Case(robot, log, options, known, differences, influences)
+    fit, of = explained(case, refused)
     fit, log = as_read(fit, of)
     notes += review(fit, log) if table else left_out(fit, log)
     return replace(fit, notes=(*notes, *fit.notes))
 
 
 def explained(
-    robot: Robot,
-    log: Log,
-    settings: dict[str, Any],
-    cause: CauseChoice = "refuse",
-    refused: Sequence[str] = (),
-    progress: Callable[[float], None] = lambda _: None,
+    case: Case, refused: Sequence[str] = (), progress: Callable[[float], None] = lambda _: None
 ) -> tuple[Calibration, Hypothesis]:
     """Calibrate by a checked log, after a search for what is wrong with it.
 
-    `settings` are those of :func:`fitting.fit_to`; `refused` are a check's reasons against a fit.
-    The hypothesis is that under which the robot is calibrated; :func:`as_read` returns the machine
-    as it reads. Raises InputError for a decisive
+    `refused` are a check's reasons against a fit. The hypothesis is that under which the robot is
+    calibrated; :func:`as_read` returns the machine as it reads. Raises InputError for a decisive
     cause that is not applied, for undecided ones, and for `refused` without a cause.
     """
-    if cause not in CHOICES:
-        raise InputError(choose("cause", cause, CHOICES))
-    of_log(robot, log, settings.get("lean"))  # a wrong lean or loss is not searched for
-    tuned(settings.get("loss", "squares"), settings.get("tuning"))
-    case = Case(robot, log, settings)
-    none = case.nothing()
+    log, cause, none = case.log, case.options.cause, case.nothing()
+    leaning_of(case.robot, log, case.options.lean)  # a wrong lean is not searched for
     if cause == "ignore" or not len(log.readings):
         if refused:
             raise InputError(f"readings: {'; '.join(refused)}")
-        return case.fitted(none), none
-    squares = settings.get("loss", "squares") == "squares"
+        return fit_to(case), none
+    squares = case.options.loss == "squares"
     robust = None if squares or refused else case.fit(none)
     if robust is not None and agrees(robust):
         return robust, none
-    causes, found, base = search(robot, log, settings, always=bool(refused), progress=progress)
+    causes, found, base = search(case, always=bool(refused), progress=progress)
     gross = any(of.kind == "gross errors" for of in causes.found[: causes.near])
     if gross and not squares:
         causes = replace(causes, verdict="none")  # the loss is for these
@@ -268,7 +207,7 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
     wide = tolerant(causes, found)
     of, near = (case.nothing(), base) if wide is None else (wide.of, wide.fit)
     try:
-        fit = near if direct and near is not None else case.fitted(of)
+        fit = near if direct and near is not None else fit_to(case.under(of))
     except PoseError as error:
         raise PoseError(f"{error}; {contradicting(case.robot, case.log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:

@@ -15,6 +15,7 @@ from truepose.calibration import learnt
 from truepose.calibration.cause import NO_CAUSE, Causes
 from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import VERDICTS, Departure, Learnt, chi2_quantile, departure
+from truepose.calibration.options import Loss
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import conditions, knowledge
@@ -54,7 +55,7 @@ class Calibration(Shown):
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
-    loss: str  #: squares, huber or student
+    loss: Loss
     guarded: bool  #: whether the ideal level's omitted errors were nuisances
     registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were

@@ -5,30 +5,29 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array
 from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
-from truepose.calibration.lean import of_log, without
+from truepose.calibration.lean import Leaning, leaning_of
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
+from truepose.calibration.options import CalibrationOptions, Loss
 from truepose.calibration.registration import (
     KnownPose,
     Registered,
-    Registration,
     known_poses,
-    left_out,
+    leave_one_out,
     measured_outside,
     registration_of,
     rows_of,
 )
-from truepose.exceptions import InputError, PoseError, choose
+from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
 from truepose.logs.reading import repeated
 from truepose.robot import knowledge
@@ -36,71 +35,55 @@ from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import columns
 
-ModelError = Literal["on", "off"]
-MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
-Loss = Literal["squares", "huber", "student"]
-
 #: Share of correct known poses that is reported as contradicting the other data.
 FALSE_ALARMS = 1e-3
 #: Maximum iterations for compliances; change of a reading, in units of its σ, that ends them.
 ROUNDS, NEGLIGIBLE = 8, 1e-3
 #: Memory above which a calibration warns, bytes.
 MUCH = 2e9
-#: Default tuning of each loss: Huber's threshold and Student's degrees of freedom.
-TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
 
-def fit_to(
-    robot: Robot,
-    log: Log,
-    *,
-    influences: Sequence[NuisanceParameter] = (),
-    lean: ArrayLike | None = None,
-    **settings: Any,
-) -> Calibration:
-    """Identify a robot's geometry from a checked log; see :func:`truepose.calibrate`."""
-    leaning = of_log(robot, log, lean)
+@dataclass(frozen=True)
+class Problem:
+    """A robot, a checked log, and what else a fit to it takes; see :func:`truepose.calibrate`."""
+
+    robot: Robot
+    log: Log
+    options: CalibrationOptions = CalibrationOptions()
+    known_pose: KnownPose | Log | None = None
+    differences: Sequence[Difference] = ()
+    influences: Sequence[NuisanceParameter] = ()
+    iterations: int = _core.ITERATIONS
+
+
+def fit_to(problem: Problem) -> Calibration:
+    """Identify a robot's geometry from a checked log."""
+    leaning = leaning_of(problem.robot, problem.log, problem.options.lean)
     if leaning is None:
-        return _fit_upright(robot, log, influences=influences, **settings)
-    fit, at = leaning.fitted(
-        lambda by: _fit_upright(
-            robot, without(log, by), influences=[*influences, *by.unknowns()], **settings
-        )
-    )
-    return at.result(fit)
+        return _fit_upright(problem)
+
+    def fit(by: Leaning) -> Calibration:
+        influences = [*problem.influences, *by.unknowns()]
+        return _fit_upright(replace(problem, log=by.upright(), influences=influences))
+
+    return leaning.fitted(fit)
 
 
-def _fit_upright(
-    robot: Robot,
-    log: Log,
-    *,
-    known_pose: KnownPose | None = None,
-    measured_angle_sigma: float | None = None,
-    registration: Literal["unknown", "known"] | Registration = "unknown",
-    level: Level | None = None,
-    loss: Loss = "squares",
-    tuning: float | None = None,
-    model_error: ModelError = "on",
-    differences: Sequence[Difference] = (),
-    influences: Sequence[NuisanceParameter] = (),
-    iterations: int = _core.ITERATIONS,
-) -> Calibration:
+def _fit_upright(problem: Problem) -> Calibration:
     """Identify a robot's geometry from a log of an upright base."""
+    robot, options, influences = problem.robot, problem.options, problem.influences
     names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
-    tuning = tuned(loss, tuning)
-    if model_error not in MODEL_ERRORS:
-        raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    lines = _lines(robot, log, known_pose, measured_angle_sigma)
-    begun = registration_of(registration)
+    lines = _lines(problem)
+    begun = registration_of(options.registration)
     frames = begun.sigma(robot, lines.outside) if lines.tracked else np.zeros(12)
     registering = bool(frames.any())
-    between = assemble(robot, differences, lines.own, own + 12 * registering)
+    between = assemble(robot, problem.differences, lines.own, own + 12 * registering)
     acting = np.pad(patterns(robot, influences, lines.own), ((0, lines.known), (0, 0), (0, 0)))
     usual, amount_sigma = np.array([of.amount for of in influences]).reshape(-1, 2).T
     apart = between.sigma if between else np.zeros(0)
-    level = robot.highest_level if level is None else level
+    level = options.level or robot.highest_level
     full = robot.is_full(level)
-    guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
+    guarded = not full and options.model_error == "on" and bool(knowledge.left_out(robot))
     known = knowledge.knowledge(
         robot,
         guarded=guarded,
@@ -135,14 +118,14 @@ def _fit_upright(
                 between.core if between else _core.Links([], 0),
                 every.shape[2],
                 every.reshape(len(every), -1),
-                getattr(_core.Loss, loss),
-                tuning,
-                iterations,
+                getattr(_core.Loss, options.loss),
+                options.tuned,
+                problem.iterations,
                 full,
                 lines.known,
             )
         )
-        _require_found(robot, answer, loss, lines.known)
+        _require_found(robot, answer, options.loss, lines.known)
         sigmas = np.sqrt(np.diag(answer.covariance))
         stretched = stretching.learnt(answer.amounts[k:], sigmas[last])
         covariance = answer.covariance[np.ix_(geometry, geometry)]
@@ -175,7 +158,7 @@ def _fit_upright(
         status=np.array([_core.describe(int(s)) for s in answer.lines[told]]),
         iterations=answer.iterations,
         cost=answer.cost,
-        loss=loss,
+        loss=options.loss,
         guarded=guarded,
         registration=answer.registered(geometry, moved, frames) if lines.tracked else None,
         differences=found,
@@ -243,7 +226,7 @@ def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
     x = lines.outside[of]
     near = fit.robot.fkm(lines.rows[of, : fit.robot.n], np.where(np.isnan(x), fit.robot.home, x))
     rows = rows_of(fit.robot, fit.names, lines.rows[of], near, x, lines.outside_sigma[of])
-    judged = left_out(fit.robot, rows, fit.covariance, np.zeros(len(fit.names)), FALSE_ALARMS)
+    judged = leave_one_out(fit.robot, rows, fit.covariance, np.zeros(len(fit.names)), FALSE_ALARMS)
     return [
         f"known_pose: row {k}: contradicts all other data: by these the robot stood {by} from it "
         f"(χ² = {chi2:.3g}, at most {limit:.3g}): wrong pose, or tolerances?"
@@ -252,26 +235,19 @@ def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
     ]
 
 
-def tuned(loss: Loss, tuning: float | None) -> float:
-    """Return the tuning of a loss, by default its own; InputError for either that is unknown."""
-    if loss not in TUNING:
-        raise InputError(choose("loss", loss, TUNING))
-    tuning = TUNING[loss] if tuning is None else tuning
-    if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
-        raise InputError(f"tuning = {tuning}: must be a number greater than 0")
-    return tuning
-
-
-def _lines(
-    robot: Robot, log: Log, known_pose: KnownPose | None, angle_sigma: float | None
-) -> _Lines:
+def _lines(problem: Problem) -> _Lines:
     """Check the shapes; keep only the motor readings of repeated rows."""
-    poses, rows = known_poses(robot, known_pose), log.readings
+    robot, log, rows = problem.robot, problem.log, problem.log.readings
+    poses = known_poses(robot, problem.known_pose)
     if len(rows) + len(poses.x) == 0:
         raise InputError("readings: none; give a log of readings, known_pose, or both")
     tracked = log.measured is not None and len(rows) > 0
     outside, sigma = measured_outside(
-        robot, log.measured, log.measured_sigma, angle_sigma, len(rows)
+        robot,
+        log.measured,
+        log.measured_sigma,
+        problem.options.measured_angle_sigma,
+        len(rows),
     )
     again = repeated(rows, outside, robot.n)
     if len(poses.x):  # which may repeat rows of the log

@@ -1,12 +1,11 @@
-"""Lean of the base as an unknown of a calibration: per log, per posture, or a base IMU's bias."""
+"""Lean of the base as nuisance parameters of a calibration: common, per posture, an IMU's bias."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +18,7 @@ from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.logs.base_lean import MOST
+from truepose.logs.reading import POSTURE, stood
 from truepose.robot import lean
 from truepose.robot.robot import Robot
 from truepose.show.units import printed
@@ -31,149 +31,134 @@ _NOTHING = 1e-9
 _ROUNDS, _NEAR = 5, 1e-3
 
 
-class _Component(NamedTuple):
-    """One unknown angle: of the whole log, or of one posture."""
-
-    name: str
-    axis: int  #: 0 or 1, of :func:`truepose.robot.lean.axes`
-    row: int | None  #: of the posture; None: common to all
-    sigma: float  #: prior, rad
-
-
 @dataclass(frozen=True)
 class Leaning:
-    """An unknown lean of the base over N rows, linearized about the one found so far.
+    """An unknown lean of the base over a log of N rows, linearized about `amounts`.
 
-    Each posture is level at the pose that the lean implies, and inclinometers see the vertical that
-    it gives. What remains are components with patterns on the readings.
+    Flat postures are level at the pose that the lean implies, and inclinometers see the vertical
+    that it gives. Each of k unknowns is about one axis, common to the log or of one posture.
     """
 
     robot: Robot
-    x: Array  #: (N, n) poses relative to the base, without the unknown lean
-    implied: Array  #: (N, n) bool: coordinates at which the platform is level
-    read: Array  #: (N, 2) lean that a base IMU read, else 0
-    postures: Array  #: (N,) bool: rows with a lean of their own
-    sigma: tuple[float, float]  #: common to all rows, and of each posture, rad
+    log: Log
     given: bool  #: σ is the user's, not assumed
-    measured: bool  #: a base IMU read the lean: the unknown is the lean beyond its reading
-    amounts: Mapping[str, float] = field(default_factory=dict)  #: found so far, rad
+    names: tuple[str, ...]  #: of the unknowns
+    axis: Array  #: (k,) 0 or 1, of :func:`truepose.robot.lean.axes`
+    rows: Array  #: (k, N) bool: on which each acts
+    sigma: Array  #: (k,) prior, rad
+    amounts: Array  #: (k,) found so far, rad
+
+    @cached_property
+    def implied(self) -> Array:
+        """Coordinates at which the platform is level, (N, n) bool."""
+        return _implied(self.log, self.robot.n)
+
+    @cached_property
+    def read(self) -> Array:
+        """Lean that a base IMU read, else 0, (N, 2)."""
+        leans = self.log.base_lean
+        return np.zeros((len(self.log.readings), 2)) if leans is None else leans
 
     @cached_property
     def about(self) -> Array:
         """Lean about which this is linearized, (N, 2), rad."""
-        result = self.read.copy()
-        for of in self._every:
-            rows = slice(None) if of.row is None else of.row
-            result[rows, of.axis] += self.amounts.get(of.name, 0.0)
-        return result
+        return self.read + (self.amounts * self.rows.T) @ np.eye(2)[self.axis]
 
     @cached_property
     def pose(self) -> Array:
-        """Poses relative to the base, (N, n), at this lean."""
-        known = np.isfinite(self.x).all(axis=1) & self.implied.any(axis=1)
-        result, rows = self.x.copy(), np.flatnonzero(known)
-        result[rows] = lean.leveled(self.robot, self.x[rows], self.about[rows], self.implied[rows])
-        return result
+        """Poses relative to the base, (N, n), at this lean; NaN without an answer."""
+        x = poses_of(self.robot, self.log.readings[:, : self.robot.n])
+        if self.log.measured is not None:
+            x = np.where(self.implied, self.log.measured, x)
+        rows = np.isfinite(x).all(axis=1) & self.implied.any(axis=1)
+        x[rows] = lean.leveled(self.robot, x[rows], self.about[rows], self.implied[rows])
+        return x
 
     @cached_property
     def effect(self) -> lean.Effect:
         """Effect of a further lean."""
         return lean.effect(self.robot, self.pose, self.about, self.implied)
 
-    @cached_property
-    def correction(self) -> Array:
-        """Change of the readings, (N, n + r), by the lean beyond what was read."""
-        x = np.where(np.isnan(self.pose), self.robot.home, self.pose)
-        at = (lean.inclination(self.robot, x, of) for of in (self.about, self.read))
-        return np.asarray(np.subtract(*at))
-
-    @property
-    def _every(self) -> list[_Component]:
-        names = [f"base lean about {'xyz'[k]}" for k in lean.axes(self.robot)]
-        rows = [None, *np.flatnonzero(self.postures).tolist()]
-        return [
-            _Component(name if row is None else f"{name}, posture {row + 1}", k, row, sigma)
-            for row in rows
-            if (sigma := self.sigma[row is not None]) > 0
-            for k, name in enumerate(names)
-        ]
-
-    @cached_property
-    def components(self) -> list[_Component]:
-        """The unknowns on which a reading depends: common ones, then each posture's."""
-        every = self._every
-        return [of for of in every if np.abs(self.reading(of)).max(initial=0) > _NOTHING]
-
-    def reading(self, of: _Component) -> Array:
-        """Return a component's pattern, (N, n + r)."""
-        return _on(of, self.effect.reading)
-
-    def amount(self, of: _Component) -> float:
-        """Return what was found of a component, rad."""
-        return self.amounts.get(of.name, 0.0)
-
-    def unknowns(self) -> list[NuisanceParameter]:
-        """Return the components less what was found, in rad, as nuisance parameters."""
-        return [
-            NuisanceParameter(
-                name=of.name, pattern=self.reading(of), amount=(-self.amount(of), of.sigma)
-            )
-            for of in self.components
-        ]
-
-    def at_level(self, x: Array) -> Array:
-        """Return poses x, (N, n), with the implied coordinates at this lean."""
-        return np.where(self.implied, self.pose, x)
+    def by_unknown(self, part: Array) -> Array:
+        """Return a part of the effect, (N, m, 2), for each unknown, (N, m, k)."""
+        return np.asarray(part[:, :, self.axis] * self.rows.T[:, None])
 
     def spread(self, part: Array) -> Array:
-        """Return σ of a part of the effect, (N, k, 2), from the lean: (N, k)."""
-        variance = self.sigma[0] ** 2 + self.sigma[1] ** 2 * self.postures
-        return np.asarray(np.sqrt(variance[:, None] * (part**2).sum(axis=2)))
+        """Return σ of a part of the effect, (N, m, 2), from the lean: (N, m)."""
+        return np.linalg.norm(self.by_unknown(part) * self.sigma, axis=2)
 
-    def only(self, rows: Array) -> Leaning:
-        """Return the lean of some rows; they must be all where postures have leans of their own."""
-        of = {name: getattr(self, name)[rows] for name in ("x", "implied", "read", "postures")}
-        return replace(self, **of)
+    def only(self, few: Array) -> Leaning:
+        """Return the unknowns of these numbers."""
+        names = tuple(np.array(self.names)[few].tolist())
+        kept = {name: getattr(self, name)[few] for name in ("axis", "rows", "sigma", "amounts")}
+        return replace(self, names=names, **kept)
 
-    def fitted(self, fit: Callable[[Leaning], Calibration]) -> tuple[Calibration, Leaning]:
-        """Fit, linearized anew about the lean found, until it stays; return the last of both."""
+    def upright(self) -> Log:
+        """Return the log with readings and flat postures at this lean, and no columns of it."""
+        x = np.where(np.isnan(self.pose), self.robot.home, self.pose)
+        now, before = (lean.inclination(self.robot, x, of) for of in (self.about, self.read))
+        measured = self.log.measured
+        if measured is not None:
+            measured = np.where(self.implied, self.pose, measured)
+        readings = self.log.readings - now + before
+        return replace(self.log, readings=readings, measured=measured, implied=None, base_lean=None)
+
+    def unknowns(self) -> list[NuisanceParameter]:
+        """Return the unknowns less what was found, in rad, as nuisance parameters."""
+        each = zip(self.names, np.moveaxis(self.by_unknown(self.effect.reading), 2, 0), strict=True)
+        return [
+            NuisanceParameter(name=name, pattern=pattern, amount=(-amount, sigma))
+            for (name, pattern), amount, sigma in zip(
+                each, self.amounts.tolist(), self.sigma.tolist(), strict=True
+            )
+        ]
+
+    def fitted(self, fit: Callable[[Leaning], Calibration]) -> Calibration:
+        """Fit, linearized anew about the lean found, until it stays; poses are the base's."""
         by, found = self, fit(self)
         for _ in range(_ROUNDS):
-            step = {of.name: found.influences[of.name].value for of in by.components}
-            if max(map(abs, step.values()), default=0) < _NEAR:
+            step = np.array([found.influences[name].value for name in by.names])
+            if np.abs(step).max() < _NEAR:
                 break
-            amounts = {name: by.amounts.get(name, 0.0) + value for name, value in step.items()}
-            by = replace(by, amounts=amounts)
+            by = replace(by, amounts=by.amounts + step)
             found = fit(by)
-        return found, by
+        return by._result(found)
 
-    def result(self, fit: Calibration) -> Calibration:
-        """Return a fit linearized about this lean, with poses relative to the base, and a note."""
-        x, influences, common = fit.x, dict(fit.influences), []
-        for of in self.components:
-            beyond = fit.influences[of.name]
-            x = x + beyond.value * _on(of, self.effect.pose)
-            found = Learnt(0.0, of.sigma, self.amount(of) + beyond.value, beyond.sigma)
-            influences[of.name] = found
-            if of.row is None:
-                value = printed(found.value, "rad", "+.2g")
-                common.append(f"{value} ± {printed(found.sigma, 'rad', '.2g')} about {of.name[-1]}")
+    def _result(self, fit: Calibration) -> Calibration:
+        beyond = [fit.influences[name] for name in self.names]
+        steps = np.array([of.value for of in beyond])
+        total = {
+            name: Learnt(0.0, sigma, amount, of.sigma)
+            for name, sigma, amount, of in zip(
+                self.names,
+                self.sigma.tolist(),
+                (self.amounts + steps).tolist(),
+                beyond,
+                strict=True,
+            )
+        }
+        common = [
+            f"{printed(of.value, 'rad', '+.2g')} ± {printed(of.sigma, 'rad', '.2g')} about "
+            f"{name[-1]}"
+            for name, of in total.items()
+            if "," not in name
+        ]
         notes = list(fit.notes)
         if common:
-            beyond_imu = " more than its IMU reads" if self.measured else ""
+            measured = self.log.base_lean is not None
+            beyond_imu = " more than its IMU reads" * measured
             own = printed(self.sigma[0], "rad", ".2g")
             how = "" if self.given else " (assumed)"
-            hint = "" if self.given or self.measured else "; lean (--lean): 0 if the base is level"
+            hint = "; lean (--lean): 0 if the base is level" * (not self.given and not measured)
             notes.append(f"base leans {', '.join(common)}{beyond_imu}; σ before: {own}{how}{hint}")
-        return replace(fit, x=x, influences=influences, notes=tuple(notes))
+        x = fit.x + self.by_unknown(self.effect.pose) @ steps
+        return replace(fit, x=x, influences=fit.influences | total, notes=tuple(notes))
 
 
-def _on(of: _Component, effect: Array) -> Array:
-    """Return the effect per rad of a component, (N, k)."""
-    result: Array = effect[:, :, of.axis]
-    if of.row is not None:
-        result = np.where((np.arange(len(result)) == of.row)[:, None], result, 0.0)
-    return result
+def _implied(log: Log, n: int) -> Array:
+    if log.implied is None or log.measured is None:
+        return np.zeros((len(log.readings), n), dtype=bool)
+    return np.asarray(log.implied & np.isfinite(log.measured))
 
 
 def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[float, float]:
@@ -192,59 +177,42 @@ def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[floa
     return float(values[0]), float(values[1]) if len(values) == 2 else 0.0
 
 
-def leaning_of(
-    robot: Robot,
-    x: Array,
-    implied: Array,
-    postures: Array,
-    read: Array | None,
-    given: ArrayLike | None,
-) -> Leaning:
-    """Return the unknown lean of rows at poses x; arguments as of :class:`Leaning`.
-
-    Raises InputError for a σ greater than 0 of a lean on which nothing depends.
-    """
-    sigma = sigmas(given, read is not None, bool(implied.any()))
-    if given is not None and any(sigma):
-        require_effect(robot, implied, "lean (--lean)")
-    return Leaning(
-        robot=robot.expected(),
-        x=x,
-        implied=implied,
-        read=np.zeros((len(x), 2)) if read is None else read,
-        postures=postures,
-        sigma=sigma,
-        given=given is not None,
-        measured=read is not None,
-    )
-
-
-def require_effect(robot: Robot, implied: Array, what: str) -> None:
+def require_effect(robot: Robot, log: Log, what: str) -> None:
     """Refuse a lean on which nothing depends."""
-    if not (implied.any() or lean.gravity_referred(robot).any()):
+    if not (_implied(log, robot.n).any() or lean.gravity_referred(robot).any()):
         raise InputError(
             f"{what}: nothing depends on it: no pose is level with respect to gravity, and no "
             "inclinometer is in use"
         )
 
 
-def of_log(robot: Robot, log: Log, given: ArrayLike | None) -> Leaning | None:
-    """Return the unknown lean of a log, of its flat postures and its inclinometers; or None."""
-    implied = np.zeros((len(log.readings), robot.n), dtype=bool)
-    if log.implied is not None and log.measured is not None:
-        implied = log.implied & np.isfinite(log.measured)
-    if not any(sigmas(given, log.base_lean is not None, bool(implied.any()))):
+def leaning_of(robot: Robot, log: Log, given: ArrayLike | None) -> Leaning | None:
+    """Return the unknown lean of a log, on its flat postures and its inclinometers; or None.
+
+    Raises InputError for a σ greater than 0 of a lean on which nothing depends.
+    """
+    implied = _implied(log, robot.n)
+    common, own = sigmas(given, log.base_lean is not None, bool(implied.any()))
+    if not (common or own):
         return None
-    x = poses_of(robot.expected(), log.readings[:, : robot.n])
-    if log.measured is not None:
-        x = np.where(implied, log.measured, x)
-    postures = np.asarray(implied.any(axis=1))
-    of = leaning_of(robot, x, implied, postures, log.base_lean, given)
-    return of if of.components else None
-
-
-def without(log: Log, by: Leaning) -> Log:
-    """Return the log with readings and flat postures at the lean found, and no columns of it."""
-    measured = None if log.measured is None else by.at_level(log.measured)
-    readings = log.readings - by.correction
-    return replace(log, readings=readings, measured=measured, implied=None, base_lean=None)
+    if given is not None:
+        require_effect(robot, log, "lean (--lean)")
+    postures = implied.any(axis=1)
+    if POSTURE in log.labels:
+        postures |= stood(log.labels[POSTURE])
+    axes = [f"base lean about {'xyz'[k]}" for k in lean.axes(robot)]
+    each = [(name, k, np.ones(len(implied), dtype=bool), common) for k, name in enumerate(axes)]
+    each += [
+        (f"{name}, posture {row + 1}", k, np.arange(len(implied)) == row, own)
+        for row in np.flatnonzero(postures).tolist()
+        for k, name in enumerate(axes)
+    ]
+    if not (each := [of for of in each if of[3] > 0]):
+        return None
+    names, axis, rows, sigma = zip(*each, strict=True)
+    result = Leaning(
+        robot.expected(), log, given is not None, names, np.array(axis), np.array(rows),
+        np.array(sigma), np.zeros(len(names)),
+    )  # fmt: skip
+    acting = np.abs(result.by_unknown(result.effect.reading)).max(axis=(0, 1), initial=0) > _NOTHING
+    return result.only(np.flatnonzero(acting)) if acting.any() else None

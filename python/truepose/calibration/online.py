@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.cause import Causes
+from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.search import search
-from truepose.calibration.fitting import MODEL_ERRORS, ModelError
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.log_checks import log_of
+from truepose.calibration.options import CalibrationOptions, ModelError
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
@@ -73,8 +74,7 @@ class OnlineCalibrator:
         self.level: Level = robot.highest_level if level is None else level  #: of the model
         self.prior = robot  #: at the start
         self._robot = robot.with_level(self.level)
-        if model_error not in MODEL_ERRORS:
-            raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+        CalibrationOptions(model_error=model_error)  # refuses an unknown word
         self._error = model_error == "on"
         self._names = knowledge.require_uncertain(robot)
         if not (np.isfinite(gate) and gate >= 0):
@@ -199,8 +199,8 @@ class OnlineCalibrator:
         q_e : array_like, shape (N, n + r)
             The last rows, some of them before the disagreement.
         """
-        settings = {"level": self.level, "model_error": "on" if self._error else "off"}
-        return search(self.prior, log_of(self.prior, q_e), settings).causes
+        options = CalibrationOptions(level=self.level, model_error="on" if self._error else "off")
+        return search(Case(self.prior, log_of(self.prior, q_e), options)).causes
 
     @property
     def covariance(self) -> Array:

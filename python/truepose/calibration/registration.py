@@ -309,7 +309,7 @@ def rows_of(
     return rows
 
 
-def left_out(
+def leave_one_out(
     robot: Robot, rows: list[Row], covariance: Array, step: Array, false_alarms: float
 ) -> list[tuple[float, float, str]]:
     """Return each row's χ², its limit, and the pose's error, as all other rows predict it.

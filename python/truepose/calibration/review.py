@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from truepose.arguments import Array
 from truepose.calibration import learnt
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
-from truepose.calibration.calibrate import CauseChoice, explained, review
+from truepose.calibration.calibrate import explained, review
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.lasting import as_read
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Calibration
+from truepose.calibration.fitting import fit_to
 from truepose.calibration.registration import Registered, sigmas
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
@@ -53,36 +53,31 @@ class Assessment:
 
 
 def assess(
-    robot: Robot,
-    log: Log,
-    notes: list[str],
+    case: Case,
+    notes: Sequence[str] = (),
+    refused: Sequence[str] = (),
+    between: Between = Between(),
     reference_pose: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
     searched: Callable[[float], None] = lambda _: None,
-    between: Between | None = None,
-    cause: CauseChoice = "refuse",
-    refused: Sequence[str] = (),
-    **settings: Any,
 ) -> Assessment:
     """Calibrate by a checked log, and again without every fifth row; predict the accuracy.
 
     `progress` is called with each step's name, `searched` with the share of causes tried;
-    `settings` are those of :func:`truepose.calibrate`; `refused` are the reasons of a check against
-    a fit, unless a cause is found.
+    `refused` are the reasons of a check against a fit, unless a cause is found.
     """
-    given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
+    robot, log = case.robot, case.log
     if log.measured is not None:
-        given = log.measured_sigma if given is None else given
-        log = replace(log, measured_sigma=sigmas(robot, given, angle, len(log.lines)))
-    between = between or Between()
+        angle = case.options.measured_angle_sigma
+        given = sigmas(robot, log.measured_sigma, angle, len(log.lines))
+        log = replace(log, measured_sigma=given)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
         return expect(by, part.readings, part.measured, sigma, of, fit.level, part.loads)
 
-    settings |= {"differences": between.of(robot, log)}
-    fit, of = explained(robot, log, settings, cause, refused, searched)
-    whole = log
+    case = replace(case, log=log, differences=between.of(robot, log))
+    fit, of = explained(case, refused, searched)
     fit, log = as_read(fit, of)
     progress("fit")
     model, seen = fit.prior.expected(), fit.registration
@@ -92,10 +87,9 @@ def assess(
     out = np.arange(len(log.lines)) % FOLD == FOLD - 1
     if out.any():
         try:
-            rest = between.of(robot, log.only(~out))
-            case = Case(robot, whole, settings)
-            kept = np.flatnonzero(~out)
-            part, _ = as_read(case.fitted(of, kept, differences=rest, loss=fit.loss), of)
+            options = replace(case.options, loss=fit.loss)
+            rest = replace(case, options=options).under(of).only(np.flatnonzero(~out))
+            part, _ = as_read(fit_to(replace(rest, differences=between.of(robot, rest.log))), of)
             held_out[out] = expected(part.robot, log.only(out), part.registration).residual
         except TrueposeError as error:
             notes = [*notes, f"held-out lines: {error}"]

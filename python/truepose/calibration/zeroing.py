@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,15 +12,18 @@ from truepose import logs
 from truepose.arguments import Array, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
-from truepose.calibration.calibrate import calibrate
-from truepose.calibration.causes.column_check import APART
-from truepose.calibration.expectation import expect, poses_of
+from truepose.calibration.calibrate import left_out
+from truepose.calibration.causes.column_check import APART, MISFIT
+from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
+from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.lean import Leaning, leaning_of, require_effect
-from truepose.calibration.postures import Posture, mean_of, postures_of, sigma_of
-from truepose.calibration.registration import KNOWN, Registered, left_out, rows_of, sizes
-from truepose.exceptions import InputError
+from truepose.calibration.options import CalibrationOptions
+from truepose.calibration.registration import KNOWN, Registered, leave_one_out, rows_of, sizes
+from truepose.exceptions import InputError, PoseError
+from truepose.logs import Log
 from truepose.robot import knowledge
+from truepose.robot.lean import leveled
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes, reading_units
 from truepose.show.charts import ranges
@@ -32,6 +35,8 @@ from truepose.show.units import named
 _SHARE = 0.05
 #: Share of logs with correct postures in which one is refused.
 FALSE_ALARMS = 1e-3
+#: Allowed motion within a posture's rows, σ.
+_SAME = 5.0
 
 
 class Zero(NamedTuple):
@@ -143,122 +148,209 @@ def zero(
     require(robot, Robot, "robot", "truepose.load(name)")
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
-    known = sigma_of(robot, sigma)
+    known = _sigma_of(robot, sigma)
     read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     if not read.any():
         raise InputError("no line has a reading of every motor")
     if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
         raise InputError(f"readings: {'; '.join(wrong)}")
-    postures, notes = postures_of(robot, log.only(read), at, known)
+    postures, notes = _postures_of(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    leaning = _leaning(robot, log, postures, lean)
-    read_at = np.array([posture.read for posture in postures])
-    of = _poses_apart(postures, apart=leaning.sigma[1] > 0)
+    if postures.base_lean is not None:
+        require_effect(robot, postures, "base_lean columns")
+    leaning = leaning_of(robot, postures, lean)
+    of = _poses_apart(postures, apart=leaning is not None and not leaning.rows.all())
     first, times = np.unique(of, return_index=True, return_counts=True)[1:]
-    x = np.array([postures[k].x for k in first])
-    rows = np.array([mean_of(read_at[of == k]) for k in range(len(x))])
-    sigmas = known / np.sqrt(times)[:, None]
-    leaning, called = leaning.only(first), [postures[k].where for k in first]
-    allowed = _require_near(robot, rows, x, sigmas, leaning, called)
-    fit, leaning = leaning.fitted(
-        lambda by: calibrate(
-            robot,
-            rows - by.correction,
-            measured=by.at_level(x),
-            measured_sigma=sigmas,
-            registration="known",
-            influences=by.unknowns(),
-            cause="ignore",
-        )
+    poses = replace(
+        postures.only(first),
+        readings=np.array([_mean_of(postures.readings[of == k]) for k in range(len(first))]),
+        measured_sigma=known / np.sqrt(times)[:, None],
     )
-    _require_agreement(fit, postures, of, known, leaning.only(of))
-    fit = leaning.result(fit)
-    if len(postures) == 1:
+    allowed = _require_near(robot, poses, leaning_of(robot, poses, lean))
+    options = CalibrationOptions(registration="known", lean=lean)
+    fit = fit_to(Problem(robot, poses, options))
+    fit = replace(fit, notes=(*left_out(fit, poses), *fit.notes))
+    if leaning is not None:
+        amounts = np.array([fit.influences[name].value for name in leaning.names])
+        leaning = replace(leaning, amounts=amounts)
+        postures = leaning.upright()
+    _require_agreement(fit, postures, of, known, leaning)
+    x = np.asarray(postures.measured)
+    if len(of) == 1:
         told = np.isfinite(x[0])
         notes.append(
             "one posture: its pose cannot be checked; an error of it below "
             f"{sizes(robot, told, APART * allowed[0, told], '.2g')} goes into the homing offsets: "
             "repeat the posture, and read it again"
         )
-    return Zeroing(fit, leaning.at_level(x), _motors(fit, rows), tuple(notes))
+    return Zeroing(fit, x[first], _motors(fit, poses.readings), tuple(notes))
 
 
-def _poses_apart(postures: list[Posture], apart: bool) -> Array:
-    """Return the number of each posture's pose, (K,); all differ where `apart`."""
-    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
-    at_pose = (
-        (*np.nan_to_num(p.x, nan=np.inf), *p.implied, *p.lean, k * apart)
-        for k, p in enumerate(postures)
+def _pose(robot: Robot, at: ArrayLike | None) -> Array:
+    if at is not None:
+        x = np.asarray(at, dtype=float)
+        if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
+            raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
+        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # if rotational
+            low, high = axis.limits or (-np.inf, np.inf)
+            if angle < low or angle > high:
+                raise InputError(
+                    f"at (--at): {axis.name} = {angle:.6g} rad: must be within its limits, "
+                    f"{low:.6g} to {high:.6g}"
+                )
+        try:
+            robot.ikm(np.where(np.isnan(x), robot.home, x))
+        except PoseError as error:
+            raise InputError(f"at (--at): {error}") from None
+        return x
+    if robot.spec.mobility == "rotational":
+        return np.where(logs.reading.tilts(robot), 0.0, np.nan)
+    return robot.home
+
+
+def _sigma_of(robot: Robot, sigma: ArrayLike | float | None) -> Array:
+    """Return σ of the pose, (n,), m or rad."""
+    if sigma is None and robot.spec.mobility != "rotational":
+        raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
+    sigma = logs.reading.FLAT if sigma is None else sigma
+    values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
+    if not (np.isfinite(values) & (values > 0)).all():
+        raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
+    return values
+
+
+def _postures_of(
+    robot: Robot, log: Log, at: ArrayLike | None, sigma: Array
+) -> tuple[Log, list[str]]:
+    """Return a log with a row, its pose known, for each posture, and notes on motion within them.
+
+    Every motor must have been read. Labels are names and lines.
+    """
+    labels = log.labels.get(logs.reading.POSTURE)
+    usual, names = _pose(robot, at), np.full(len(log.lines), "one")
+    stood = np.ones(len(names), dtype=bool)
+    if labels is not None:
+        names, stood = labels, logs.reading.stood(labels)
+        if not stood.any():
+            raise InputError("no line names a posture: the column 'posture' is empty, or 0")
+        if at is not None:
+            outside = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
+            raise InputError(
+                "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
+                f"out, or give the pose in columns {outside}"
+            )
+    elif log.measured is not None:
+        names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
+        usual = np.full(robot.n, np.nan) if at is None else usual
+    measured = log.measured
+    if measured is not None and log.implied is not None:
+        measured = np.where(log.implied, np.nan, measured)
+    level = np.isfinite(usual) & (robot.spec.mobility == "rotational" and at is None)
+    rows, notes = [], []
+    for name in dict.fromkeys(names[stood].tolist()):
+        lines = np.flatnonzero(stood & (names == name))
+        here, known, implied, tilt = log.readings[lines], usual, level, np.zeros(2)
+        if measured is not None:
+            mean = _mean_of(measured[lines])
+            known, implied = np.where(np.isnan(mean), usual, mean), level & np.isnan(mean)
+        if log.base_lean is not None:
+            tilt = log.base_lean[lines].mean(axis=0)
+        if implied.any() and tilt.any():
+            known = leveled(robot, known[None], tilt[None], implied[None])[0]
+        where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
+        rows.append((_mean_of(here), known, implied, tilt, where))
+        if moves := _moves(robot, here, known, sigma, where):
+            notes.append(moves)
+    read, x, implied, tilts, called = map(np.array, zip(*rows, strict=True))
+    postures = Log(
+        log.names,
+        read,
+        x,
+        np.arange(1, len(x) + 1),
+        "posture",
+        labels={logs.reading.POSTURE: called},
+        implied=implied,
+        base_lean=None if log.base_lean is None else tilts,
     )
-    return np.array([numbers.setdefault(pose, len(numbers)) for pose in at_pose])
+    return postures, notes
 
 
-def _leaning(
-    robot: Robot, log: logs.Log, postures: list[Posture], sigma: ArrayLike | None
-) -> Leaning:
-    columns = zip(*((p.read, p.x, p.implied, p.lean) for p in postures), strict=True)
-    q, x, implied, leans = map(np.array, columns)
-    if (unknown := np.isnan(x)).any():
-        x = np.where(unknown, poses_of(robot.expected(), q[:, : robot.n]), x)
-    read = None if log.base_lean is None else leans
-    every = np.ones(len(postures), dtype=bool)
-    if read is not None:
-        require_effect(robot, implied, "base_lean columns")
-    return leaning_of(robot, x, implied, every, read, sigma)
+def _mean_of(rows: Array) -> Array:
+    """Return the mean of each column's readings; NaN without any."""
+    return np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan)
+
+
+def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
+    """Return a note on motion within a posture's rows; "" without any."""
+    q = here[:, : robot.n]
+    x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
+    if np.isnan(x).any(axis=1).all():  # units, signs: see :func:`zeroing.zero`
+        return ""
+    moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
+    noise = knowledge.reading_sigma(robot)[: robot.n]
+    k, units = int(np.argmax(size / noise)), reading_units(robot)
+    said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
+    still = (moved <= MISFIT * sigma).all()  # False where some rows close no loop
+    if not still and size[k] > MISFIT * noise[k]:
+        raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
+    return said if (moved > _SAME * sigma).any() else ""
+
+
+def _poses_apart(postures: Log, apart: bool) -> Array:
+    """Return the number of each posture's pose, (K,); all differ where `apart`."""
+    x, leans = np.asarray(postures.measured), postures.base_lean
+    cells = [np.nan_to_num(x, nan=np.inf), np.asarray(postures.implied)]
+    cells += [] if leans is None else [leans]
+    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
+    keys = [(*row, k * apart) for k, row in enumerate(np.hstack(cells).tolist())]
+    return np.array([numbers.setdefault(key, len(numbers)) for key in keys])
 
 
 def _require_agreement(
-    fit: Calibration, postures: list[Posture], of: Array, sigma: Array, leaning: Leaning
+    fit: Calibration, postures: Log, of: Array, sigma: Array, leaning: Leaning | None
 ) -> None:
     """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
-    if len(postures) < 2:
+    if len(of) < 2:
         return
-    robot, parts = fit.robot, leaning.components
-    read, x = (np.array(v) for v in zip(*((p.read, p.x) for p in postures), strict=True))
-    acting = np.zeros((*read.shape, len(parts)))
-    for k, part in enumerate(parts):
-        acting[:, :, k] = leaning.reading(part)
-    beyond = [fit.influences[part.name] for part in parts]
-    rows = rows_of(
-        robot,
-        fit.names,
-        read - leaning.correction - acting @ [lean.value for lean in beyond],
-        fit.x[of],
-        leaning.at_level(x),
-        np.broadcast_to(sigma, x.shape),
-        acting,
-    )
-    every, own = [*fit.parameters.values(), *beyond], len(fit.names)
+    robot, x = fit.robot, np.asarray(postures.measured)
+    names = leaning.names if leaning else ()
+    acting = leaning.by_unknown(leaning.effect.reading) if leaning else None
+    spread = np.broadcast_to(sigma, x.shape)
+    rows = rows_of(robot, fit.names, postures.readings, fit.x[of], x, spread, acting)
+    every = [*fit.parameters.values(), *(fit.influences[name] for name in names)]
+    own = len(fit.names)
     prior = np.diag([u.prior_sigma**-2 for u in every])
     prior[:own, :own] = np.linalg.inv(fit.prior_covariance)
     off = np.array([u.prior - u.value for u in every])
     covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
-    judged = left_out(robot, rows, covariance, step, FALSE_ALARMS / len(postures))
+    judged = leave_one_out(robot, rows, covariance, step, FALSE_ALARMS / len(of))
     worst = max(range(len(rows)), key=lambda k: judged[k][0] - judged[k][1])
     chi2, limit, by = judged[worst]
     if not chi2 > limit:
         return
-    others = [posture.where for k, posture in enumerate(postures) if k != worst]
+    where = postures.labels[logs.reading.POSTURE]
+    others = np.delete(where, worst)
     against = f"the other {len(others)}" if len(others) > 1 else others[0]
     again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
     raise InputError(
-        f"{postures[worst].where}: contradicts {against}: by that the robot stood {by} from the "
+        f"{where[worst]}: contradicts {against}: by that the robot stood {by} from the "
         f"pose given (χ² = {chi2:.3g}, at most {limit:.3g}): {again}"
     )
 
 
-def _require_near(
-    robot: Robot, rows: Array, x: Array, sigma: Array, leaning: Leaning, called: list[str]
-) -> Array:
+def _require_near(robot: Robot, poses: Log, leaning: Leaning | None) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
-    model, n = robot.expected(), robot.n
+    model, n, rows = robot.expected(), robot.n, poses.readings
+    x, sigma = np.asarray(poses.measured), np.asarray(poses.measured_sigma)
     known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
-    sigma = np.hypot(sigma, leaning.spread(leaning.effect.pose))
+    if leaning is not None:
+        sigma = np.hypot(sigma, leaning.spread(leaning.effect.pose))
     seen = expect(model, rows, x, sigma, known)
-    inclined = leaning.spread(leaning.effect.inclination)[:, n:]
-    seen.sigma[:, : robot.r] = np.hypot(seen.sigma[:, : robot.r], inclined)
+    if leaning is not None:
+        inclined = leaning.spread(leaning.effect.inclination)[:, n:]
+        seen.sigma[:, : robot.r] = np.hypot(seen.sigma[:, : robot.r], inclined)
     distance = np.abs(seen.residual) / seen.sigma
     lost = np.asarray(np.isnan(seen.x).any(axis=1))
     far = lost | np.asarray((distance > APART).any(axis=1))
@@ -284,8 +376,9 @@ def _require_near(
     every = {*units, *(unit for _, unit in robot.coordinates)}
     wrong = " or ".join(text for unit, text in (("rad", "degrees"), ("m", "mm")) if unit in every)
     raise InputError(
-        f"{called[i]}: {', '.join(read)}: {why}: in {wrong}, a sign, the order of the columns, "
-        "another pose, or another zero (encoder_offset: nominal less read, or a larger tolerance)?"
+        f"{poses.labels[logs.reading.POSTURE][i]}: {', '.join(read)}: {why}: in {wrong}, a sign, "
+        "the order of the columns, another pose, or another zero (encoder_offset: nominal less "
+        "read, or a larger tolerance)?"
     )
 
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
 
 from typer import Argument, Option
 
 from truepose import logs
-from truepose.calibration import log_checks, rehomed, review
-from truepose.calibration.calibrate import CauseChoice
+from truepose.calibration import CalibrationOptions, log_checks, rehomed, review
+from truepose.calibration.between import Between, read
+from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.differences import measurements
-from truepose.calibration.fitting import Loss, ModelError
-from truepose.calibration.registration import known_poses
-from truepose.calibration.review import Assessment
+from truepose.calibration.registration import known_poses, sigmas
 from truepose.commands import options
-from truepose.commands.options import between_option
+from truepose.commands.groups import grouped
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
@@ -30,9 +27,8 @@ STEPS = 3 + review.STEPS
 #: Measured differences that the terminal shows; the report has all.
 SHOWN = 12
 
-Registration = Literal["unknown", "known"]
 
-
+@grouped("level", "loss", "cause", "registration", "lean")
 def command(
     robot: options.RobotName,
     log: Path | None = Argument(
@@ -45,28 +41,14 @@ def command(
     report: Path | None = Option(
         None, help="Report to write (HTML).", show_default="beside -o, as OUT.html"
     ),
-    plot: Path | None = options.plot_option("each parameter's change and σ"),
+    plot: Path | None = options.plot_option("each parameter's change and σ", hidden=True),
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
-    euler: options.Euler = None,
-    level: options.ModelLevel = None,
-    loss: Loss = Option("student", help="Loss function for gross errors."),
-    tuning: float | None = Option(
-        None, help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"
-    ),
-    model_error: ModelError = Option("on", help="Include the model error of the ideal level."),
-    cause: CauseChoice = Option(
-        "refuse",
-        help="A mistake that explains the log, as a motor homed off or exchanged columns: refuse "
-        "the log, apply the correction, or ignore the cause.",
-    ),
+    fit: CalibrationOptions = CalibrationOptions(loss="student"),
     measured_sigma: str | None = Option(
         None,
         help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
         show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
-    ),
-    registration: Registration = Option(
-        "unknown", help="known: measured_… are platform coordinates in the base frame."
     ),
     known_pose: Path | None = Option(
         None,
@@ -77,34 +59,26 @@ def command(
         None,
         help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
         show_default="home",
+        hidden=True,
     ),
-    lean: options.Lean = None,
     homed: str | None = Option(
         None,
         "--rehomed",
         help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
         show_default="no change",
+        hidden=True,
     ),
-    touch_sigma: str | None = between_option(
-        "σ of a contact with a plane or a point: columns plane, point.", "0.02mm"
-    ),
-    tilt: str | None = between_option("σ of a plane's inclination: 1deg.", "level"),
-    tool: str | None = between_option(
-        "Contact point in the platform's frame, m.", "the platform's point", metavar="X,Y,Z"
-    ),
-    tool_sigma: str | None = between_option("σ of --tool: 1mm.", "exactly known"),
-    distances: Path | None = between_option(
-        "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
+    between: Between = Between(),
+    distances: Path | None = Option(
+        None,
+        help="CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
         "sigma, times.",
         metavar="CSV",
+        hidden=True,
     ),
-    distance_sigma: str | None = between_option(
-        "σ of a distance.", "the column sigma, else 0.02mm"
+    distance_sigma: str = Option(
+        "0.02mm", help="σ of a distance without a value in the column sigma.", hidden=True
     ),
-    shrinkage: float = between_option(
-        "σ of a print's relative shrinkage: 0.002.", value=0.0, min=0.0, max=1.0
-    ),
-    line_width: str | None = between_option("σ of a print's line width: 0.05mm.", "known"),
     how: options.How = Format.table,
     force: options.Force = False,
 ) -> None:
@@ -117,43 +91,58 @@ def command(
     """
     if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
-    read = (robot, log, known_pose, distances)
-    write = options.writer(read, force, robot=out, report=report, plot=plot)
+    inputs = (robot, log, known_pose, distances)
+    write = options.writer(inputs, force, robot=out, report=report, plot=plot)
     made = options.load_with(robot, sensors)
     sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
     units = reading_units(made)[: made.n]
     moved = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
     made = made if moved is None else rehomed(made, moved)
-    asked = options.Asked(
-        touch_sigma, tilt, tool, tool_sigma, distances, distance_sigma, shrinkage, line_width
-    )
-    settings: dict[str, Any] = {
-        "level": level,
-        "loss": loss,
-        "tuning": tuning,
-        "model_error": model_error,
-        "cause": cause,
-        "measured_sigma": sigma,
-        "measured_angle_sigma": angle_sigma,
-        "registration": registration,
-        "lean": options.parse_lean(lean),
-        "reference_pose": options.parse_pose(made, reference_pose, "--reference-pose"),
-    }
+    reference = options.parse_pose(made, reference_pose, "--reference-pose")
+    given = replace(fit, measured_angle_sigma=angle_sigma)
     with progress("log", STEPS) as bar:
 
         def done(what: str) -> None:
             bar(advance=1, description=what)
 
-        settings["searched"] = lambda share: bar(description=f"causes {share:.0%}")
-        where, result = _assess(made, log, known_pose, columns, euler, asked, settings, done)
+        where, case = _read(made, log, known_pose, columns, given)
+        table = case.log
+        if table.measured is not None:
+            asked = table.measured_sigma if sigma is None else sigma
+            each = sigmas(made, asked, angle_sigma, len(table.lines))
+            table = replace(table, measured_sigma=each)
+        done("log read")
+        if distances is not None:
+            width = options.parse_size(distance_sigma, "--distance-sigma", "m")
+            between = replace(between, distances=read(distances, table, width))
+            if between.in_millimetres(made, table):
+                raise InputError(f"{distances}: distance: in mm, must be m")
+        try:
+            between.check(made, table)
+            counted = measurements(between.of(made, table))
+            table, findings = log_checks.check(made, table, counted)
+            done("log checked")
+            unused = f"columns not used: {', '.join(table.unused)}"
+            result = review.assess(
+                replace(case, log=table),
+                [unused] * bool(table.unused)
+                + [of.text for of in findings if not of.refused and log],  # one pose never suffices
+                [of.text for of in findings if of.refused],
+                between,
+                reference,
+                done,
+                lambda share: bar(description=f"causes {share:.0%}"),
+            )
+        except InputError as error:
+            raise InputError(f"{where}: {options.of_log(error)}") from None
 
         def page() -> str:
             from truepose.commands import calibration_figures  # matplotlib takes its time
 
-            return calibration_figures.page(result, where.name, settings["loss"])
+            return calibration_figures.page(result, where.name, case.options.loss)
 
-        fit = result.fit
-        write(robot=lambda: options.file_text(fit.robot), report=page, plot=fit.plot)
+        found = result.fit
+        write(robot=lambda: options.file_text(found.robot), report=page, plot=found.plot)
         done("written")
     for note in result.notes:
         say(f"{where}: {note}", err=True)
@@ -162,43 +151,27 @@ def command(
         few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
         tables.sort(key=lambda table: table.name != "accuracy")
-    show(tables, how, [f"{fit.verdicts}."], written=(out, report, plot))
+    show(tables, how, [f"{found.verdicts}."], written=(out, report, plot))
 
 
-def _assess(
+def _read(
     robot: Robot,
     log: Path | None,
     known_pose: Path | None,
     columns: str | None,
-    euler: str | None,
-    asked: options.Asked,
-    settings: dict[str, Any],
-    done: Callable[[str], None],
-) -> tuple[Path, Assessment]:
-    """Read and check the log, calibrate and validate; return the log's path and the result."""
-    where, known = log or known_pose, _known(robot, known_pose, euler)
-    if where is None:
-        raise InputError("LOG: none; give a log of readings, --known-pose, or both")
-    if log is None and known is not None:
-        table, known = known, None
-        settings |= {"registration": "known", "loss": "squares"}
+    fit: CalibrationOptions,
+) -> tuple[Path, Case]:
+    """Return the log's path, and the robot with the log and the known poses read."""
+    known = _known(robot, known_pose, fit.euler)
+    if log is not None:
+        where, table = log, logs.read(robot, log, columns, fit.euler)
+    elif known_pose is not None and known is not None:
+        where, table, known = known_pose, known, None
+        fit = replace(fit, registration="known", loss="squares")
     else:
-        table = logs.read(robot, where, columns, euler)
-    logs.orientation.require_used(euler, *(each.form for each in (table, known) if each))
-    done("log read")
-    between = asked.between(robot, table, where)
-    table, findings = log_checks.check(robot, table, measurements(between.of(robot, table)))
-    done("log checked")
-    notes = [finding.text for finding in findings if not finding.refused]
-    settings["refused"] = [finding.text for finding in findings if finding.refused]
-    notes = notes if log else []  # one pose never identifies all parameters
-    if table.unused:
-        notes.insert(0, f"columns not used: {', '.join(table.unused)}")
-    settings |= {"progress": done, "between": between, "known_pose": known}
-    try:
-        return where, review.assess(robot, table, notes, **settings)
-    except InputError as error:
-        raise InputError(f"{where}: {options.of_log(error)}") from None
+        raise InputError("LOG: none; give a log of readings, --known-pose, or both")
+    logs.orientation.require_used(fit.euler, *(each.form for each in (table, known) if each))
+    return where, Case(robot, table, fit, known)
 
 
 def furthest(table: Table) -> Table:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,12 +12,10 @@ from typer import Argument, Context, Option
 
 from truepose import _core, files
 from truepose.arguments import Array, Level, selected
-from truepose.calibration.between import SIGMA, Between, read
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.disturbance import Disturbance
 from truepose.faults.fault import FAULT_KINDS, Fault
-from truepose.logs import Log
 from truepose.robot.assumptions import exact_readings, told_exact
 from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import summed
@@ -106,9 +103,9 @@ How = Annotated[
 ]
 
 
-def plot_option(what: str) -> Any:
+def plot_option(what: str, hidden: bool = False) -> Any:
     """Return the option of a picture of `what`."""
-    return Option(None, help=f"Also draw {what} (PNG, SVG, PDF).")
+    return Option(None, help=f"Also draw {what} (PNG, SVG, PDF).", hidden=hidden)
 
 
 def effects_option(default: str, text: str, known: Sequence[str] = Effects.groups()) -> Any:
@@ -413,53 +410,6 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     if not any(parameter.sigma for parameter in robot.parameters.values()):
         say(f"{robot.name}: the file has no tolerances; the true robot is nominal", err=True)
     return robot.sample(seed)
-
-
-def between_option(text: str, shown: str | bool = True, value: Any = None, **more: Any) -> Any:
-    """Return an option of differences between poses."""
-    panel = "Differences between poses"
-    return Option(value, help=text, rich_help_panel=panel, show_default=shown, **more)
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Unparsed values of the options of differences between poses."""
-
-    touch_sigma: str | None = None
-    tilt: str | None = None
-    tool: str | None = None
-    tool_sigma: str | None = None
-    distances: Path | None = None
-    distance_sigma: str | None = None
-    shrinkage: float = 0.0
-    line_width: str | None = None
-
-    def between(self, robot: Robot, log: Log, where: Path) -> Between:
-        """Parse the options, read the file of distances, check them against the log's columns."""
-        sigma = _size(self.distance_sigma, "--distance-sigma", SIGMA)
-        tool = numbers_of("0,0,0" if self.tool is None else self.tool)
-        if len(tool) != 3 or not np.isfinite(tool).all():
-            raise InputError(f"--tool {self.tool}: must be three numbers, x,y,z (m)")
-        result = Between(
-            sigma=_size(self.touch_sigma, "--touch-sigma", SIGMA),
-            tilt=_size(self.tilt, "--tilt", unit="rad"),
-            tool=tuple(tool.tolist()),
-            tool_sigma=_size(self.tool_sigma, "--tool-sigma"),
-            distances=read(self.distances, log, sigma) if self.distances else (),
-            scale=self.shrinkage,
-            width=_size(self.line_width, "--line-width"),
-        )
-        try:
-            result.check(robot, log)
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from None
-        if result.in_millimetres(robot, log):
-            raise InputError(f"{self.distances}: distance: in mm, must be m")
-        return result
-
-
-def _size(text: str | None, option: str, otherwise: float = 0.0, unit: str = "m") -> float:
-    return otherwise if text is None else parse_size(text, option, unit)
 
 
 def of_log(error: InputError) -> str:

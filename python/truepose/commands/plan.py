@@ -11,6 +11,7 @@ from truepose import logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
+from truepose.calibration.options import CalibrationOptions
 from truepose.commands import options
 from truepose.commands.conditions import ConditionsOption, under
 from truepose.commands.where import Where
@@ -103,7 +104,12 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
     """Calibrate on a log as `truepose calibrate` does; with contacts, without distances."""
     log = logs.read(robot, path)
     try:
-        return calibrate(robot, log, loss="student", differences=Between().of(robot, log))
+        return calibrate(
+            robot,
+            log,
+            differences=Between().of(robot, log),
+            options=CalibrationOptions(loss="student"),
+        )
     except InputError as error:
         raise InputError(f"{path}: {options.of_log(error)}") from None
 

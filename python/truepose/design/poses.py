@@ -13,6 +13,7 @@ from truepose import _core
 from truepose.arguments import Array, Level, positive, require, whole
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
+from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import UNKNOWNS
 from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
@@ -107,7 +108,11 @@ def plan_poses(
         whole("n", n, 1)
     if target is not None:
         positive("target", target, " (m)")
-    fit = after if isinstance(after, Calibration | None) else calibrate(robot, after, level=level)
+    fit = (
+        after
+        if isinstance(after, Calibration | None)
+        else calibrate(robot, after, options=CalibrationOptions(level=level))
+    )
     if fit is not None:
         robot = fit.robot.with_sensors(*robot.sensors)
     knowledge.require_uncertain(robot)

@@ -11,6 +11,7 @@ import numpy as np
 from truepose.arguments import check_seed
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.influences import at_other_temperature
+from truepose.calibration.options import CalibrationOptions
 from truepose.design.criterion import CYCLES, parts_of
 from truepose.design.selection import SensorSelection
 from truepose.exceptions import InputError
@@ -74,12 +75,16 @@ def verify(
         at_reference, at_work = sampled(true, noise[3])
         known = expected
         if len(visited):
-            known = calibrate(robot, true.read(visited, noise[0]), cause="ignore").robot
+            known = calibrate(
+                robot, true.read(visited, noise[0]), options=CalibrationOptions(cause="ignore")
+            ).robot
         if len(touched):
             told = touched + off * np.random.default_rng(noise[4]).normal(size=robot.n)
             at = at_reference.read(touched, noise[1]), told, off
             known = at_other_temperature(known)
-            known = calibrate(known, known_pose=at, cause="ignore").robot
+            known = calibrate(
+                known, known_pose=at, options=CalibrationOptions(cause="ignore")
+            ).robot
         estimate = known.estimate(at_work.read(x, noise[2]), guess=x)
         watch(advance=1)
         e = (estimate.x - x)[:, parts.columns] * parts.scale

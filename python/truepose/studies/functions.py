@@ -13,6 +13,7 @@ from truepose import files, moved
 from truepose.arguments import Array, whole
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.options import CalibrationOptions
 from truepose.exceptions import InputError, choose
 from truepose.plugins import plugins
 from truepose.robot.laws import LAWS, Law
@@ -44,7 +45,9 @@ def calibration(case: Case) -> dict[str, Answer]:
     robot, true, rng = case.robot, case.true, case.rng
     others, noise = workspace_samples(robot, ASKED, rng), rng.integers(2**31, size=2)
     learnt = workspace_samples(robot, case.values.get("poses", LEARNT), rng)
-    fit = calibrate(robot, true.read(learnt, int(noise[0])), cause="ignore")
+    fit = calibrate(
+        robot, true.read(learnt, int(noise[0])), options=CalibrationOptions(cause="ignore")
+    )
     found = fit.robot.estimate(true.read(others, int(noise[1]))).x
     bound = accuracy(robot, others, calibrated_on=learnt)
     answer = _rms(robot, found - others, "calibrated")

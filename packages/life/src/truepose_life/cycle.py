@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.learnt import calibrated
 from truepose.calibration.online import OnlineCalibrator
@@ -96,7 +97,7 @@ class LifeCycle:
                 adaptive.observe(_readings(adaptive.robot, there, "estimated", rng), "nan")
         last, x = states[-1], visited[-1]
         new = _readings(known, last.true_at(true, x, rng, rest=False), "joint", rng)
-        fresh = calibrate(nominal, new, cause="ignore")
+        fresh = calibrate(nominal, new, options=CalibrationOptions(cause="ignore"))
         told = bound(known, last, x, judged)
         at_rest = last.true_at(true, judged, rng, rest=True)
         laws: dict[str, tuple[Robot, Law]] = {law: (known, law) for law in FROZEN}

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import t
 
 from truepose.arguments import Array, numbers_of
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
@@ -84,7 +85,7 @@ def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -
     The poses are those of :func:`truepose_paper.article.offset`. Use one `seed` per robot.
     """
     readings = truth.read(steady_state(robot, truth, article.offset(visited, seed), "joint"))
-    return calibrate(robot, readings, cause="ignore").robot
+    return calibrate(robot, readings, options=CalibrationOptions(cause="ignore")).robot
 
 
 def rest(

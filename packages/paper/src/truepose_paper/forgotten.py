@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
@@ -113,7 +114,9 @@ def _one(robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: i
     readings = taught.q_e[taught.status == "ok"]
     usual = plant.visit(robot, judge, joint)
     try:
-        believed = calibrate(effects.allowed_for(robot), readings, cause="ignore").robot
+        believed = calibrate(
+            effects.allowed_for(robot), readings, options=CalibrationOptions(cause="ignore")
+        ).robot
         calibrated = plant.visit(believed, judge, estimated)
     except PoseError:  # no calibration: every pose is excluded and counted
         nothing = np.full_like(usual.x, np.nan)

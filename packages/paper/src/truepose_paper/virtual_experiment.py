@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from truepose.arguments import Array, numbers_of
+from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.writing import Column, numbered, pose, readings
@@ -116,7 +117,9 @@ def run(
 
     def learnt() -> Robot:
         taught = visit(robot, article.offset(poses, seed), "joint")
-        return calibrate(robot, taught.q_e[taught.status == "ok"], cause="ignore").robot
+        return calibrate(
+            robot, taught.q_e[taught.status == "ok"], options=CalibrationOptions(cause="ignore")
+        ).robot
 
     result: dict[Control, Run] = {}
     for control in controls:

@@ -24,6 +24,7 @@ from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.calibration.learnt import Learnt, calibrated
+from truepose.calibration.options import CalibrationOptions
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot import knowledge
@@ -37,6 +38,8 @@ BELTS = ("tl", "tr", "bl", "br")
 ANCHOR, OFFSET, EXTENSION, STRAIN = 0.3, 0.005, 0.2, 0.003
 #: σ of a belt's zero in models without offsets, m.
 NO_OFFSET = 1e-5
+#: Loss of every fit.
+ROBUST = CalibrationOptions(loss="student")
 #: Initial σ of a belt's reading, m; re-estimated from the log.
 READING = 1e-3
 #: Ratio of effective degrees of freedom of the median of N χ² of two degrees of freedom each to
@@ -259,7 +262,7 @@ def calibrate(
         if (lost := np.isnan(x).any(axis=1)).any():
             raise PoseError(f"{lost.sum()} poses cannot be reached in a frame like that")
         acting = influences(robot if sled is None else sled.fit.robot, x, model.tightened)
-        fit = fit_to(robot, log_of(lengths), loss="student", influences=[*acting, *slips])
+        fit = fit_to(Case(robot, log_of(lengths), ROBUST, influences=[*acting, *slips]))
         x = np.where(np.isfinite(fit.x), fit.x, x)
         sled = Sled(fit, lengths, x, model, sigma, tuple(slips))
         sigma = float(np.clip(sigma * _disagreement(sled), 1e-6, 0.1))
@@ -285,14 +288,13 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
         lengths = sled.undone
         read = np.where(_alone(sled)[:, None] & (np.arange(4) > 1), np.nan, lengths)
         acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
-        settings = {"loss": "student", "influences": acting}
-        case = Case(sled.fit.prior, log_of(read, lines, word), settings)
+        case = Case(sled.fit.prior, log_of(read, lines, word), ROBUST, influences=acting)
         fits = filter(None, map(case.fit, rows.slipped(case)))
         tried = [replace(sled, fit=fit, slips=()) for fit in fits]
         sigma = min([sled.sigma, *(sled.sigma * _disagreement(of) for of in tried)])
         corners, extension = frame.start(lengths)
         nominal = robot_of(corners, sigma, sled.model, extension)
-        causes, found, _ = search(nominal, case.log, {"influences": acting})
+        causes, found, _ = search(replace(case, robot=nominal))
         near = [(each, _slips(each.of.each)) for each in found[: causes.near]]
         large = [
             min(abs(each.fit.influences[of.influences[-1].name].value) for of in slips) >= LEAST
@@ -341,9 +343,9 @@ def _evidence(sled: Sled, sigma: float) -> float:
     """Return the log of a sled's marginal likelihood for this σ of a reading."""
     corners, extension = frame.start(sled.lengths)
     acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
-    settings = {"loss": "student", "influences": acting}
-    case = Case(robot_of(corners, sigma, sled.model, extension), log_of(sled.lengths), settings)
-    return evidence(case.fitted(none := case.nothing()), none, 2 * len(sled.lengths))
+    robot = robot_of(corners, sigma, sled.model, extension)
+    case = Case(robot, log_of(sled.lengths), ROBUST, influences=acting)
+    return evidence(fit_to(case), case.nothing(), 2 * len(sled.lengths))
 
 
 def _slips(mistakes: Sequence[Hypothesis]) -> list[Hypothesis]:

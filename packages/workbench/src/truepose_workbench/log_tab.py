@@ -11,7 +11,8 @@ from viser import GuiApi, uplot
 
 from truepose import logs
 from truepose.arguments import Array
-from truepose.calibration import log_checks, review
+from truepose.calibration import CalibrationOptions, log_checks, review
+from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.review import Assessment
 from truepose.exceptions import InputError, TrueposeError
@@ -85,7 +86,8 @@ def calibrated(played: Playback) -> Playback:
     >>> bool(after < before / 10)
     True
     """
-    assessment = review.assess(played.robot, played.log, [*played.notes], loss="student")
+    case = Case(played.robot, played.log, CalibrationOptions(loss="student"))
+    assessment = review.assess(case, played.notes)
     return replace(played, assessment=assessment)
 
 

@@ -13,7 +13,8 @@ from truepose.calibration.causes import columns, outside
 from truepose.calibration.causes.hypothesis import Case, Hypothesis
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to
+from truepose.calibration.fitting import Problem, fit_to
+from truepose.calibration.options import CalibrationOptions
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
@@ -105,7 +106,7 @@ def agree(robot: Robot, readings: Array) -> bool:
 def _fit(robot: Robot, log: Log, readings: Array) -> Calibration | None:
     try:
         stiff = replace(log, readings=readings, loads=None)
-        return fit_to(robot, stiff, loss="student", level="ideal")
+        return fit_to(Problem(robot, stiff, CalibrationOptions(loss="student", level="ideal")))
     except TrueposeError:
         return None
 

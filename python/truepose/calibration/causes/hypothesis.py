@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to
+from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.influences import NuisanceParameter, relaxed
+from truepose.calibration.registration import Registration
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
@@ -49,7 +50,7 @@ class Hypothesis:
     #: factor and shift of the undone readings, (n + r,), that the machine keeps, by the amount
     reads: Callable[[float], tuple[Array, Array]] | None = None
     leans: Callable[[Robot, float], Robot] | None = None  #: the robot leaning by the amount
-    settings: Mapping[str, Any] = field(default_factory=dict)  #: in place of the case's
+    registration: Registration | None = None  #: in place of the case's
 
     @property
     def each(self) -> tuple[Hypothesis, ...]:
@@ -69,19 +70,25 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Case:
-    """A robot and a log to explain, with the settings of :func:`fitting.fit_to`."""
+class Case(Problem):
+    """A robot and a log to explain."""
 
-    robot: Robot
-    log: Log
-    settings: Mapping[str, Any] = field(default_factory=dict)
     first: Hypothesis | None = None  #: a mistake that is undone already
 
-    def after(self, first: Hypothesis) -> Case:
+    def under(self, of: Hypothesis) -> Case:
         """Return the case that is left when a mistake is undone."""
-        influences = [*self.settings.get("influences", ()), *first.influences]
-        settings = {**self.settings, **first.settings, "influences": influences}
-        return Case(first.robot, first.log, settings, first)
+        options = self.options
+        if of.registration is not None:
+            options = replace(options, registration=of.registration)
+        influences = (*self.influences, *of.influences)
+        return replace(
+            self, robot=of.robot, log=of.log, options=options, influences=influences, first=of
+        )
+
+    def only(self, rows: Array) -> Case:
+        """Return the case of some rows."""
+        influences = [replace(of, pattern=np.asarray(of.pattern)[rows]) for of in self.influences]
+        return replace(self, log=self.log.only(rows), influences=influences)
 
     def beside(self, of: Hypothesis) -> Hypothesis:
         """Return a hypothesis of this case as one of the case before its first mistake."""
@@ -90,25 +97,18 @@ class Case:
         return replace(
             of,
             influences=(*self.first.influences, *of.influences),
-            settings={**self.first.settings, **of.settings},
+            registration=of.registration or self.first.registration,
             log_odds=self.first.log_odds + of.log_odds,
             first=self.first,
         )
 
-    def fitted(self, of: Hypothesis, rows: Array | None = None, **more: Any) -> Calibration:
-        """Return the calibration under a hypothesis, to some rows; raise as `fit_to`."""
-        settings = {**self.settings, **of.settings, **more}
-        influences = [*settings.get("influences", ()), *of.influences]
-        log = of.log
-        if rows is not None:
-            log = log.only(rows)
-            influences = [replace(by, pattern=np.asarray(by.pattern)[rows]) for by in influences]
-        return fit_to(of.robot, log, **{**settings, "influences": influences})
-
-    def fit(self, of: Hypothesis, rows: Array | None = None, **more: Any) -> Calibration | None:
-        """Return the calibration as of :meth:`fitted`; None without an answer."""
+    def fit(
+        self, of: Hypothesis, rows: Array | None = None, iterations: int | None = None
+    ) -> Calibration | None:
+        """Return the calibration under a hypothesis, to some rows; None without an answer."""
+        case = self.under(of) if rows is None else self.under(of).only(rows)
         try:
-            return self.fitted(of, rows, **more)
+            return fit_to(replace(case, iterations=iterations or self.iterations))
         except TrueposeError:
             return None
 
@@ -158,7 +158,7 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     for mistake in of.each:
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
             density -= mistake.size.gain * math.log(abs(found[0]))
-    if of.settings and (by := fit.registration) is not None:  # which no other hypothesis has
+    if of.registration and (by := fit.registration) is not None:  # which no other hypothesis has
         own = by.covariance - by.cross.T @ np.linalg.solve(fit.covariance, by.cross)
         free = by.sigma > 0
         density += np.linalg.slogdet(own[np.ix_(free, free)])[1] / 2 - np.log(by.sigma[free]).sum()

@@ -45,7 +45,7 @@ class View:
         robot = case.robot.expected()
         self.robot, self.names = robot, case.log.outside_names(robot)
         self.angle = angles(robot)
-        self.by: Registration = registration_of(case.settings.get("registration", "unknown"))
+        self.by: Registration = registration_of(case.options.registration)
         self.x = poses_of(robot, case.log.readings[:, : robot.n])
         self.spatial = robot.spec.mobility == "spatial"
         self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
@@ -139,7 +139,7 @@ def axes(case: Case) -> Iterator[Hypothesis]:
             "registration unknown",
             log=case.log,
             robot=case.robot,
-            settings={"registration": view.by},
+            registration=view.by,
         )
 
 

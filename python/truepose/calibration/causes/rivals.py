@@ -88,7 +88,7 @@ def over_persisting(
         [-H_x[:, n:] @ np.linalg.inv(H_x[:, :n]), np.tile(np.eye(robot.r), (len(rows), 1, 1))],
         axis=2,
     )
-    acting = [*case.settings.get("influences", ()), *of.influences]
+    acting = [*case.influences, *of.influences]
     by = A @ patterns(robot, acting, len(fit.x))[rows]
     known = [fit.parameters[name] for name in names] + [fit.influences[of.name] for of in acting]
     moved = np.array([p.value - p.prior for p in known])

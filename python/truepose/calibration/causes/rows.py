@@ -101,7 +101,7 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     readings are among the unknowns u.
     """
     count = len(case.log.readings)
-    acting = case.settings.get("influences", ())
+    acting = case.influences
     by, amounts = patterns(case.robot, acting, count), np.array([of.amount for of in acting])
     usual, sigma = amounts.reshape(-1, 2).T
     y, F, A, rows = parity(case.robot.expected(), case.log.readings - by @ usual)
@@ -183,7 +183,8 @@ def _begun(case: Case) -> Array | None:
     Without these the sensors' usual residual by the motors is taken off.
     """
     if case.log.measured is not None:
-        robust = case.fit(case.nothing(), loss="student")
+        options = replace(case.options, loss="student")
+        robust = replace(case, options=options).fit(case.nothing())
         return None if robust is None else np.nan_to_num(robust.chi2, nan=np.inf)
     seen = expect(case.robot.expected(), case.log.readings)
     columns = zip(seen.residual.T, np.isfinite(seen.residual).T, strict=True)
@@ -205,7 +206,7 @@ def _without(case: Case, bad: Array) -> Hypothesis:
 
 def _predicted(case: Case, fit: Calibration) -> Array:
     """Return each row's χ² by the motors and the calibrated geometry; inf without a pose."""
-    log, angle = case.log, case.settings.get("measured_angle_sigma")
+    log, angle = case.log, case.options.measured_angle_sigma
     sigma = sigmas(case.robot, log.measured_sigma, angle, len(log.readings))
     seen = expect(
         fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,6 @@ from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import TrueposeError
-from truepose.logs import Log
-from truepose.robot.robot import Robot
 from truepose.show.units import PRINT
 
 #: Every cause by name; a new one is a generator of hypotheses and an entry here.
@@ -91,21 +89,18 @@ class Search(NamedTuple):
 
 
 def search(
-    robot: Robot,
-    log: Log,
-    settings: Mapping[str, Any] | None = None,
+    case: Case,
     *,
     always: bool = False,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Search:
     """Find the causes of a log's disagreement with a robot.
 
-    Nothing is searched, unless `always`, where log, tolerances and noise agree. `settings` are
-    those of :func:`fitting.fit_to`; gross errors are a cause, so that the loss is that of squares.
-    Two mistakes are searched where one alone explains nothing. A long log is searched by some of
-    its rows. `progress` is called with the share done.
+    Nothing is searched, unless `always`, where log, tolerances and noise agree. Gross errors are a
+    cause, so that the loss is that of squares. Two mistakes are searched where one alone explains
+    nothing. A long log is searched by some of its rows. `progress` is called with the share done.
     """
-    case = Case(robot, log, {**(settings or {}), "loss": "squares", "tuning": None})
+    case = replace(case, options=replace(case.options, loss="squares", tuning=None))
     none = case.nothing()
     base = case.fit(none)
     if base is not None and not always and consistent(base, DOUBT) and suspicion(base) < DECISIVE:
@@ -113,8 +108,8 @@ def search(
     some = _some(case)
     most = _equations(case, some)
     begun = base if some is None else case.fit(none, some)
-    rows = len(log.readings if some is None else some)
-    own = -hypothesis.GROSS * (most + robot.n * rows)
+    rows = len(case.log.readings if some is None else some)
+    own = -hypothesis.GROSS * (most + case.robot.n * rows)
     own = own if begun is None else evidence(begun, none, most)
 
     def explained(tried: list[Hypothesis], steps: int) -> list[Explained]:
@@ -132,7 +127,7 @@ def search(
         found = _once([*found, *explained(left, STEPS)])
     if _puzzling(found):
         likely = [each for each in found if not vague(each) and each.log_odds > DECISIVE]
-        for after in (case.after(each.of) for each in likely[:SECOND]):
+        for after in (case.under(each.of) for each in likely[:SECOND]):
             found += explained([after.beside(of) for of in _tried(after)], QUICK)
         found = _once(found)
     if some is not None:  # the most probable ones by every row
@@ -211,7 +206,7 @@ def _once(found: list[Explained]) -> list[Explained]:
 def _some(case: Case) -> Array | None:
     """Return blocks of consecutive rows of a long log; None where all rows are searched."""
     count = len(case.log.readings)
-    if count <= ROWS or case.settings.get("differences"):
+    if count <= ROWS or case.differences:
         return None
     starts = np.linspace(0, count - BLOCK, ROWS // BLOCK).astype(int)
     return np.unique(starts[:, None] + np.arange(BLOCK))
