@@ -52,9 +52,8 @@ class LifeCycle:
         """Raise InputError for keys or scenarios that do not exist, or sensors a robot lacks."""
         for key in grid.keys() - {"sensors", "scenario"}:
             raise InputError(f"study life: grid: {choose('key', key, ['sensors', 'scenario'])}")
-        for scenario in grid.get("scenario", ()):
-            if scenario not in SCENARIOS:
-                raise InputError(f"life: {choose('scenario', scenario, SCENARIOS)}")
+        for scenario in set(grid.get("scenario", ())) - SCENARIOS.keys():
+            raise InputError(f"life: {choose('scenario', scenario, SCENARIOS)}")
         for robot in robots:
             for wanted in grid.get("sensors", (_joined(robot.sensors),)):
                 if not robot.with_sensors(*str(wanted).split("+")).r:
@@ -110,15 +109,17 @@ class LifeCycle:
         answer: dict[str, Answer] = {
             f"{name}_mm": _error(robot, at_rest, law) for name, (robot, law) in laws.items()
         }
-        learned = [w for w in adaptive.windows if w.learned]
-        found = [[*w.changed, *(f"noise of {name}" for name in w.noisy)] for w in learned]
+        found = [
+            [*window.changed, *(f"noise of {name}" for name in window.noisy)]
+            for window in adaptive.windows
+            if window.learned
+        ]
         return answer | {
             "bound_mm": 1e3 * told.error,
             "left": told.left,
             "seen": told.seen,
             "directions": told.directions,
             "found": ", ".join(dict.fromkeys(itertools.chain(*found))),
-            "kept": len(adaptive.windows) - len(learned),
         }
 
 

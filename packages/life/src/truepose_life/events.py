@@ -69,14 +69,13 @@ def moved(robot: Robot, steps: Steps) -> Robot:
 
 
 def together(events: Sequence[Event]) -> Event:
-    """Return one event that is several at once."""
+    """Return one event that is several at once, with new sensors."""
     return Event(
         steps=total([event.steps for event in events]),
         told=tuple(change for event in events for change in event.told),
         load=next((event.load for event in events if event.load is not None), None),
         sides=total([event.sides for event in events]),
         exchanged=tuple(sensor for event in events for sensor in event.exchanged),
-        factor=math.prod(event.factor for event in events),
     )
 
 
@@ -146,8 +145,8 @@ def _backlash(true: Robot, life: Life, rng: np.random.Generator) -> Event:
 def _collision(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     """Bend a rod: of a pair, one of the two."""
     rods = _names(true, ".rod", "collision")
-    rod = str(rng.choice(rods))
-    short, side = -life.collision * rng.uniform(0.5, 1.5), float(rng.choice((-1, 1)))
+    rod = rng.choice(rods)
+    short, side = -life.collision * rng.uniform(0.5, 1.5), rng.choice((-1, 1))
     steps, sizes = {rod: short}, dict.fromkeys(rods, life.collision)
     if (difference := f"{rod}_difference") in knowledge.uncertain(true):
         steps = {rod: short / 2, difference: side * short}
@@ -158,7 +157,7 @@ def _collision(true: Robot, life: Life, rng: np.random.Generator) -> Event:
 
 def _exchanged(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     """Exchange a sensor: all that is known of its mounting is lost."""
-    exchanged = str(rng.choice(true.sensors))
+    exchanged = rng.choice(true.sensors)
     known = true.with_calibration(None).parameters
     own = [n for n in knowledge.uncertain(true) if n.partition(".")[0] in true.sensors]
     names = [name for name in own if name.startswith(f"{exchanged}.")]
@@ -170,7 +169,7 @@ def _exchanged(true: Robot, life: Life, rng: np.random.Generator) -> Event:
 
 def _homed(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     offsets = _names(true, ".encoder_offset", "motor re-homed")
-    step = {str(rng.choice(offsets)): life.homing * rng.standard_normal()}
+    step = {rng.choice(offsets): life.homing * rng.standard_normal()}
     return Event(step, _told("home", dict.fromkeys(offsets, life.homing), len(offsets)))
 
 

@@ -81,37 +81,34 @@ def observability(study: Study, sensors: str, scenario: str) -> Cell:
 
 
 def table(study: Study) -> Table:
-    """Return medians by sensors, change and law; as data with 95 % intervals."""
-    rows: list[list[Any]] = []
+    """Return medians by sensors, change and law, and ratios of rms; as data with 95 % intervals."""
+    rows: list = []
     for label, sensors in SETS.items():
         for scenario in SCENARIOS:
-            cells = []
+            cells, rms = [], {}
             for law, column in LAWS.items():
                 found = spread(study, sensors, scenario, law)
                 data = {f"{column}_{part}_mm": value for part, value in found.items()}
                 median = found["median"] if np.isfinite(found["median"]) else None
                 cells.append(Cell(number(median, 2), data))
-            rows.append([label, scenario, *cells, observability(study, sensors, scenario)])
+                rms[law] = found["rms"]
+            cells.append(observability(study, sensors, scenario))
+            best = min(rms[law] for law in LAWS if law not in ("new calibration", "bound"))
+            ratios = rms["adaptive"] / rms["frozen"], best / rms["bound"]
+            rows.append([label, scenario, *cells, *(Cell(f"{ratio:.2f}", {}) for ratio in ratios)])
+    header = ["sensors", "change", *LAWS, "directions seen", "adaptive / frozen", "best / bound"]
     title = "Position error after a change and 100 poses of work, median over the robots (mm)"
-    return Table("life", title, ["sensors", "change", *LAWS, "directions seen"], rows)
+    return Table("life", title, header, rows)
 
 
 def page(study: Study) -> str:
-    """Return the tables of the life study's page: medians and two ratios of rms, in Markdown."""
+    """Return the tables of the life study's page in Markdown."""
     found, parts = table(study), []
     shown = [k for k, name in enumerate(found.header) if name not in _OTHERS]
     for label in SETS:
-        rows = []
-        for cells in (row for row in found.rows if row[0] == label):
-            data = zip(LAWS, cells[2:], strict=False)
-            rms = {law: cell.data[f"{LAWS[law]}_rms_mm"] for law, cell in data}
-            bound, frozen = rms.pop("bound"), rms["frozen"]
-            del rms["new calibration"]
-            ratios = rms["adaptive"] / frozen, min(rms.values()) / bound
-            rows.append([*(cells[k] for k in shown), *(f"{ratio:.2f}" for ratio in ratios)])
-        header = [label, *(found.header[k] for k in shown[1:])]
-        header += ["adaptive / frozen", "best / bound"]
-        parts.append(markdown(Table(found.name, found.title, header, rows)))
+        rows = [row for row in found.rows if row[0] == label]
+        header = [label if name == "change" else name for name in found.header]
+        parts.append(markdown(Table(found.name, found.title, header, rows).columns(*shown)))
     return "\n\n".join(parts) + "\n"
 
 
@@ -120,7 +117,7 @@ def draw(figure: Any, records: Sequence[Mapping[str, Any]]) -> None:
 
     The figure has the laws that differ most.
     """
-    panels: dict[str, dict[str, dict[str, Any]]] = {}
+    panels: dict = {}
     for row in records:
         panel = panels.setdefault(f"{row['sensors']}: position error (mm)", {})
         for law in ("frozen", "TEJ", "weighted", "online", "adaptive", "bound"):
