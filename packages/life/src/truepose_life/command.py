@@ -53,11 +53,12 @@ def command(
     table = report.table(study)
     figure = figure_of(lambda figure: report.draw(figure, table.records()))
     out.mkdir(parents=True, exist_ok=True)
-    for name, contents in {
+    written: dict[str, str | bytes] = {
         "life.csv": as_csv(table.records()),
         "life.svg": files.picture(figure, ".svg"),
         "life.md": report.page(study),
-    }.items():
+    }
+    for name, contents in written.items():
         files.replace_file(out / name, contents, "result", force=True)
     note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
     note += "life.md."

@@ -175,8 +175,9 @@ def _homed(true: Robot, life: Life, rng: np.random.Generator) -> Event:
 
 def _payload(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     change = payload(true, known_effects(life), life.payload)
-    held = isinstance(change, Payload) and life.payload
-    return Event(told=(change,), load=change) if held else Event()
+    if not (isinstance(change, Payload) and life.payload):
+        return Event()
+    return Event(told=(change,), load=change)
 
 
 Happens = Callable[[Robot, Life, np.random.Generator], Event]
