@@ -154,7 +154,7 @@ bench: build/dev/build.ninja
 bench-peers: bench $(VENV)/installed
 	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
-	@if [ -e packages/linuxcnc/hal/truepose_kins.so ]; then cc -O2 -rdynamic packages/linuxcnc/tools/forward_times.c \
+	@if [ -e packages/linuxcnc/hal/truepose_kins.so ]; then cc -O2 -rdynamic packages/linuxcnc/tests/trials/forward_times.c \
 	  packages/linuxcnc/tests/stub_hal.c -ldl -lm -o build/dev/forward && build/dev/forward 15; \
 	else echo "bench-peers: without genhexkins; first make -C packages/linuxcnc test"; fi
 

@@ -31,7 +31,7 @@ def lengths_at(x, anchors, offsets=0.0, strains=(), tightened="sides", noise=0.0
     away = np.linalg.norm(x[:, None] - at, axis=2)
     result = away - offsets
     if len(strains):
-        robot = belts.robot_of(at, 1e-3, Model(False, "off"))
+        robot = belts.robot_of((at, 0.0), 1e-3, Model(False, "off"))
         for strain, of in zip(strains, belts.influences(robot, x, tightened), strict=True):
             result = result + strain * of.pattern
     return result + (noise * rng.standard_normal(result.shape) if noise else 0)
@@ -215,7 +215,8 @@ def test_stretched_legs_are_told_from_their_offsets_by_what_they_carry():
 def test_an_influence_that_is_known_is_taken_off():
     """With a prior mean and hardly any σ: as if the readings had been corrected beforehand."""
     read, _ = sled(1)
-    robot = belts.robot_of(np.array([[0.03, 2.07], [2.98, 2.06], [0, 0], [2.96, 0]]), 5e-4, Model())
+    corners = np.array([[0.03, 2.07], [2.98, 2.06], [0, 0], [2.96, 0]])
+    robot = belts.robot_of((corners, 0.0), 5e-4, Model())
     x = poses()
     strain = belts.influences(robot, x, "alike")[0]
     known = NuisanceParameter(name="known", pattern=strain.pattern, amount=(1e-3, 1e-12))

@@ -31,7 +31,7 @@ def drawn(
     ends = [[anchors["tl.x"], anchors["tl.y"]], [anchors["tr.x"], anchors["tr.y"]]]
     corners = np.array([*ends, [0, 0], [anchors["br.x"], 0]])
     away = np.linalg.norm(x[:, None] - corners, axis=2)
-    robot = belts.robot_of(corners, READING, belts.Model())
+    robot = belts.robot_of((corners, 0.0), READING, belts.Model())
     acting = belts.influences(robot, x, "sides")
     stretched = sum(s * np.asarray(of.pattern) for s, of in zip(strains, acting, strict=True))
     read = away - offsets + stretched + READING * rng.standard_normal(away.shape)

@@ -36,7 +36,7 @@ def drags(name: str, repeats: int) -> np.ndarray:
     page = serve.open_page(robot, port=free())
     with page.doing():
         page.state = page.state.with_drawn_errors(seed=1)
-        page.coloured, page.map = True, "position error"
+        page.map = "position error"
     box = robot.spec.workspace
     rng, took = np.random.default_rng(0), []
     for _ in range(repeats):

@@ -10,7 +10,6 @@ import typer
 
 from truepose import files
 from truepose.commands.options import How
-from truepose.robot.robot import load
 from truepose.show.results import figure_of
 from truepose.show.table import as_csv
 from truepose.show.terminal import Format, progress, show
@@ -35,28 +34,33 @@ def command(
 
     Example: **truepose life --robots 20 --out my-life**
     """
+    from truepose.studies.study import monte_carlo
     from truepose_life import report
+    from truepose_life.cycle import LifeCycle
     from truepose_life.rates import Life
 
     known = Life() if rates is None else Life.read(rates)
-    stored = out / "life-study" if importlib.util.find_spec("pyarrow") else None
     with progress("cases") as bar:
-        study = report.run(
-            load("h4"),
+        study = monte_carlo(
+            LifeCycle(known),
+            "h4",
             robots,
-            seed,
-            known,
-            stored,
+            grid=report.grid(),
+            seed=seed,
+            out=out / "life-study" if importlib.util.find_spec("pyarrow") else None,
             progress=lambda done, total: bar(completed=done, total=total),
         )
-    table, unseen = report.table(study), report.unseen(load("h4"), known, seed)
-    figure = figure_of(lambda figure: report.draw(figure, study))
+    table = report.table(study)
+    figure = figure_of(lambda figure: report.draw(figure, table.records()))
     out.mkdir(parents=True, exist_ok=True)
-    files.replace_file(out / "life.csv", as_csv(table.records()), "numbers", force=True)
-    files.replace_file(out / "life.svg", files.picture(figure, ".svg"), "figure", force=True)
-    files.replace_file(out / "life.md", report.page(study), "tables", force=True)
-    files.replace_file(out / "life-unseen.csv", as_csv(unseen.records()), "numbers", force=True)
+    written: dict[str, str | bytes] = {
+        "life.csv": as_csv(table.records()),
+        "life.svg": files.picture(figure, ".svg"),
+        "life.md": report.page(study),
+    }
+    for name, contents in written.items():
+        files.replace_file(out / name, contents, "result", force=True)
     note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
-    note += "life.md, life-unseen.csv."
-    few = table.columns(0, 1, 2, 3, 5, 8, 9, 11, 12)  # a terminal's width; all laws are in the file
-    show([few if how is Format.table else table, unseen], how, [note])
+    note += "life.md."
+    few = table.columns(0, 1, 2, 3, 5, 7, 8, 10, 11)  # a terminal's width; all laws are in the file
+    show([few if how is Format.table else table], how, [note])

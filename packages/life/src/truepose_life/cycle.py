@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +26,7 @@ from truepose.robot.workspace import workspace_samples
 from truepose.simulation.equilibrium import settling
 from truepose.studies.cases import Answer, Case
 from truepose_life.bound import bound
-from truepose_life.events import SCENARIOS, Steps, There, known_effects, stages
+from truepose_life.events import SCENARIOS, There, known_effects, stages
 from truepose_life.rates import Life
 
 #: Poses visited after a change, and other poses at which the laws are compared.
@@ -50,12 +51,10 @@ class LifeCycle:
 
     def check_grid(self, grid: Mapping[str, Sequence[Any]], robots: Sequence[Robot]) -> None:
         """Raise InputError for keys or scenarios that do not exist, or sensors a robot lacks."""
-        for key in grid:
-            if key not in ("sensors", "scenario"):
-                raise InputError(f"study life: grid: {choose('key', key, ['sensors', 'scenario'])}")
-        for scenario in grid.get("scenario", ()):
-            if scenario not in SCENARIOS:
-                raise InputError(f"life: {choose('scenario', scenario, SCENARIOS)}")
+        for key in grid.keys() - {"sensors", "scenario"}:
+            raise InputError(f"study life: grid: {choose('key', key, ['sensors', 'scenario'])}")
+        for scenario in set(grid.get("scenario", ())) - SCENARIOS.keys():
+            raise InputError(f"life: {choose('scenario', scenario, SCENARIOS)}")
         for robot in robots:
             for wanted in grid.get("sensors", (_joined(robot.sensors),)):
                 if not robot.with_sensors(*str(wanted).split("+")).r:
@@ -66,11 +65,11 @@ class LifeCycle:
 
         The grid's keys: ``sensors``, names joined by "+", and ``scenario``, one of `SCENARIOS`; by
         default the robot's sensors in use and a warm day. Beside the laws on the frozen
-        commissioning: ``allowed`` is the weighted law whose covariance allows for a warm-up,
-        ``online`` the estimated law on :class:`OnlineCalibrator` with the growth of a warm-up,
-        ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of exchanged sensors, ``new`` on
-        a calibration from the last 100 poses alone, and ``bound`` that of an observer told which
-        change happened, with what it cannot follow (:mod:`truepose_life.bound`).
+        commissioning: ``online`` is the estimated law on :class:`OnlineCalibrator` with the growth
+        of a warm-up, ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of exchanged
+        sensors, ``new`` on a calibration from the last 100 poses alone, and ``bound`` that of an
+        observer told which change happened, with the share of the error that it cannot follow
+        (:mod:`truepose_life.bound`).
         """
         wanted = str(case.values.get("sensors", _joined(case.robot.sensors))).split("+")
         scenario = str(case.values.get("scenario", "warm day"))
@@ -82,10 +81,12 @@ class LifeCycle:
         states = stages(scenario, true, life, rng)
         poses = workspace_samples(nominal, JUDGED + VISITED * len(states), rng)
         judged, visited = poses[:JUDGED], np.split(poses[JUDGED:], len(states))
-        growth = known_effects(life, scenario).growth(true)
-        drift = [{n: s / math.sqrt(VISITED) for n, s in mode.items()} for mode in growth]
+        effects = known_effects(life, scenario)
+        drift = [
+            {n: s / math.sqrt(VISITED) for n, s in mode.items()} for mode in effects.growth(true)
+        ]
         online = OnlineCalibrator(known, drift)
-        adaptive = AdaptiveCalibrator(known, kinds=changes(known, known_effects(life, scenario)))
+        adaptive = AdaptiveCalibrator(known, kinds=changes(known, effects))
         exchanged: tuple[str, ...] = ()
         for state, x in zip(states, visited, strict=True):
             if state.exchanged != exchanged:
@@ -102,7 +103,6 @@ class LifeCycle:
         at_rest = last.true_at(true, judged, rng, rest=True)
         laws: dict[str, tuple[Robot, Law]] = {law: (known, law) for law in FROZEN}
         laws |= {
-            "allowed": (_allowing(known, growth), "weighted"),
             "online": (online.robot.at_highest_level, "estimated"),
             "adaptive": (adaptive.robot, "estimated"),
             "new": (fresh.robot.at_highest_level, "estimated"),
@@ -110,14 +110,17 @@ class LifeCycle:
         answer: dict[str, Answer] = {
             f"{name}_mm": _error(robot, at_rest, law) for name, (robot, law) in laws.items()
         }
-        found = [c for w in adaptive.windows if w.learned for c in (*w.changed, *_noises(w.noisy))]
+        found = [
+            [*window.changed, *(f"noise of {name}" for name in window.noisy)]
+            for window in adaptive.windows
+            if window.learned
+        ]
         return answer | {
             "bound_mm": 1e3 * told.error,
             "left": told.left,
             "seen": told.seen,
             "directions": told.directions,
-            "found": ", ".join(dict.fromkeys(found)),
-            "kept": sum(not w.learned for w in adaptive.windows),
+            "found": ", ".join(dict.fromkeys(itertools.chain(*found))),
         }
 
 
@@ -129,10 +132,6 @@ def _joined(sensors: Sequence[str]) -> str:
     return "+".join(sensors) or "none"
 
 
-def _noises(readings: Sequence[str]) -> list[str]:
-    return [f"noise of {name}" for name in readings]
-
-
 def commissioned(nominal: Robot, true: Robot, share: float, rng: np.random.Generator) -> Robot:
     """Return the robot calibrated before its life: each parameter to a share of its tolerance."""
     names = knowledge.uncertain(nominal)
@@ -140,16 +139,6 @@ def commissioned(nominal: Robot, true: Robot, share: float, rng: np.random.Gener
     off = sigma * rng.standard_normal(len(names))
     values = {n: true.parameters[n].value + o for n, o in zip(names, off, strict=True)}
     return calibrated(nominal, values, np.diag(sigma), "commissioning").at_highest_level
-
-
-def _allowing(known: Robot, growth: list[Steps]) -> Robot:
-    """Return the commissioned robot whose covariance allows for a warm-up."""
-    names = knowledge.uncertain(known)
-    modes = np.array([[mode.get(name, 0.0) for mode in growth] for name in names])
-    root = knowledge.triangular(np.hstack([knowledge.root(known, names), modes]))
-    values = {name: known.parameters[name].mean for name in names}
-    learnt = calibrated(known, values, root, "commissioning, warm-up allowed")
-    return learnt.at_highest_level
 
 
 def _readings(robot: Robot, there: There, law: Law, rng: np.random.Generator) -> Array:

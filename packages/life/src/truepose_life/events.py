@@ -25,7 +25,7 @@ from truepose_life.rates import Life
 Steps = dict[str, float]
 #: Robots and the poses, (N, n), at which they are the true one.
 There = list[tuple[Robot, Array]]
-STEEL = "warm day, steel rods"
+STEEL, YEAR = "warm day, steel rods", "a year"
 
 
 @dataclass(frozen=True)
@@ -39,39 +39,27 @@ class Event:
     exchanged: tuple[str, ...] = ()  #: sensors, of which the owner tells the calibrator
     factor: float = 1.0  #: σ of the sensors' readings over that of new ones
 
-    @property
-    def constant(self) -> bool:
-        """Whether the true robot is the same at all poses."""
-        return self.load is None and not self.sides and self.factor == 1
-
     def true_at(self, true: Robot, x: Array, rng: np.random.Generator, rest: bool) -> There:
         """Return the changed robots at poses x, (N, n).
 
         At rest readings are exact; of noisy sensors, all readings then have their noise.
         """
-        if self.constant:
+        if self.load is None and not self.sides and self.factor == 1:
             return [(moved(true, self.steps), x)]
-        steps: list[Steps] = [dict(self.steps) for _ in x]
+        offsets = reading_offsets(true)
+        added = np.zeros((len(x), len(offsets)))
         if self.load is not None:
-            names = [f"chain{k + 1}.encoder_offset" for k in range(true.n)]
-            for own, turns in zip(steps, self.load.roots(names, x)[..., 0], strict=True):
-                _add(own, dict(zip(names, turns.tolist(), strict=True)))
-        for own in steps:
-            _add(own, {name: half * rng.choice((-1, 1)) for name, half in self.sides.items()})
-        if self.factor != 1:
-            offsets, sigma = reading_offsets(true), self.noise(true, rest)
-            for own in steps:
-                noise = sigma * rng.standard_normal(len(sigma))
-                _add(own, dict(zip(offsets, noise.tolist(), strict=True)))
-        return [(moved(true, own), pose[None]) for own, pose in zip(steps, x, strict=True)]
-
-    def noise(self, true: Robot, rest: bool) -> Array:
-        """Return the σ of noise added to the readings, (n + r,): counts are added by reading."""
-        sigma = knowledge.reading_sigma(true)
-        factors = np.array([1.0] * true.n + [self.factor] * true.r)
-        if self.factor == 1:
-            return np.zeros(len(sigma))
-        return sigma * (factors if rest else np.sqrt(np.maximum(factors**2 - 1, 0)))
+            added += self.load.roots(offsets, x)[..., 0]
+        if self.factor != 1:  # counts are added by reading
+            factors = np.array([1.0] * true.n + [self.factor] * true.r)
+            factors = factors if rest else np.sqrt(np.maximum(factors**2 - 1, 0))
+            added += factors * knowledge.reading_sigma(true) * rng.standard_normal(added.shape)
+        found = []
+        for row, pose in zip(added.tolist(), x, strict=True):
+            sides = {name: half * rng.choice((-1, 1)) for name, half in self.sides.items()}
+            steps = total([self.steps, dict(zip(offsets, row, strict=True)), sides])
+            found.append((moved(true, steps), pose[None]))
+        return found
 
 
 def moved(robot: Robot, steps: Steps) -> Robot:
@@ -81,26 +69,22 @@ def moved(robot: Robot, steps: Steps) -> Robot:
 
 
 def together(events: Sequence[Event]) -> Event:
-    """Return one event that is several at once."""
-    steps: Steps = {}
-    sides: Steps = {}
-    for event in events:
-        _add(steps, event.steps)
-        sides |= event.sides
-    loads = [event.load for event in events if event.load is not None]
+    """Return one event that is several at once, with new sensors."""
     return Event(
-        steps=steps,
+        steps=total([event.steps for event in events]),
         told=tuple(change for event in events for change in event.told),
-        load=loads[-1] if loads else None,
-        sides=sides,
+        load=next((event.load for event in events if event.load is not None), None),
+        sides=total([event.sides for event in events]),
         exchanged=tuple(sensor for event in events for sensor in event.exchanged),
-        factor=math.prod(event.factor for event in events),
     )
 
 
-def _add(steps: Steps, more: Steps) -> None:
-    for name, step in more.items():
-        steps[name] = steps.get(name, 0.0) + step
+def total(steps: Sequence[Steps]) -> Steps:
+    """Return the sum of steps by parameter."""
+    found: Steps = {}
+    for each in steps:
+        found |= {name: found.get(name, 0.0) + step for name, step in each.items()}
+    return found
 
 
 def known_effects(life: Life, scenario: str = "") -> Effects:
@@ -114,9 +98,10 @@ def known_effects(life: Life, scenario: str = "") -> Effects:
     )
 
 
-def _told(name: str, modes: Sequence[Steps]) -> tuple[Change, ...]:
-    kept = tuple(mode for mode in modes if any(mode.values()))
-    return (Change(name, kept, 1.0),) if kept else ()
+def _told(name: str, sizes: Steps, parts: int = 1) -> tuple[Change, ...]:
+    """Return the change of each parameter by itself, or of one of many parts, as sizes state it."""
+    modes = tuple({n: size / math.sqrt(parts)} for n, size in sizes.items() if size)
+    return (Change(name, modes, 1.0),) if modes else ()
 
 
 def _names(true: Robot, end: str, why: str) -> list[str]:
@@ -132,22 +117,23 @@ def _warm(true: Robot, life: Life, rng: np.random.Generator, scenario: str = "")
     gradient = life.gradient / life.warm_up if life.warm_up else 0.0
     steps: Steps = {}
     for mode in growth:
-        for chain in sorted({name.partition(".")[0] for name in mode}):
-            share = 1 + gradient * rng.standard_normal()
-            steps |= {n: share * s for n, s in mode.items() if n.partition(".")[0] == chain}
-    return Event(steps, _told("warm-up", warm_up_modes(growth, 0.0, gradient)))
+        chains = sorted({name.partition(".")[0] for name in mode})
+        share = {chain: 1 + gradient * rng.standard_normal() for chain in chains}
+        steps |= {name: share[name.partition(".")[0]] * step for name, step in mode.items()}
+    modes = tuple(warm_up_modes(growth, 0.0, gradient))
+    return Event(steps, (Change("warm-up", modes, 1.0),) if modes else ())
 
 
 def _wear(true: Robot, life: Life, rng: np.random.Generator) -> Event:
-    steps, modes = {}, []
+    steps, sizes = {}, {}
     for name in knowledge.uncertain(true):
         if name.endswith(".rod"):
             steps[name] = rng.uniform(0, life.wear)
-            modes.append({name: life.wear / math.sqrt(3)})  # rms of a uniform variable
+            sizes[name] = life.wear / math.sqrt(3)  # rms of a uniform variable
         elif name.endswith(".encoder_offset"):
             steps[name] = life.drift * rng.standard_normal()
-            modes.append({name: life.drift})
-    return Event(steps, _told("wear", modes))
+            sizes[name] = life.drift
+    return Event(steps, _told("wear", sizes))
 
 
 def _backlash(true: Robot, life: Life, rng: np.random.Generator) -> Event:
@@ -159,37 +145,32 @@ def _backlash(true: Robot, life: Life, rng: np.random.Generator) -> Event:
 def _collision(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     """Bend a rod: of a pair, one of the two."""
     rods = _names(true, ".rod", "collision")
-    rod = str(rng.choice(rods))
-    short, side = -life.collision * rng.uniform(0.5, 1.5), float(rng.choice((-1, 1)))
-    steps, sizes = {rod: short}, [{name: life.collision} for name in rods]
+    rod = rng.choice(rods)
+    short, side = -life.collision * rng.uniform(0.5, 1.5), rng.choice((-1, 1))
+    steps, sizes = {rod: short}, dict.fromkeys(rods, life.collision)
     if (difference := f"{rod}_difference") in knowledge.uncertain(true):
         steps = {rod: short / 2, difference: side * short}
-        sizes = [{name: life.collision / 2} for name in rods]
-        sizes += [{f"{name}_difference": life.collision} for name in rods]
-    return Event(steps, _told("collision", _one_of(sizes, len(rods))))
-
-
-def _one_of(modes: Sequence[Steps], parts: int) -> list[Steps]:
-    """Return modes with the covariance of a change of one of many parts."""
-    return [{name: s / math.sqrt(parts) for name, s in mode.items()} for mode in modes]
+        sizes = dict.fromkeys(rods, life.collision / 2)
+        sizes |= {f"{name}_difference": life.collision for name in rods}
+    return Event(steps, _told("collision", sizes, len(rods)))
 
 
 def _exchanged(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     """Exchange a sensor: all that is known of its mounting is lost."""
-    exchanged = str(rng.choice(true.sensors))
+    exchanged = rng.choice(true.sensors)
     known = true.with_calibration(None).parameters
     own = [n for n in knowledge.uncertain(true) if n.partition(".")[0] in true.sensors]
     names = [name for name in own if name.startswith(f"{exchanged}.")]
     new = {name: known[name].mean + known[name].sigma * rng.standard_normal() for name in names}
     steps = {name: value - true.parameters[name].value for name, value in new.items()}
-    sizes = _one_of([{name: known[name].sigma} for name in own], true.r)
-    return Event(steps, _told("sensor", sizes), exchanged=(exchanged,))
+    told = _told("sensor", {name: known[name].sigma for name in own}, true.r)
+    return Event(steps, told, exchanged=(exchanged,))
 
 
 def _homed(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     offsets = _names(true, ".encoder_offset", "motor re-homed")
-    step = {str(rng.choice(offsets)): life.homing * rng.standard_normal()}
-    return Event(step, _told("home", _one_of([{n: life.homing} for n in offsets], len(offsets))))
+    step = {rng.choice(offsets): life.homing * rng.standard_normal()}
+    return Event(step, _told("home", dict.fromkeys(offsets, life.homing), len(offsets)))
 
 
 def _payload(true: Robot, life: Life, rng: np.random.Generator) -> Event:
@@ -197,10 +178,6 @@ def _payload(true: Robot, life: Life, rng: np.random.Generator) -> Event:
     if not (isinstance(change, Payload) and life.payload):
         return Event()
     return Event(told=(change,), load=change)
-
-
-def _noisy(true: Robot, life: Life, rng: np.random.Generator) -> Event:
-    return Event(factor=life.ageing)
 
 
 Happens = Callable[[Robot, Life, np.random.Generator], Event]
@@ -215,10 +192,9 @@ SCENARIOS: dict[str, Happens] = {
     "sensor exchanged": _exchanged,
     "payload": _payload,
     "motor re-homed": _homed,
-    "noisy sensors": _noisy,
-    "a year": lambda true, life, rng: stages("a year", true, life, rng)[-1],
+    "noisy sensors": lambda true, life, rng: Event(factor=life.ageing),
+    YEAR: lambda true, life, rng: stages(YEAR, true, life, rng)[-1],
 }
-YEAR = "a year"
 #: Order of the lasting events of a year. All days are warm; on the last there is a payload, too.
 ORDER = ("collision", "motor re-homed", "sensor exchanged", "wear", "backlash")
 

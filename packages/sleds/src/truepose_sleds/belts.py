@@ -146,10 +146,8 @@ class Sled:
     @property
     def by_prior(self) -> Array:
         """Π⁻¹ Σ: its trace is the number of unknowns that the prior determines."""
-        p, prior = (
-            len(self.fit.names),
-            np.diag([of.prior_sigma**2 for of in self.unknowns.values()]),
-        )
+        prior = np.diag([of.prior_sigma**2 for of in self.unknowns.values()])
+        p = len(self.fit.names)
         prior[:p, :p] = self.fit.prior_covariance
         return np.linalg.solve(prior, self.fit.joint_covariance)
 
@@ -182,15 +180,17 @@ class Sled:
 
     def stretch(self, x: Array) -> Array:
         """Return what stretch adds to the readings at these poses, (N, 4), m."""
-        acting = influences(self.fit.robot, x, self.model.tightened)
+        return self._effect(influences(self.fit.robot, x, self.model.tightened), len(x))
+
+    def _effect(self, acting: Sequence[NuisanceParameter], rows: int) -> Array:
+        """Return what influences of estimated amounts add to readings, (rows, 4), m."""
         amounts = (self.fit.influences[of.name].value * np.asarray(of.pattern) for of in acting)
-        return sum(amounts, start=np.zeros((len(x), 4)))
+        return sum(amounts, start=np.zeros((rows, 4)))
 
     @property
     def undone(self) -> Array:
         """The readings without slips, (N, 4) m."""
-        amounts = (self.fit.influences[of.name].value * np.asarray(of.pattern) for of in self.slips)
-        return self.lengths - sum(amounts, start=np.zeros_like(self.lengths))
+        return self.lengths - self._effect(self.slips, len(self.lengths))
 
     def predicted(self, lengths: Array) -> Array:
         """Return lower belts predicted by the upper ones minus their readings, (N, 2) in m."""
@@ -254,10 +254,10 @@ def calibrate(
     a frame to start from. Raises InputError for lengths that no frame explains.
     """
     model = model or Model()
-    corners, extension = begun or frame.start(lengths)
+    begun = begun or frame.start(lengths)
     sigma, sled, x = READING, None, None
     for _ in range(4):  # patterns and σ depend weakly on the fit
-        robot = robot_of(corners, sigma, model, extension)
+        robot = robot_of(begun, sigma, model)
         x = robot.expected().fkm(lengths[:, :2], errors="nan") if x is None else x
         if (lost := np.isnan(x).any(axis=1)).any():
             raise PoseError(f"{lost.sum()} poses cannot be reached in a frame like that")
@@ -292,8 +292,7 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
         fits = filter(None, map(case.fit, rows.slipped(case)))
         tried = [replace(sled, fit=fit, slips=()) for fit in fits]
         sigma = min([sled.sigma, *(sled.sigma * _disagreement(of) for of in tried)])
-        corners, extension = frame.start(lengths)
-        nominal = robot_of(corners, sigma, sled.model, extension)
+        nominal = robot_of(frame.start(lengths), sigma, sled.model)
         causes, found, _ = search(replace(case, robot=nominal))
         near = [(each, _slips(each.of.each)) for each in found[: causes.near]]
         large = [
@@ -341,9 +340,8 @@ def exchanged(sled: Sled) -> dict[str, float]:
 
 def _evidence(sled: Sled, sigma: float) -> float:
     """Return the log of a sled's marginal likelihood for this σ of a reading."""
-    corners, extension = frame.start(sled.lengths)
     acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
-    robot = robot_of(corners, sigma, sled.model, extension)
+    robot = robot_of(frame.start(sled.lengths), sigma, sled.model)
     case = Case(robot, log_of(sled.lengths), ROBUST, influences=acting)
     return evidence(fit_to(case), case.nothing(), 2 * len(sled.lengths))
 
@@ -374,11 +372,12 @@ def _disagreement(sled: Sled) -> float:
     return float(sled.fit.disagreement(rows) * np.sqrt(1 / left * f / (f - 2)))
 
 
-def robot_of(corners: Array, sigma: float, model: Model, extension: float = 0.0) -> Robot:
-    """Return the nominal sled: anchors tl, tr, bl, br at these corners, (4, 2), m.
+def robot_of(begun: frame.Frame, sigma: float, model: Model) -> Robot:
+    """Return the nominal sled: anchors tl, tr, bl, br at the corners of a frame.
 
-    All offsets have the mean `extension`, m, and σ of the common extension beside their own.
+    All offsets have the frame's extension as mean, and σ of the common extension beside their own.
     """
+    corners, extension = begun
     at = {belt: [*map(float, at), 0.0] for belt, at in zip(BELTS, corners, strict=True)}
     sensors = [_SENSOR.format(belt=belt, at=at[belt], sigma=sigma) for belt in BELTS[2:]]
     middle = np.mean(corners, axis=0)

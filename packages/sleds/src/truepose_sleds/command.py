@@ -139,8 +139,7 @@ def on_its_side(sled: Sled) -> list[str]:
 
 def with_poses(read: Readings) -> tuple[Readings, list[str]]:
     """Return the readings without a few rows that have no pose in the best frame, and a line."""
-    corners, extension = frame.start(read.lengths)
-    robot = belts.robot_of(corners, belts.READING, Model(), extension).expected()
+    robot = belts.robot_of(frame.start(read.lengths), belts.READING, Model()).expected()
     good = np.isfinite(robot.fkm(read.lengths[:, :2], errors="nan")).all(axis=1)
     if good.all() or good.mean() < REACHED or good.sum() < FEWEST:
         return read, []

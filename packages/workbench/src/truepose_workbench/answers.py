@@ -24,13 +24,6 @@ from truepose.show.units import PRINT
 from truepose.simulation.equilibrium import steady_state
 from truepose_workbench.state import State, Terms, pose_range
 
-#: Cases of the accuracy by their label on the page: (self-calibrated, referenced).
-HOWS = {
-    "as built": (False, False),
-    "referenced": (False, True),
-    "self-calibrated": (True, False),
-    "self-calibrated, referenced": (True, True),
-}
 #: Contents of the map.
 MAPS = ("none", "position error", "conditioning")
 #: Numbers of sampled workspace poses at which accuracy is evaluated, and that a calibration visits.
@@ -97,27 +90,6 @@ def ellipsoids(covariance: Array) -> tuple[Array, Array]:
     variance, directions = np.linalg.eigh(covariance)
     directions[..., 2] *= np.sign(np.linalg.det(directions))[:, None]
     return np.sqrt(np.maximum(variance, 0.0)), directions
-
-
-def bounds(robot: Robot) -> dict[str, Array]:
-    """Return σ of each coordinate and of the position, (n + 1,), rms over the workspace; m, rad.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> for names in (["theta"], ["theta", "z_telemeter"]):
-    ...     sigma = bounds(h4.with_sensors(*names))
-    ...     print((1e3 * np.array([s[-1] for s in sigma.values()])).round(2))  # mm
-    [7.46 0.21 1.78 0.17]
-    [4.91 0.2  0.75 0.1 ]
-    """
-    poses, found = workspace_poses(robot), {}
-    for how, (learnt, referenced) in HOWS.items():
-        home = robot.home if referenced else None
-        sigma = accuracy(robot, poses, poses if learnt else None, home).sigma
-        found[how] = np.sqrt((sigma**2).mean(axis=0))
-    return found
 
 
 def workspace_poses(robot: Robot) -> Array:

@@ -33,7 +33,7 @@ def command(
             show_default="the keys price and [prices] of the file",
         ),
     ] = None,
-    log: Annotated[Path | None, typer.Option(help="Log file to play back.")] = None,
+    log: Annotated[Path | None, typer.Option(help="Log file to open.")] = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the page.")] = 8080,
     host: Annotated[
         str,
@@ -47,7 +47,7 @@ def command(
         bool, typer.Option("--no-browser", help="Serve the page without opening a browser.")
     ] = False,
 ) -> None:
-    """Open a robot in the browser: move it, add errors, choose sensors, play a log.
+    """Open a robot in the browser: move it, add errors, choose sensors, open a log.
 
     The default is an H4 with one rod 3 mm too long; one button calibrates it from its own readings.
 

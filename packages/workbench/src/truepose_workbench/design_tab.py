@@ -153,8 +153,7 @@ class DesignTab(Tab):
         if self._front is not None:
             parts.append(charts.front(self._front, price, found.error, self._budget.value))
         self._said.content = words.page(*parts)
-        bounds = words.accuracy(robot, answers.bounds(robot))
-        self._bars.content = words.page(charts.budget(found), bounds)
+        self._bars.content = words.page(charts.budget(found))
 
     def _ask_plan(self) -> None:
         state = self.page.state

@@ -1,4 +1,4 @@
-"""The tab that plays back a log and calibrates on it."""
+"""The tab that goes through a log and calibrates on it."""
 
 import tempfile
 from dataclasses import dataclass, replace
@@ -26,7 +26,6 @@ from truepose_workbench import charts, words
 from truepose_workbench.page import Page, Tab, plot
 from truepose_workbench.state import State
 
-_LINES = 5  #: rows of a log played per second
 _POSES = 40  #: poses of a simulated log
 
 
@@ -114,7 +113,6 @@ class LogTab(Tab):
     def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         self.played: Playback | None = None
-        self._next = 0.0
         page.on(gui.add_upload_button("Open a log", hint="CSV, Parquet or MCAP"), self._upload)
         simulate = gui.add_button(f"Simulate a log of {_POSES} poses")
         page.on(simulate, lambda _: self._simulate_log())
@@ -122,17 +120,22 @@ class LogTab(Tab):
         believe = gui.add_checkbox("Control by the calibrated robot", False)
         self._believe = page.on(believe, self._choose)
         self._line = page.on(gui.add_slider("Pose", 1, 2, 1, 1), lambda _: self._go())
-        self._run: Any = gui.add_checkbox("Play", False)
         self._about = gui.add_html(words.line("No log yet."))
         self._sensor = page.on(gui.add_dropdown("Plot", ("–",)), lambda _: self._plot())
+        points = uplot.Series_Points(show=True, size=4)
+        colours = {"before": charts.USED, "after": charts.LINE}
+        series = [
+            uplot.Series(label=label, stroke=colour, width=1, points=points)
+            for label, colour in colours.items()
+        ]
+        self._chart: Any = plot(gui, "residual", np.zeros((3, 1)), series)
         self._allow(log=False, calibration=False)
-        self._chart: Any = None
-        self._gui, self._folder = gui, gui.add_folder(None)
 
     def _allow(self, log: bool, calibration: bool) -> None:
         """Enable the controls that need a log, and the one that needs a calibration."""
-        for handle in (self._calibrate, self._line, self._run, self._sensor):
+        for handle in (self._calibrate, self._line, self._sensor):
             handle.disabled = not log
+        self._chart.visible = log
         self._believe.disabled = not calibration
         self._believe.value = calibration
 
@@ -199,32 +202,15 @@ class LogTab(Tab):
         """Plot every row's residual of the selected sensor."""
         if self.played is None:
             return
-        if self._chart is not None:
-            self._chart.remove()
         played, name = self.played, self._sensor.value
         k = played.robot.sensors.index(name)
         factor, unit = in_print(played.robot, name)
-        data = [np.arange(1.0, len(played.log.lines) + 1)]
-        series = []
-        points = uplot.Series_Points(show=True, size=4)
-        for label, found, colour in (
-            ("before", played.before, charts.USED),
-            ("after", played.after, charts.LINE),
-        ):
-            if found is not None:
-                data.append(factor * found.residual[:, k])
-                series.append(uplot.Series(label=label, stroke=colour, width=1, points=points))
-        with self._folder:
-            self._chart = plot(self._gui, f"residual of {name} ({unit})", data, series)
-
-    def tick(self, now: float) -> None:
-        """Go to the next row during playback."""
-        if self.played is None or not self._run.value or now < self._next:
-            return
-        self._next = now + 1 / _LINES
-        self._line.value = int(self._line.value) % len(self.played.log.lines) + 1
-        self._go()
-        self.page.show()
+        before = factor * played.before.residual[:, k]
+        after = np.full_like(before, np.nan)
+        if played.after is not None:
+            after = factor * played.after.residual[:, k]
+        self._chart.title = f"residual of {name} ({unit})"
+        self._chart.data = np.arange(1.0, len(before) + 1), before, after
 
     def follow(self, state: State) -> None:
         """Show the row's residuals; another set of sensors needs another log."""
@@ -233,7 +219,6 @@ class LogTab(Tab):
         if self.played.robot.sensors != state.drawn.sensors:
             self.played = None
             self._allow(log=False, calibration=False)
-            self._run.value = False
             self._about.content = words.line("No log of these sensors yet.")
             return
         line = int(self._line.value) - 1

@@ -190,7 +190,7 @@ class MotionTab(Tab):
             return
         k = int(np.searchsorted(played.time, self._time, side="right")) - 1
         sent, place = replace(self.page.state, x_d=played.x_d[k]), played.x[k]
-        self.page.scene.show_robot(sent, place, self.page.magnified, self.page.coloured)
+        self.page.scene.show_robot(sent, place, self.page.magnified)
         self.page.scene.show_rests(sent, {}, 1.0)
         total = summed(played.robot)
         off = np.linalg.norm((played.x - played.x_d)[: k + 1, total.columns], axis=1)

@@ -42,7 +42,7 @@ class Page:
         self.state = state
         self.law: Law = usual(state.drawn)  #: law of the displayed robot
         self.magnified = 10.0
-        self.coloured, self.ellipsoids, self.map = False, True, answers.MAPS[0]
+        self.ellipsoids, self.map = True, answers.MAPS[0]
         self.moving = False  #: moved by a run, not by hand
         self.lock = threading.RLock()
         self.client: Any = None  #: browser of the event that is handled
@@ -168,8 +168,7 @@ class Page:
         legend = ""
         try:
             if not self.moving:
-                shown = found[self.law].x, self.magnified, self.coloured
-                self.scene.show_robot(state, *shown)
+                self.scene.show_robot(state, found[self.law].x, self.magnified)
                 self.scene.show_rests(state, found, self.magnified)
             around = self.scene.overlays
             if factor := around.show_ellipsoids(state, self.ellipsoids and not self.moving):

@@ -118,26 +118,29 @@ class Scene:
         for gizmo in self._gizmos:
             gizmo.position, gizmo.wxyz = frame[:3, 3], wxyz
 
-    def show_robot(self, state: State, x: Array | None, magnified: float, coloured: bool) -> None:
+    def show_robot(self, state: State, x: Array | None, magnified: float) -> None:
         """Draw the true robot at x; its deviation from the ghost at x_d is magnified."""
         ghost, real = skeletons(state, x, magnified)
         parts = parts_of(state.drawn, ghost, state.x_d)
-        self._draw("ghost", parts, np.tile(np.array(_GHOST, np.uint8), (len(parts), 1)), 0.28)
+        self._draw("ghost", parts, [_GHOST] * len(parts), 0.28)
         apart = real is not None and float(np.abs(real - ghost).max()) > 1e-4 * self._size
         self._bars["ghost"].visible = apart  # hidden if it coincides with the robot
         if real is not None and x is not None:
             parts = parts_of(state.truth, real, state.x_d + magnified * (x - state.x_d))
-            at = state.robot.conditioning(state.x_d) if coloured else None
             used = state.truth.spec.used  # their parts are the last
             count = len(parts) - len(used)
             for k, sensor in enumerate(used, count):
                 parts[k] = (*parts[k][:2], _LINES.get(sensor.kind, _DISC))
-            self._draw("robot", parts, _colours(parts, state.robot.n, at), None)
+            self._draw("robot", parts, [rgb(_PARTS[name]) for name, _, _ in parts], None)
             names = {sensor.name: parts[k][1][0] for k, sensor in enumerate(used, count)}
             self.overlays.show_names(names)
 
     def _draw(
-        self, name: str, parts: Sequence[Part], colours: Array, opacity: float | None
+        self,
+        name: str,
+        parts: Sequence[Part],
+        colours: Sequence[tuple[int, int, int]],
+        opacity: float | None,
     ) -> None:
         """Draw each straight piece of each part as an instance of one cylinder mesh."""
         of = np.repeat(np.arange(len(parts)), [len(points) - 1 for _, points, _ in parts])
@@ -155,7 +158,7 @@ class Scene:
             "batched_positions": (a + b) / 2,
             "batched_wxyzs": wxyz / np.linalg.norm(wxyz, axis=1)[:, None],
             "batched_scales": np.column_stack([radii, radii, length]),
-            "batched_colors": colours[of],
+            "batched_colors": np.array(colours, dtype=np.uint8)[of],
         }
         there = self._bars.get(name)
         if there is not None and len(there.batched_positions) == len(d):
@@ -188,19 +191,6 @@ def _dropped(dragged: Callable[[Array, bool], None], event: Any) -> None:
     turn = SO3(np.asarray(event.target.wxyz))
     frame = SE3.from_rotation_and_translation(turn, event.target.position).as_matrix()
     dragged(frame, event.phase == "end")
-
-
-def _colours(parts: list[Part], n: int, conditioning: Any) -> Array:
-    """Return each part's colour, (k, 3): its own, or by its chain's or nacelle's conditioning."""
-    colours = np.array([rgb(_PARTS[name]) for name, _, _ in parts], dtype=np.uint8)
-    if conditioning is None:
-        return colours
-    rods = [k for k, (name, _, _) in enumerate(parts) if name == "rod"]
-    for number, k in enumerate(rods):
-        colours[k] = shades(1 - conditioning.serial[number * n // len(rods)])
-    platform = [name in ("nacelle", "central bar", "lateral bar") for name, _, _ in parts]
-    colours[platform] = shades(1 - conditioning.parallel)
-    return colours
 
 
 def corners(state: State) -> Array:
@@ -254,7 +244,10 @@ class Overlays:
         if not self._ellipsoids.visible:
             return None
         x = np.vstack([state.x_d, self._corners])
-        P = np.asarray(accuracy(state.robot, x, **state.terms.known(state.robot), errors="nan"))
+        use = state.terms.use(state.robot)
+        P = np.asarray(
+            accuracy(state.robot, x, use.calibrated_on, use.reference_pose, errors="nan")
+        )
         whole = np.zeros((len(x), 3, 3))
         whole[np.ix_(range(len(x)), axes, axes)] = P[:, : len(axes), : len(axes)]
         radii, directions = ellipsoids(np.nan_to_num(whole))

@@ -140,9 +140,6 @@ class ViewTab(Tab):
             "magnified": gui.add_slider("Errors shown ×", 1.0, 100.0, 1.0, page.magnified),
             "map": gui.add_dropdown("Map", MAPS, initial_value=page.map),
             "ellipsoids": gui.add_checkbox("Ellipsoids, 1 σ", page.ellipsoids),
-            "coloured": gui.add_checkbox(
-                "Conditioning in colour", False, hint="yellow: singular; violet: best"
-            ),
         }
         for what, handle in shown.items():
             page.on(handle, partial(setattr, page, what))

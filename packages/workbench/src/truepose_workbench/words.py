@@ -5,12 +5,11 @@ from html import escape
 
 import numpy as np
 
-from truepose.arguments import Array
 from truepose.exceptions import one_line
 from truepose.robot.kinematics import Conditioning
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.units import angles, in_print, summed
+from truepose.robot.units import in_print, summed
 from truepose.show.table import number
 from truepose.show.units import PRINT, printed
 from truepose_workbench.answers import Rest
@@ -116,21 +115,6 @@ def pose(state: State, magnified: float) -> str:
     ]
     drawn = f"; errors shown × {magnified:g}" if magnified != 1 and state.errors else ""
     return note(f"Target {', '.join(words)}{drawn}")
-
-
-def accuracy(robot: Robot, found: Mapping[str, Array]) -> str:
-    """Return σ over the workspace, as built and with each improvement."""
-    total = summed(robot)
-    factor, shown = PRINT[total.unit]
-    turns = [k for k in np.flatnonzero(angles(robot)) if k not in total.columns]
-    header = ["σ over the workspace", f"{total.name} ({shown})", *["turn (°)"] * bool(turns)]
-    rows = []
-    for how, sigma in found.items():
-        cells = [number(factor * float(sigma[-1]), 3)]
-        if turns:
-            cells.append(number(float(np.degrees(np.linalg.norm(sigma[turns]))), 2))
-        rows.append([escape(how), *cells])
-    return table(header, rows)
 
 
 def errors(state: State, most: int = 6) -> str:

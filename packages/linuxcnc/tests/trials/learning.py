@@ -1,6 +1,6 @@
 """Online calibration inside LinuxCNC: an H4 sampled from its file's tolerances calibrates itself.
 
-Run as ``python tools/learning.py``; `make test` does. Prints tables of
+Run as ``python tests/trials/learning.py``; `make test` does. Prints tables of
 docs/linuxcnc.md: errors before and after, in the session that calibrates and in the next; time of
 its cycles; steps of the drives' commands meanwhile, and when one of two sensors fails.
 """
@@ -12,8 +12,6 @@ import sys
 from typing import Any
 
 import numpy as np
-
-import truepose as tp
 from trial import (
     CLOCKS,
     LAWS_OF,
@@ -26,6 +24,8 @@ from trial import (
     stepped,
     tell_steps,
 )
+
+import truepose as tp
 from truepose.arguments import Array
 from truepose.robot.workspace import workspace_grid
 from truepose_linuxcnc.configuration import corrections
