@@ -3,7 +3,7 @@
 path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, exactly known geometry
 path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, compared with rest;
                                                      # --without friction omits an effect
-path_accuracy.py iso [--robots 20]                   # AT and RT at three speeds, as with --full
+path_accuracy.py iso [--robots 20] [--jobs 1]        # AT and RT at three speeds
 
 Every robot is sampled from the tolerances, each rod on its own. All take half an hour on one core.
 """
@@ -11,15 +11,17 @@ Every robot is sampled from the tolerances, each rod on its own. All take half a
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import product
 
 import numpy as np
 
 import truepose as tp
 from truepose.robot.laws import LAWS
-from truepose.show.table import markdown
+from truepose.robot.workspace import workspace_grid
 from truepose.simulation.plants.dynamic import visit
-from truepose_paper import following, tables
 
+CENTRE, RADIUS = (0.0, 0.0, -0.4, 0.0), 0.05  #: m; the square's half side is the circle's radius
+CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
 RUNS = 3  #: of each robot at 2 Hz
 PLACES = 24  #: poses at rest on the circle
 MOTORS = tp.Effects().without("eccentricity", "thermal")  #: effects that motors observe
@@ -37,9 +39,58 @@ CASES = {
 
 
 def circle(frequency: float, turns: float) -> tp.simulation.Circle:
-    return tp.simulation.Circle(
-        centre=following.CENTRE, radius=following.RADIUS, frequency=frequency, turns=turns
-    )
+    return tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=frequency, turns=turns)
+
+
+PATHS = {
+    "circle": tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=1.0),
+    "square": tp.simulation.Waypoints(
+        poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in CORNERS], duration=0.4
+    ),
+}
+
+
+def sampled(effects: tp.Effects, seed: int) -> tuple[tp.Robot, tp.Robot, tp.Robot]:
+    """Return a true robot, the nominal model, which allows for the effects, and the calibrated one.
+
+    It calibrates itself, cold, under joint control near Table 2's poses, so that rounding differs.
+    """
+    nominal = tp.load("h4")
+    truth = nominal.sample(np.random.SeedSequence([0, seed]))
+    allowed, there = effects.allowed_for(nominal), effects.geometry(truth, seed=seed)
+    poses = workspace_grid(nominal)
+    poses += np.random.default_rng(seed).uniform(-5e-4, 5e-4, poses.shape)
+    readings = there.read(tp.steady_state(allowed, there, poses, "joint"))
+    return truth, allowed, tp.calibrate(allowed, readings, cause="ignore").robot
+
+
+def iso(seed: int) -> dict:
+    """Return AT, RT (m), AT θ (rad), contouring and tracking (m) of one robot."""
+    effects, found = tp.Effects(), {}
+    truth, allowed, calibrated = sampled(effects, seed)
+    for law in LAWS:
+        controller = tp.Controller.for_robot(tp.load("h4"), effects, law)
+        nominal = allowed.expected() if law in ("weighted", "estimated") else allowed
+        for known, robot in (("nominal", nominal), ("calibrated", calibrated)):
+            for speed, (name, path) in product((1.0, 0.5, 0.1), PATHS.items()):
+                run = tp.simulation.path_accuracy(
+                    robot, path, truth, controller, speed=speed, effects=effects, seed=seed
+                )
+                found[name, speed, known, law] = (
+                    run.AT, run.RT, run.AT_angle, run.contour, run.tracking, run.saturated,
+                )  # fmt: skip
+    return found
+
+
+def print_iso(robots: list[dict]) -> None:
+    """Print medians over the robots."""
+    row("path, speed, robot, law", "AT (mm)", "RT (mm)", "AT θ (°)", "contouring (mm)",
+        "tracking (mm)", "saturated (%)")  # fmt: skip
+    row("---", *["---:"] * 6)
+    for case in sorted(robots[0], key=str):
+        median = np.median([one[case] for one in robots], axis=0)
+        cells = median * [1e3, 1e3, 180 / np.pi, 1e3, 1e3, 100]
+        row(", ".join(map(str, case)), *(f"{cell:.3g}" for cell in cells))
 
 
 def contour(seed: int) -> dict:
@@ -68,14 +119,13 @@ def slow(without: list[str], seed: int) -> dict:
     """Return the rms of one calibrated robot at rest on the circle (or NaN) and at 0.1 Hz, m."""
     effects = tp.Effects().without(*without)
     robot = tp.load("h4")
-    truth, believed = following.drawn(robot, effects, 0, seed)
+    truth, _, known = sampled(effects, seed)
     angles = np.linspace(0, 2 * np.pi, PLACES, endpoint=False)
-    places = np.tile(following.CENTRE, (PLACES, 1))
-    places[:, :2] += following.RADIUS * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    places = np.tile(CENTRE, (PLACES, 1))
+    places[:, :2] += RADIUS * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     found = {}
     for law in LAWS:
         controller = tp.Controller.for_robot(robot, effects, law)
-        known = believed[law, True]
         settings = {"effects": effects, "seed": seed}
         x, _, _ = visit(known, truth, places, controller, **settings)
         rest = np.linalg.norm((x - places)[:, :3], axis=1)
@@ -137,14 +187,11 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--without", nargs="*", default=[], choices=tp.Effects.groups())
     args = parser.parse_args()
-    if args.what == "iso":
-        for table in tables.following(following.study(tp.load("h4"), args.robots, seed=0)):
-            print(f"{table.title}\n\n{markdown(table)}\n", flush=True)
-        return
     with ProcessPoolExecutor(args.jobs) as pool:
         work, show = {
             "contour": (contour, print_contour),
             "slow": (partial(slow, args.without), print_slow),
+            "iso": (iso, print_iso),
         }[args.what]
         show(list(pool.map(work, range(args.robots))))
 
