@@ -419,10 +419,9 @@ def consequences(seed: int) -> None:
     """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
     robot, rng = tp.load("h4"), np.random.default_rng(seed)
     table = workspace_grid(robot)
-    ways = [(*default_move(robot), 0.1)]  # the paper's, then others
-    for _ in range(29):
-        start, end = table[rng.choice(len(table), 2, replace=False)]
-        ways.append((start, end, round(rng.uniform(0, 0.3), 3)))
+    others = [table[rng.choice(len(table), 2, replace=False)] for _ in range(29)]
+    ways = [(*default_move(robot), 0.1)]  # the paper's
+    ways += [(start, end, round(rng.uniform(0, 0.3), 3)) for start, end in others]
     sizes = {"bias": np.radians(1), "spike": np.radians(1), "drift": np.radians(1)}
     sizes |= {
         "stuck": None,
