@@ -80,8 +80,6 @@ def write(
         data = table.columns(0, 1, 3, 4) if table.name == "claims" else table  # words alone
         _csv(out / f"{table.name}.csv", data.records())
     _raw_numbers(result, out)
-    norms = np.sqrt(found.ratio("norm_xyz", "sum_sq"))
-    learnt = np.sqrt(found.ratio("norm_xyz", "sum_sq", "self-calibrated"))
     text = page.render(
         "report.html.j2",
         "truepose_paper",
@@ -94,9 +92,6 @@ def write(
         ratio=float(np.median(found.ratio("theta", "sum_sq"))),
         displaced=float(np.median(experiment.moved_by_tej(found, MOVE_TO))),
         drawn=float(np.median(found.tables["joint"][:, 3, 2])),
-        norms=np.percentile(norms, [5, 50, 95]),
-        learnt=float(np.median(learnt)),
-        promised=sensing[0].bound / sensing[0].rms["joint"],
         left=experiment.theta_law(result.robot, found.poses),
         errors=article.simulation_errors(),
         locations=article.locations(),
