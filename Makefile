@@ -31,7 +31,7 @@ paper:
 reproduce: paper
 	@truepose reproduce --force $(ARGS)
 
-# The same, and what takes statistics: sets of sensors over 100 real robots, a warm-up. Some minutes more.
+# The same, and sensor sets over 200 robots that calibrate themselves. Some minutes more.
 report: paper
 	@truepose reproduce --full --force $(ARGS)
 
@@ -182,7 +182,7 @@ pictures: $(VENV)/tools paper
 docs: $(VENV)/documenting
 	python docs/site/make.py
 
-# The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
+# An H4 whose Table 3 is close to the printed one: ten searches, five minutes of a core each.
 twin: paper
 	python packages/paper/tools/twin_folder.py robots/h4-lirmm-twin
 

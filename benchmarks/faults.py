@@ -6,6 +6,7 @@ faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
 faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
+faults.py consequences [--seed 0]        # docs/fault-consequences.md
 
 Robots calibrated themselves on readings at 100 poses. Errors are relative to the same run without
 a fault. Delays count from the first cycle in which the reading is off by the limit of
@@ -27,7 +28,10 @@ from truepose import _core
 from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
 from truepose.faults.monitor import first
+from truepose.robot.laws import LAWS
 from truepose.robot.units import reading_units
+from truepose.robot.workspace import workspace_grid
+from truepose.simulation.paths import default_move
 
 SETS = {
     "h4 θ": ("h4", ["theta"]),
@@ -390,6 +394,51 @@ def payload(robots: int) -> None:
                 error.append(abs(100 * (runs[1].disturbance_size[k] / mass - 1)))
         ends = f"{np.median(error):.1f}, {max(error):.1f}"
         row(mass, f"{len(error)} of {robots}", ends, "{:.2f}, {:.2f} mm".format(*np.median(sag, 0)))
+
+
+def consequences(seed: int) -> None:
+    """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
+    robot, rng = tp.load("h4"), np.random.default_rng(seed)
+    table = workspace_grid(robot)
+    others = [table[rng.choice(len(table), 2, replace=False)] for _ in range(29)]
+    ways = [(*default_move(robot), 0.1)]  # the paper's
+    ways += [(start, end, round(rng.uniform(0, 0.3), 3)) for start, end in others]
+    sizes = {"bias": np.radians(1), "spike": np.radians(1), "drift": np.radians(1)}
+    sizes |= {
+        "stuck": None,
+        "dropout": None,
+        "sign": None,
+        "gain": 1.05,
+        "delay": 0.005,
+        "swap": None,
+    }
+    row("fault", *LAWS, "median", "detected")
+    row("---", *["---:"] * 7)
+    cases = [("theta", "none", None), *((c, *of) for of in sizes.items() for c in ("theta", "q1"))]
+    for reading, kind, size in cases:
+        cells, monitored = [], []
+        for law in LAWS:
+            texts = []
+            for monitor in (None, tp.FaultMonitor()):
+                runs = []
+                for start, end, at in ways:
+                    other = {"theta": "q1", "q1": "q2"}[reading] if kind == "swap" else None
+                    faults = [] if kind == "none" else [Fault(reading, kind, at, size, other=other)]
+                    runs.append(
+                        tp.simulate(
+                            robot, robot, law, faults=faults, monitor=monitor,
+                            run=Run(start=start, end=end, duration=0.3, hold=0.3),
+                        )
+                    )  # fmt: skip
+                mm = [1e3 * np.linalg.norm(run.error[:, :3], axis=1).max() for run in runs]
+                angle = np.degrees(max(np.abs(run.error[:, 3]).max() for run in runs))
+                left = sum(bool(run.ended) for run in runs)
+                texts.append(f"{max(mm):.2g}, {angle:.2g}°" + f" ({left})" * (left > 0))
+            monitored += zip(mm, runs, strict=True)
+            cells.append(" → ".join(texts))
+        median = np.median([mm for mm, _ in monitored])
+        found = sum(first(run.health) is not None for _, run in monitored)
+        row(f"{reading}: {kind}", *cells, f"{median:.2g}", found)
 
 
 def row(*cells: object) -> None:

@@ -7,13 +7,11 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator
 
 import truepose as tp
 from truepose.robot.parts import COLOURS
 from truepose.robot.workspace import workspace_grid
 from truepose.show.table import as_csv
-from truepose_paper import faulty, figures, following
 from truepose_paper.plotted import plotted
 
 PICTURES = Path(__file__).parents[1] / "pictures"
@@ -105,16 +103,6 @@ def over_table_2() -> Figure:
         *left.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
     )
     return figure
-
-
-def path_accuracy() -> Figure:
-    """Return the report's: one real robot on a circle, at half its motors' limits."""
-    return figures.following(following.study(tp.load("h4"), robots=1, seed=0, full=False))
-
-
-def fault_consequences() -> Figure:
-    """Return the report's, of 30 moves: worst errors by fault and law, monitored and not."""
-    return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
 
 
 class Oblique:
@@ -209,17 +197,12 @@ def chain() -> Figure:
     return figure
 
 
-DRAWN_BY = (chain, five_bar, rest, over_table_2, path_accuracy, fault_consequences)
+DRAWN_BY = (chain, five_bar, rest, over_table_2)
 
 
-def named(figure: Figure, record: dict) -> dict:
-    """Round a point's numbers; give a row of names its name in place of its height."""
-    axes = figure.axes[record["panel"] - 1].yaxis
-    rounded = {k: float(f"{v:.7g}") if isinstance(v, float) else v for k, v in record.items()}
-    if "y" in record and isinstance(ticks := axes.get_major_locator(), FixedLocator):
-        nearest = min(ticks.locs, key=lambda at: abs(at - record["y"]))
-        rounded["y"] = axes.get_major_formatter()(nearest)
-    return rounded
+def rounded(record: dict) -> dict:
+    """Round a point's numbers."""
+    return {k: float(f"{v:.7g}") if isinstance(v, float) else v for k, v in record.items()}
 
 
 def main() -> None:
@@ -231,7 +214,7 @@ def main() -> None:
         figure = draw()
         figure.savefig(file, metadata={"Date": None})
         if draw not in (chain, five_bar):  # drawings
-            data = [named(figure, record) for record in plotted(figure)]
+            data = [rounded(record) for record in plotted(figure)]
             file.with_suffix(".csv").write_text(as_csv(data), encoding="utf-8")
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 

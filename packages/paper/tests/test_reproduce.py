@@ -1,10 +1,7 @@
 """Output and failures of `truepose reproduce`."""
 
-import contextlib
 import csv
 import dataclasses
-import functools
-import io
 import json
 import os
 import re
@@ -21,21 +18,7 @@ from matplotlib.figure import Figure
 
 import truepose as tp
 from truepose import files
-from truepose.commands import cli
-from truepose.robot.laws import LAWS
-from truepose_paper import (
-    article,
-    claims,
-    experiment,
-    faulty,
-    figures,
-    following,
-    forgotten,
-    report,
-    screen,
-    sensor_sets,
-    tables,
-)
+from truepose_paper import article, claims, experiment, report, screen, tables
 from truepose_paper.plotted import plotted
 
 
@@ -56,60 +39,6 @@ def made(tmp_path_factory):
     return started("reproduce", "--robots", 8, "--seed", 3, "--all", "--out", out), out
 
 
-@pytest.fixture(scope="module")
-def with_experiment(tmp_path_factory, reproduction):
-    """Return what is said and written with --experiment where truepose-mujoco is not installed.
-
-    The studies and figures of every report are those of `reproduction`, which `made` tries.
-    """
-    save = report._save
-    out = tmp_path_factory.mktemp("experiment") / "report"
-    words = ["truepose", "reproduce", "--robots", "1", "--experiment", "--all", "--out", str(out)]
-    said, errors = io.StringIO(), io.StringIO()
-    cases = {"none": tp.Effects.none(), "ripple alone": tp.Effects().only("ripple")}
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(errors),
-        pytest.raises(SystemExit) as left,
-    ):
-        patch.setattr(sys, "argv", words)
-        patch.setenv("COLUMNS", "80")
-        patch.setitem(sys.modules, "truepose_mujoco.plant", None)  # importing it fails
-        patch.setattr(forgotten, "cases", lambda: cases)
-        patch.setattr(forgotten, "LEARN", 3 * forgotten.LEARN)
-        patch.setattr(forgotten, "JUDGE", 3 * forgotten.JUDGE)
-        patch.setattr(sensor_sets, "compare", lambda *_, **__: reproduction.sensing)
-        patch.setattr(following, "study", lambda *_, **__: reproduction.following)
-        patch.setattr(faulty, "study", lambda *_, **__: reproduction.faults)
-        own = re.compile("experiment-")
-        patch.setattr(report, "_save", lambda f, p: save(f, p) if own.match(p.name) else "")
-        cli.main()
-    result = subprocess.CompletedProcess(words, left.value.code or 0)
-    result.stdout, result.stderr = said.getvalue(), errors.getvalue()
-    return result, out
-
-
-def test_the_virtual_experiment_joins_the_report(with_experiment):
-    result, out = with_experiment
-    assert result.returncode == 0, result.stderr
-    assert max(map(len, result.stdout.splitlines()[:-1])) <= 80
-    for text in ("Table 3 of the twin, exact plant", "desired − measured", "excluded"):
-        assert text in result.stdout
-    page = (out / report.PAGE).read_text(encoding="utf-8")
-    assert "Section 4: the experiment, measured from outside" in page
-    assert "truepose reproduce --robots 1 --seed 0 --experiment" in page
-    names = {path.name for path in out.iterdir()}
-    assert {"experiment-exact.png", "twin_controls_exact.csv", "forgotten.csv"} <= names
-    assert {f"experiment-exact-tej.{e}" for e in ("csv", "parquet", "mcap")} <= names
-
-
-def test_without_mujoco_one_line_says_how_to_get_it(with_experiment):
-    lines = [line for line in with_experiment[0].stderr.splitlines() if "MuJoCo" in line]
-    assert len(lines) == 1
-    assert "pip install packages/mujoco" in lines[0]
-
-
 def rows(path):
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -124,7 +53,7 @@ def test_it_ends_well_and_prints_table_3_beside_the_papers(made):
 
 def test_the_screen_has_every_entry_of_table_3_and_a_verdict_on_every_claim(reproduction):
     lines = screen.lines(reproduction)
-    assert len(lines) == 39 and max(map(len, lines)) <= 80  # with the command's last line, 40
+    assert len(lines) == 37 and max(map(len, lines)) <= 80  # with the command's last line, 38
     for law, entries in article.table3_as_printed().items():
         first = 0 if law == "usual" else 4
         for _, key, label in tables.cells():
@@ -204,18 +133,12 @@ def test_every_verdict_and_erratum_names_a_test_that_exists(reproduction):
 
 def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
     _, out = made
-    pictures = [
-        "robot",
-        "figures-11-13",
-        "poses",
-        "following",
-        "faults",
-    ]
-    numbers = ["claims", "table3", "sensors", "errata", "figures-11-13"]
-    numbers += ["table3_robots", "gains", "moves"]
+    pictures = ["robot", "figures-11-13", "poses", "experiment"]
+    numbers = ["claims", "table3", "sensors", "errata", "figures-11-13", "experiment"]
+    numbers += ["table3_robots", "gains", "moves", "twin_table3_desired", "twin_controls"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
-    numbers += ["self-calibrated", "sensing", "following_circle", "faults"]
-    numbers += ["following"]
+    numbers += ["self-calibrated", "sensing"]
+    numbers += [f"experiment-{control}" for control in experiment.CONTROLS]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}
     expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
     assert {file.name for file in out.iterdir()} == expected
@@ -225,9 +148,9 @@ def test_the_page_stands_alone(made):
     _, out = made
     page = (out / "report.html").read_text(encoding="utf-8")
     assert len(page) < 1_200_000
-    assert page.count("data:image/svg+xml;base64,") == len(list(out.glob("*.svg"))) == 5
+    assert page.count("data:image/svg+xml;base64,") == len(list(out.glob("*.svg"))) == 4
     assert not re.search(r'(src|href)="(?!data:|#)', page)
-    for text in ("Figures 11 to 13", "seed 3", "8 robots", "assumed", "0.517", "0.452"):
+    for text in ("Figures 11 to 13", "seed 3", "8 robots", "assumed", "0.517°", "0.452°"):
         assert text in page
     assert "nan" not in re.sub(r"data:image[^\"]*", "", page).lower().split()
 
@@ -253,14 +176,13 @@ def is_number(cell: str) -> bool:
     return True
 
 
-@pytest.mark.parametrize("report", ["made", "with_experiment"])
-def test_a_column_of_a_csv_holds_numbers_or_words_and_every_figure_has_a_csv(report, request):
-    out = request.getfixturevalue(report)[1]
+def test_a_column_of_a_csv_holds_numbers_or_words_and_every_figure_has_a_csv(made):
+    _, out = made
     files = sorted(out.glob("*.csv"))
     figures = {path.stem for path in out.glob("*.svg")} - {"robot"}  # a drawing
     assert {path.stem for path in files} >= figures
     listed = (out / "report.html").read_text(encoding="utf-8")
-    logs = {path for path in files if re.match("experiment-.*-", path.stem)}  # of every run
+    logs = {path for path in files if path.stem.startswith("experiment-")}  # of every run
     for path in set(files) - logs:
         found = rows(path)
         for name in found[0]:
@@ -319,66 +241,11 @@ def test_the_csv_hold_the_numbers_behind_the_tables(made):
     assert float(move[200]["x_desired_mm"]) == pytest.approx(100)
 
 
-def test_the_report_says_how_robots_follow_a_circle(made):
-    """Calibrated a robot is nearer to it, at nearly the same scatter, under every control."""
-    table = rows(made[1] / "following_circle.csv")
-    *drawn, learnt = table
-    assert len(drawn) == 4 and (learnt["law"], learnt["robot"]) == ("estimated", "calibrated")
-    assert all(float(learnt["AT (mm)"]) < 0.9 * float(row["AT (mm)"]) for row in drawn)
-    scatter = [float(row["RT (mm)"]) for row in table]
-    assert max(scatter) < 1.3 * min(scatter)
-
-
-def test_the_report_sets_faults_without_the_fault_monitor_beside_those_with_it(made):
-    table = {row["fault"]: row for row in rows(made[1] / "faults.csv")}
-    assert (table["none"]["found"], table["θ: stuck"]["found"]) == ("0", "5")
-    for law in LAWS:
-        healthy = table["none"]
-        assert healthy[f"{law}, position (mm)"] == healthy[f"{law}, monitored position (mm)"]
-    assert float(table["θ: stuck"]["tej, monitored position (mm)"]) < 1
-    assert "(1) → " in (made[1] / "report.html").read_text(encoding="utf-8")
-
-
 def test_gains_have_the_extremes_and_percentiles_over_the_robots():
     squares = SimpleNamespace(ratio=lambda *_: np.arange(1.0, 102.0) ** 2)
     table = tables.gains(SimpleNamespace(experiment=squares))
     for _, *cells in table.rows[1::2]:  # of the norm's rms
         assert [float(cell) for cell in cells] == [1, 6, 51, 96, 101]
-
-
-def test_statistics_have_every_path_and_speed_and_law(h4, monkeypatch):
-    """Of a study cut short: with one speed, two cases, and few runs at each."""
-    monkeypatch.setattr(following, "SPEEDS", (0.5,))
-    monkeypatch.setattr(following, "CASES", (("joint", False), ("estimated", True)))
-    few = functools.partial(following.path_accuracy, runs=2)
-    monkeypatch.setattr(following, "path_accuracy", few)
-    steps = []
-    lines = following.study(h4, robots=2, seed=0, progress=lambda *step: steps.append(step))
-    assert steps == [(done, 8) for done in range(1, 9)]
-    found = tables.following(lines)
-    assert [(table.name, len(table.rows)) for table in found] == [
-        ("following_circle", 2),
-        ("following_square", 2),
-    ]
-    first = found[0].records()[0]
-    assert first["law"] == "joint" and first["speed"] == 0.5
-    assert first["AT (mm)"] == pytest.approx(1e3 * np.median([one.AT for one in lines[0].each]))
-    assert len(figures.following(lines).axes) == 4
-
-
-def test_a_fault_is_judged_at_its_worst_monitored_and_alone(h4, monkeypatch):
-    some, whole = {"none", "q1: dropout", "θ: dropout", "q1: drift 1°/s"}, faulty.cases
-    monkeypatch.setattr(faulty, "cases", lambda at: [c for c in whole(at) if c[0] in some])
-    lines = {line.fault: line for line in faulty.study(h4, count=2, seed=0)}
-    assert lines.keys() == some
-    lost, none = lines["q1: dropout"], lines["none"]
-    for law in LAWS:
-        assert lost.alone[law][0].left and not lost.monitored[law][0].left
-        assert lost.monitored[law][0].stopped and lost.monitored[law][0].found
-        assert [run[:3] for run in none.alone[law]] == [run[:3] for run in none.monitored[law]]
-        assert not any(run.found or run.stopped for run in none.monitored[law])
-    assert lines["θ: dropout"].median < 0.5 < lines["q1: drift 1°/s"].median
-    assert tables.faults(list(lines.values())).records()[0]["runs"] == 10
 
 
 def test_the_same_seed_gives_the_same_numbers_and_the_first_robots_do_not_depend_on_the_count(
@@ -399,6 +266,7 @@ def test_the_same_seed_gives_the_same_numbers_and_the_first_robots_do_not_depend
         (["reproduce", "--robots", "many"], ["--robots", "integer"]),
         (["reproduce", "--seed", "-1"], ["--seed", "0"]),
         (["reproduce", "--robot", "3"], ["--robot", "--robots"]),
+        (["reproduce", "--experiment"], ["--experiment", "omit the option"]),
         (["repro"], ["repro", "reproduce"]),
         (["reproduce", "--out", "/proc/nowhere"], ["/proc/nowhere", "cannot be written"]),
         (["reproduce", "--out", __file__], [__file__, "cannot be written"]),
@@ -484,7 +352,7 @@ def test_a_report_replaces_a_report_by_force(tmp_path):
     assert sorted(os.listdir(tmp_path / "out")) == ["poses.csv", "report.html"]
 
 
-@pytest.mark.parametrize("own", ["poses.csv", "report.html", "robot.png", "run.mcap"])
+@pytest.mark.parametrize("own", ["poses.csv", "report.html", "robot.png"])
 def test_a_report_does_not_go_among_others_files(tmp_path, own):
     (tmp_path / own).write_bytes(b"mine")
     with pytest.raises(tp.InputError, match="--out"), report.folder(tmp_path):

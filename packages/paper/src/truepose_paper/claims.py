@@ -119,7 +119,7 @@ def _experiment(result: Reproduction) -> list[Sequence[str]]:
     at = (slice(None), article.QUANTITIES.index("theta"), article.STATISTICS.index("average"))
     usual, tej = (result.again[:, law][at] for law in range(2))
     low, high = np.percentile(tej, [5, 95])
-    first, second = (run.table()[at[1:]] for run in result.twin_runs.values())
+    first, second = (result.twin_runs[law].table()[at[1:]] for law in twin.LAWS)
     printed = [article.table3()[law]["theta", "average"] for law in twin.COLUMNS]
     squares = (result.experiment.measured[control][:, 3, 2] for control in twin.LAWS)
     robots = 100 * (float(np.median(np.divide(*reversed(tuple(squares))))) - 1)
@@ -176,7 +176,7 @@ class Change:
     def of(cls, result: Reproduction, quantity: str) -> Change:
         """Compare the twin's runs."""
         at = article.QUANTITIES.index(quantity), article.STATISTICS.index("sum_sq")
-        usual, tej = (run.table()[at] for run in result.twin_runs.values())
+        usual, tej = (result.twin_runs[law].table()[at] for law in twin.LAWS)
         first, second = (result.again[(slice(None), law, *at)] for law in range(2))
         pairs = (second / first[:, None])[~np.eye(len(first), dtype=bool)]
         printed = article.table3()

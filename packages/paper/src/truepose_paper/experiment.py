@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +36,6 @@ CONTROLS: dict[Control, Law] = {
 }
 #: Controls of the printed Table 3, and their columns' names there.
 PRINTED: dict[Control, str] = {"joint": "usual", "tej": "redundant"}
-Kind = TypeVar("Kind")
 #: Function called with the numbers of finished and of all parts of a study.
 Progress = Callable[[int, int], None]
 #: Names of the controls for people.
@@ -132,16 +130,13 @@ def run(
     found = list(each(settled, enumerate(truths), progress))
     errors = {c: in_print_units(np.array([x[c] for x in found]) - poses) for c in controls}
     tables = {control: table3(values) for control, values in errors.items()}
-    measured = {
-        control: np.array(
-            [
-                table3(_as_measured(control, robot, truth, poses, x[control]))
-                for truth, x in zip(truths, found, strict=True)
-            ]
-        )
-        for control in PRINTED
-        if control in controls
-    }
+
+    def as_measured(control: Control) -> Array:  # the paper's error, exactly measured
+        q_e = [truth.extended_positions(x[control]) for truth, x in zip(truths, found, strict=True)]
+        estimated = [estimate(control, robot, poses, readings) for readings in q_e]
+        return table3(in_print_units(np.array(estimated) - [x[control] for x in found]))
+
+    measured = {control: as_measured(control) for control in PRINTED if control in controls}
     return Experiment(robot, truths, poses, errors, tables, measured)
 
 
@@ -152,11 +147,6 @@ def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Arr
     if control in ("tej", "cartesian"):
         return believed.redundant_fkm(q_e, errors="nan")
     return believed.estimate(q_e, guess=poses, errors="nan").x
-
-
-def _as_measured(control: Control, robot: Robot, truth: Robot, poses: Array, x: Array) -> Array:
-    """Return the paper's error, estimated from the encoders − measured, of an exact measurement."""
-    return in_print_units(estimate(control, robot, poses, truth.extended_positions(x)) - x)
 
 
 def with_m_at_x(robot: Robot, x_d: Array, q_e: Array) -> Array:
@@ -205,16 +195,6 @@ def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
         for law in ("joint", "tej")
     )
     return 1e3 * np.linalg.norm(redundant - usual, axis=1)
-
-
-def of_every_kind(
-    work: Callable, kinds: Iterable[Kind], robots: Sequence, progress: Progress
-) -> list[tuple[Kind, list]]:
-    """Return every kind of a study with its results work(kind, robot), computed on all cores."""
-    tasks = list(itertools.product(kinds, robots))
-    found = list(each(lambda task: work(*task), tasks, progress))
-    count = len(robots)
-    return [(tasks[k][0], found[k : k + count]) for k in range(0, len(tasks), count)]
 
 
 def theta_law(robot: Robot, poses: Array) -> Array:
@@ -275,18 +255,6 @@ def position_rms(error: Array) -> float:
 def over_robots(each: Array) -> Array:
     """Return the root mean square over the last axis; NaN robots do not count."""
     return np.sqrt(np.nanmean(np.square(each), axis=-1))
-
-
-def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, float]:
-    """Return the 90 % bootstrap interval of a statistic of the simulated robots.
-
-    `statistic` is a function of arrays whose last axis is robots; `each` are values of the same
-    robots, shape (robots,).
-    """
-    count = len(each[0])
-    drawn = np.random.default_rng(0).integers(count, size=(2000, count))
-    low, high = np.nanpercentile(statistic(*(values[drawn] for values in each)), [5, 95])
-    return float(low), float(high)
 
 
 def rms_interval(each: Array, under: Array | None = None) -> tuple[float, float]:

@@ -13,11 +13,10 @@ from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, load
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.threads import each
-from truepose_paper import article, experiment, faulty, following, sensor_sets, twin, warm_up
-from truepose_paper.experiment import Control, Experiment
+from truepose_paper import article, experiment, sensor_sets, twin
+from truepose_paper.experiment import CONTROLS, Control, Experiment
 from truepose_paper.virtual_experiment import Run
 
-FAULTY_MOVES = 30  #: moves with faulty readings, in a report with statistics
 AGAIN = 20  #: repetitions of the twin's experiment
 POSES_AT_X = 12  #: poses of Table 2 at which M at x is compared with M at x_d
 
@@ -30,16 +29,12 @@ class Reproduction:
     seed: int
     moves: dict[str, Simulation]
     experiment: Experiment
-    twin_runs: dict[Control, Run]  #: the paper's experiment on the twin
+    twin: twin.Twin
+    twin_runs: dict[Control, Run]  #: the paper's experiment on the twin, under every control
     again: Array  #: (runs, 2, 5, 4) Table 3 of the twin's experiment repeated
     at_x: Array  #: (robots, poses, 4) change of the steady-state pose by M at x, mm and degrees
     seconds: float  #: time of J, M and M⁺ at a pose
     sensing: list[sensor_sets.Line]  #: with `full` of more robots, and of machined ones
-    warm: list[warm_up.Warm]
-    warm_up: list[warm_up.WarmUp]  #: empty without `full`
-    following: list[following.Line]  #: of one robot on a circle; all paths and several with `full`
-    faults: list[faulty.Line]  #: in one move; in many with `full`
-    section: twin.Section | None  #: the virtual experiment, with `virtual`
 
 
 #: Simulated moves: true robot (errors: the first sampled one) and control as text, and the law.
@@ -56,20 +51,16 @@ def reproduce(
     robots: int,
     seed: int,
     progress: Callable[[str, int, int], None] = lambda what, done, total: None,
-    virtual: bool = False,
     full: bool = False,
 ) -> Reproduction:
     """Simulate the move, and compute steady states at 625 poses.
 
-    Then repeat the experiment on the twin, and study self-calibration with sensor sets, a warm day,
-    path following, and sensor faults. True robots are
-    sampled from the paper's errors; `seed` is that of all random numbers.
+    Then repeat the experiment on the twin, and study self-calibration with sensor sets. True robots
+    are sampled from the paper's errors; `seed` is that of all random numbers.
 
     `progress` is called with the name of the present task and the numbers of its finished and of
-    all its parts.
-    `virtual` adds the virtual experiment of section 4 on the twin. `full` adds statistics: sensor
-    sets over at least `paper.sensor_sets.ROBOTS` robots, calibrated robots that warm up, more paths
-    and speeds, more moves with faults.
+    all its parts. `full` studies sensor sets over at least `paper.sensor_sets.ROBOTS` robots, and
+    over robots of ordinary machining.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
@@ -89,19 +80,16 @@ def reproduce(
     kinds = sensor_sets.tolerances(robot) if full else {"paper": robot}
     real = max(robots, sensor_sets.ROBOTS) if full else robots
     calibrated = real if full else sensor_sets.CALIBRATED
-    sets = sensor_sets.compare(kinds, real, seed, calibrated, at("sensor sets"))
-    day = warm_up.warm(robot, min(robots, warm_up.WARM), seed, at("a warm day"))
-    warm = warm_up.study(robot, robots, seed, progress=at("warming up")) if full else []
-    followers = min(robots, following.ROBOTS) if full else 1
-    lines = following.study(robot, followers, seed, full, at("following paths"))
-    faults = faulty.study(robot, FAULTY_MOVES if full else 1, seed, at("faulty readings"))
-    section = twin.run(progress, robots, seed) if virtual else None
     of = twin.shipped()
-    again = twin.set_up_again(robot, of, range(AGAIN))
-    at_x = experiment.changed_by_m_at_x(robot, truths, some, at("M at x"))
-    seconds = experiment.law_seconds(robot, result.poses)
-    runs = of.run(robot)
     return Reproduction(
-        robot, seed, moves, result, runs, again, at_x, seconds, sets, day, warm, lines,
-        faults, section,
-    )  # fmt: skip
+        robot,
+        seed,
+        moves,
+        result,
+        of,
+        of.run(robot, tuple(CONTROLS)),
+        twin.set_up_again(robot, of, range(AGAIN)),
+        experiment.changed_by_m_at_x(robot, truths, some, at("M at x")),
+        experiment.law_seconds(robot, result.poses),
+        sensor_sets.compare(kinds, real, seed, calibrated, at("sensor sets")),
+    )

@@ -14,7 +14,7 @@ from truepose_paper.reproduce import Reproduction
 
 
 def lines(result: Reproduction) -> list[str]:
-    """Return 39 lines of 80 columns."""
+    """Return 37 lines of 80 columns."""
     judged = claims.claims(result).columns(0, 1, 2, 3)
     header = ["claim", "printed", "found (± repeated runs)", "verdict"]
     return [

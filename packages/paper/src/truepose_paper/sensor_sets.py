@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,11 +12,11 @@ from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
+from truepose.threads import each
 from truepose_paper import article, experiment
 from truepose_paper.experiment import (
     Control,
     Progress,
-    of_every_kind,
     over_robots,
     position_rms,
     rms_interval,
@@ -102,19 +103,22 @@ def compare(
     }
 
     def errors(
-        kind: tuple[str, str], numbered: tuple[int, np.random.SeedSequence]
+        task: tuple[tuple[str, str], tuple[int, np.random.SeedSequence]],
     ) -> dict[Control, float]:
-        drawn, (number, source) = kinds[kind], numbered
-        truth = drawn.sample(source)
+        kind, (number, source) = task
         controls = CONTROLS if number < calibrated else LAWS
-        found = experiment.rest(drawn, truth, poses, visited, controls, number)
+        found = experiment.rest(
+            kinds[kind], kinds[kind].sample(source), poses, visited, controls, number
+        )
         return {control: position_rms(x - poses) for control, x in found.items()}
 
     lines = []
-    sources = list(enumerate(np.random.SeedSequence(seed).spawn(robots)))
-    for kind, found in of_every_kind(errors, kinds, sources, progress):
-        of_robots = {c: np.array([rms[c] for rms in found if c in rms]) for c in CONTROLS}
-        P = accuracy(kinds[kind], poses, calibrated_on=visited)
+    sources = enumerate(np.random.SeedSequence(seed).spawn(robots))
+    found = list(each(errors, list(itertools.product(kinds, sources)), progress))
+    for k, (kind, robot) in enumerate(kinds.items()):
+        own = found[k * robots : (k + 1) * robots]
+        of_robots = {c: np.array([rms[c] for rms in own if c in rms]) for c in CONTROLS}
+        P = accuracy(robot, poses, calibrated_on=visited)
         bound = float(1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean()))
         lines.append(Line(*kind, of_robots, bound))
     return lines

@@ -1,10 +1,9 @@
-"""The shipped twin of the paper's robot, and its experiment under every control on every plant."""
+"""The shipped twin of the paper's robot, and its experiment."""
 
 from __future__ import annotations
 
-import functools
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,10 @@ import numpy as np
 from truepose import robotfile
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.exceptions import TrueposeError
 from truepose.robot.robot import Robot, load
-from truepose.simulation.plants import Plant
 from truepose.simulation.plants.exact import ExactPlant
-from truepose_paper import article, forgotten, virtual_experiment
-from truepose_paper.experiment import CONTROLS, PRINTED, Control
-from truepose_paper.forgotten import Line
+from truepose_paper import article, virtual_experiment
+from truepose_paper.experiment import PRINTED, Control
 from truepose_paper.virtual_experiment import Run
 from truepose_paper.vision import Setup, Vision
 
@@ -47,6 +43,18 @@ class Twin:
         """Return the robot in exact statics, each rod on its own."""
         return ExactPlant(self.truth, self.effects, level="full", seed=self.seed)
 
+    def described(self) -> dict[str, float]:
+        """Return the properties of the vision system and the gear, mm and degrees."""
+        setup = self.setup
+        return {
+            "noise": setup.noise,
+            "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
+            "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
+            "backlash": float(np.degrees(self.effects.tool_backlash)),
+            "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
+            "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
+        }
+
     def run(self, robot: Robot, controls: tuple[Control, ...] = LAWS) -> dict[Control, Run]:
         """Carry out the experiment on the twin; `robot` is the nominal one."""
         vision = Vision(self.setup, self.seed)
@@ -60,8 +68,12 @@ def set_up_again(robot: Robot, of: Twin, seeds: Iterable[int]) -> Array:
 
     Each seed gives a newly built, calibrated and noisy vision system; the robot stays the same.
     """
-    again = [replace(of, seed=seed).run(robot) for seed in seeds]
-    return np.array([[runs[law].table() for law in LAWS] for runs in again])
+    return np.array([tables(replace(of, seed=seed).run(robot)) for seed in seeds])
+
+
+def tables(runs: dict[Control, Run]) -> Array:
+    """Return Table 3 under both printed laws, (2, 5, 4)."""
+    return np.stack([runs[law].table() for law in LAWS])
 
 
 def printed() -> tuple[Array, Array]:
@@ -98,60 +110,3 @@ def read(path: Path) -> Twin:
 
 def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
-
-
-MUJOCO = (
-    "MuJoCo's plant is not installed: in a checkout of truepose, pip install packages/mujoco; "
-    "only the exact plant was used"
-)
-#: Controls of the twin on each plant; a simulated plant takes a minute per control.
-PLANTS: dict[str, tuple[Control, ...]] = {
-    "exact": tuple(CONTROLS),
-    "MuJoCo": ("joint", "tej", "self-calibrated"),
-}
-
-
-@dataclass(frozen=True)
-class Section:
-    """The experiment of section 4 on the twin, on each available plant."""
-
-    twin: Twin
-    runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
-    notes: list[str]  #: missing packages, one line each
-    forgotten: list[Line]  #: effects on calibration
-
-
-def run(progress: Callable[[str, int, int], None], robots: int, seed: int) -> Section:
-    """Carry out the experiment on the shipped twin under every control, on all installed plants.
-
-    `progress` is that of :func:`truepose_paper.reproduce.reproduce`.
-    :func:`truepose_paper.forgotten.study` has `robots` robots of this `seed`, at most
-    `forgotten.ROBOTS`.
-    """
-    robot, of = load("h4"), shipped()
-    plants: dict[str, Plant] = {"exact": of.plant()}
-    notes = []
-    try:
-        from truepose_mujoco.plant import MujocoPlant
-
-        plants["MuJoCo"] = MujocoPlant(of.truth, of.effects, seed=of.seed)
-    except ImportError:
-        notes.append(MUJOCO)
-    except TrueposeError as error:
-        notes.append(str(error))
-    vision = Vision(of.setup, of.seed)
-    runs = {
-        name: virtual_experiment.run(
-            plant,
-            robot,
-            vision,
-            controls=PLANTS[name],
-            seed=of.seed,
-            progress=functools.partial(progress, f"experiment, {name} plant"),
-        )
-        for name, plant in plants.items()
-    }
-    few = min(robots, forgotten.ROBOTS)
-    step = functools.partial(progress, "effects that the model omits")
-    lines = forgotten.study(robot, few, seed, step)
-    return Section(of, runs, notes, lines)

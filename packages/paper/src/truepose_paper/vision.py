@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
 
 from truepose.arguments import Array, check_seed, finite, positive, whole
 from truepose.exceptions import InputError
@@ -19,6 +20,7 @@ _ITERATIONS = 30
 #: Of each camera: rotation vector, shifts along line and axis (a shift along the third direction is
 #: unobservable), logarithm of the focal length, centre of the line.
 _PARAMETERS = 7
+_STEP = 1e-6  #: of their differences
 #: Dimensions and tolerances of a :class:`Setup` that are greater than 0.
 _POSITIVE = {"distance", "focal_length", "pixel", "pixels", "across", "artefact", "noise"}
 _POSITIVE |= {"placing", "aiming", "lens", "centring", "artefact_tolerance"}
@@ -119,14 +121,12 @@ class Cameras(NamedTuple):
         return (self.focal / w)[..., None] * slope
 
     def by_parameter(self, points: Array) -> Array:
-        """Return ∂u/∂(parameters of each camera), (..., K, 7)."""
-        y, s, w = self._along(points)
-        t = (s / w)[..., None]
-        turned = np.cross(self.line, y) - t * np.cross(self.axis, y)
-        shifted = np.concatenate([np.full_like(t, -1), t], axis=-1)
-        scale = (self.focal / w)[..., None]
-        longer = self.focal[:, None] * t
-        return np.concatenate([scale * turned, scale * shifted, longer, np.ones_like(t)], axis=-1)
+        """Return ∂u/∂(parameters of each camera), (..., K, 7), by differences."""
+        ends = [
+            [self.moved(np.tile(side * step, (CAMERAS, 1))).project(points) for side in (1, -1)]
+            for step in _STEP * np.eye(_PARAMETERS)
+        ]
+        return np.stack([(ahead - behind) / (2 * _STEP) for ahead, behind in ends], axis=-1)
 
     def moved(self, change: Array) -> Cameras:
         """Return cameras whose parameters changed by `change`, (K, 7)."""
@@ -143,8 +143,6 @@ class CameraCalibration(NamedTuple):
 
     cameras: Cameras  #: estimated
     covariance: Array  #: (7 K, 7 K)
-    residuals: Array  #: (K points,) of u, whitened; 0 where a camera does not see the point
-    freedoms: float  #: degrees of freedom of their sum of squares
 
 
 class Seen(NamedTuple):
@@ -219,20 +217,20 @@ class Vision:
     def locate(self, u: Array, visible: Array) -> Seen:
         """Compute poses by least squares on SE(3) from the cameras' readings.
 
-        Iterations start from the linear triangulation of at least three LEDs seen by all cameras.
+        Iterations start at the setup's centre without rotation. At least three LEDs must be seen by
+        all cameras.
 
         `u` (N, LEDs, K) are pixels, `visible` (N, LEDs, K) tells which LED each camera sees.
         """
         cameras, body = self.calibration.cameras, np.array(self.setup.leds)
-        whole = np.asarray(visible.all(axis=2))
-        count = whole.sum(axis=1)
+        count = visible.all(axis=2).sum(axis=1)
         frame = np.full((len(u), 4, 4), np.nan)
         covariance = np.full((len(u), 6, 6), np.nan)
         few = [f"{k} of {len(body)} LEDs in view of all cameras, 3 needed" for k in count]
         status = np.array(few, dtype=object)
         at = np.flatnonzero(count >= 3)
         u, weight = np.where(visible, u, 0.0)[at], visible[at].astype(float)
-        R, t = _fitted(body, _triangulated(cameras, u), whole[at].astype(float))
+        R, t = np.tile(np.eye(3), (len(u), 1, 1)), np.tile(self.setup.centre, (len(u), 1))
         for _ in range(_ITERATIONS):
             arms = body @ np.swapaxes(R, 1, 2)
             points = arms + t[:, None]
@@ -285,50 +283,25 @@ def _nominal(setup: Setup) -> Cameras:
 def _calibrate(
     start: Cameras, sigma: Array, nominal: Array, u: Array, seen: Array, setup: Setup
 ) -> CameraCalibration:
-    """Fit the cameras by Gauss-Newton, with priors; the points' errors are noise of the readings.
+    """Fit the cameras by least squares, with priors; the points' errors are noise of the readings.
 
     Unknowns are in units of their priors' σ. Each point's readings are whitened by the covariance
     of pixels and point.
     """
-    unknown, own = np.zeros(CAMERAS * _PARAMETERS), np.arange(CAMERAS)
-    J = np.zeros((len(nominal), CAMERAS, CAMERAS, _PARAMETERS))
-    for _ in range(_ITERATIONS):
-        cameras = start.moved(unknown.reshape(CAMERAS, -1) * sigma)
+    every = np.tile(sigma, CAMERAS)
+    cameras, done = start, np.zeros(len(every))
+
+    def residual(unknown: Array) -> Array:
+        moved = cameras.moved((every * unknown).reshape(CAMERAS, -1))
+        off = ((moved.project(nominal) - u) * seen)[..., None]
+        return np.concatenate([(white @ off).ravel(), done + unknown])
+
+    for _ in range(3):  # the last one starts at the solution, whose parameters the covariance has
         shaken = cameras.by_point(nominal) * setup.artefact_tolerance * seen[..., None]
         noise = setup.noise**2 * np.eye(CAMERAS) + shaken @ np.swapaxes(shaken, 1, 2)
         white = np.linalg.inv(np.linalg.cholesky(noise))
-        J[:, own, own] = cameras.by_parameter(nominal) * sigma * seen[..., None]
-        rows = (white @ J.reshape(len(nominal), CAMERAS, -1)).reshape(-1, unknown.size)
-        residual = (white @ ((u - cameras.project(nominal)) * seen)[..., None]).ravel()
-        information = rows.T @ rows + np.eye(unknown.size)
-        step = np.linalg.solve(information, rows.T @ residual - unknown)
-        unknown += step
-        if np.abs(step).max() < 1e-8:
-            break
-    inverse = np.linalg.inv(information)
-    # Degrees of freedom: readings − the trace of each unknown's information, 1 - posterior/prior.
-    freedoms = float(seen.sum() - (unknown.size - np.trace(inverse)))
-    every = np.tile(sigma, CAMERAS)
-    return CameraCalibration(cameras, inverse * np.outer(every, every), residual, freedoms)
-
-
-def _triangulated(cameras: Cameras, u: Array) -> Array:
-    """Return points (..., 3), linear intersections of the planes of all readings (..., K)."""
-    rows = cameras.focal[:, None] * cameras.line + (cameras.centre - u)[..., None] * cameras.axis
-    right = (rows * cameras.position).sum(-1)
-    scale = 1 / cameras.focal[:, None]
-    rows, right = rows * scale, right * scale[:, 0]
-    normal = np.swapaxes(rows, -1, -2) @ rows
-    return np.linalg.solve(normal, np.swapaxes(rows, -1, -2) @ right[..., None])[..., 0]
-
-
-def _fitted(body: Array, points: Array, weight: Array) -> tuple[Array, Array]:
-    """Return rotation and position of the body fitted to the points: Kabsch, weights 0 or 1."""
-    share = (weight / weight.sum(axis=1, keepdims=True))[..., None]
-    points = np.where(weight[..., None] > 0, points, 0.0)
-    middle, centre = (share * body).sum(axis=1), (share * points).sum(axis=1)
-    H = np.einsum("nl,nlx,nly->nxy", weight, points - centre[:, None], body - middle[:, None])
-    U, _, Vt = np.linalg.svd(H)
-    U[..., 2] *= np.linalg.det(U @ Vt)[:, None]
-    R = U @ Vt
-    return R, centre - (R @ middle[..., None])[..., 0]
+        fit = least_squares(residual, np.zeros(len(every)), "3-point", xtol=1e-12)
+        cameras = cameras.moved((every * fit.x).reshape(CAMERAS, -1))
+        done = done + fit.x
+    inverse = np.linalg.inv(fit.jac.T @ fit.jac)
+    return CameraCalibration(cameras, inverse * np.outer(every, every))
