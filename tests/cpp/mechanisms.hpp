@@ -352,6 +352,19 @@ void for_each(F&& f) {
   }
 }
 
+/// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
+/// mobility K, its n freedoms and its mechanism.
+#define TEST_EACH(list, statement)                                     \
+  template <Mobility K, int n = kDof<K>>                               \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism); \
+  TEST(statement) {                                                    \
+    list([](const Mechanism& mechanism, auto mobility) {               \
+      CHECK_JOIN(each_, __LINE__)<mobility()>(mechanism);              \
+    });                                                                \
+  }                                                                    \
+  template <Mobility K, int n>                                         \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism)
+
 /// A random pose of the box, shrunk by `part`.
 inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
   Coordinates x = mechanism.robot.home;

@@ -57,157 +57,149 @@ truepose_control_settings in_c(const Settings& settings) {
 
 }  // namespace
 
-TEST("kinematics through C is the core's, bit for bit, at both levels") {
+TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both levels") {
   check::Random random(1);
-  for_each([&](const Mechanism& mechanism, auto) {
-    at_each_level(mechanism.robot, [&](const Robot& robot) {
-      const InC in_c(robot);
-      CHECK(same(in_c.outcome, {}));
-      CHECK(truepose_freedoms(&in_c.model) == robot.motors);
-      CHECK(truepose_sensors(&in_c.model) == robot.r);
-      const bool full = robot.rod_by_rod();
-      for (int k = 0; k < 20; ++k) {
-        const Coordinates x = random_pose(mechanism, random);
-        Joint q{};
-        truepose_real q_c[6] = {}, x_c[6] = {}, q_e[16] = {};
-        CHECK(same(truepose_ikm(&in_c.model, x.data(), q_c),
-                   full ? command_full(robot, x, q) : command(robot, x, q)));
-        CHECK(same(q_c, q));
-        Coordinates found = robot.home;
-        std::copy_n(robot.home.begin(), 6, x_c);
-        const truepose_fkm_result result = truepose_fkm(&in_c.model, q_c, kCap, x_c);
-        CHECK(result.outcome.status == TRUEPOSE_OK);
-        CHECK(bool(full ? fkm_full(robot, q, found).status == Status::ok
-                        : fkm(robot, q, found).status == Status::ok));
-        CHECK(same(x_c, found));
-        Reading r{};
-        CHECK(same(truepose_readings(&in_c.model, x.data(), q_e),
-                   full ? rkm_full(robot, x, r) : rkm(robot, x, r)));
-        for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_e[i], q[i], 1e-12);
-        for (int i = 0; i < robot.r; ++i) CHECK(q_e[robot.motors + i] == r[i]);
-        JointMatrix J{};
-        truepose_real J_c[36] = {};
-        CHECK(same(truepose_jacobian(&in_c.model, x.data(), J_c),
-                   full ? jacobian_full(robot, x, J) : jacobian(robot, x, J)));
-        CHECK(std::memcmp(J_c, &J, sizeof J) == 0);
-        double parallel = 0;
-        Joint serial{};
-        truepose_real parallel_c = 0, serial_c[6] = {};
-        CHECK(same(truepose_conditioning(&in_c.model, x.data(), &parallel_c, serial_c),
-                   conditioning(robot, x, parallel, serial)));
-        CHECK(parallel_c == parallel && same(serial_c, serial));
-        ExtendedColumns M{};
-        ExtendedRows M_plus{};
-        truepose_real tej_c[6 * 16] = {};
-        CHECK(same(truepose_tej(&in_c.model, x.data(), 0, tej_c), tej(robot, x, M, M_plus)));
-        for (int i = 0; i < robot.motors; ++i)
-          CHECK(std::equal(tej_c + 16 * i, tej_c + 16 * i + robot.motors + robot.r,
-                           M_plus[i].begin()));
-      }
-    });
-  });
-}
-
-TEST("a pose as position and rotation is the same pose") {
-  check::Random random(2);
-  for_each([&](const Mechanism& mechanism, auto) {
-    const InC in_c(mechanism.robot);
-    for (int k = 0; k < 20; ++k) {
-      const Coordinates x = random_pose(mechanism, random);
-      truepose_pose pose, found;
-      truepose_real back[6], q[6], q_pose[6];
-      std::copy_n(x.begin(), 6, back);
-      CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
-      CHECK(same(truepose_coordinates_of(&in_c.model, &pose, back), {}));
-      for (int i = 0; i < 6; ++i) CHECK_NEAR(back[i], x[i], 1e-14);
-      CHECK(same(truepose_ikm(&in_c.model, x.data(), q), {}));
-      Real least = 0, parallel = 0;
-      Joint serial{};
-      CHECK(same(truepose_ikm_pose(&in_c.model, &pose, q_pose, &least), {}));
-      for (int i = 0; i < 6; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
-      CHECK(bool(conditioning(mechanism.robot, x, parallel, serial)));
-      for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
-      CHECK_NEAR(least, parallel, 1e-10);
-      truepose_pose_of(&in_c.model, mechanism.robot.home.data(), &found);
-      CHECK(truepose_fkm_pose(&in_c.model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
-      for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
-    }
-    truepose_pose flat = {{0, 0, -0.4}, {1, 0, 0, 0, 1, 0, 0, 0, 1.1}};
-    truepose_real x[6] = {};
-    CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
-    flat.rotation[8] = NAN;
-    CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NOT_FINITE);
-    if (mechanism.robot.mobility == Mobility::spatial) return;
-    const truepose_pose tilted = {{0, 0, -0.4}, {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}};
-    CHECK(truepose_coordinates_of(&in_c.model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
-  });
-}
-
-TEST(
-    "a pivot through C is the core's: angles, places, torques, and axes that are none are "
-    "refused") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    for (int j = 0; j < n; ++j) robot.axis[j].low = -2, robot.axis[j].high = 2;
-    robot.sensor[0] = Sensor{};
-    robot.sensor[0].kind = SensorKind::axis_angle;
-    robot.sensor[0].axis = n - 1;
-    CHECK(finish(robot));
+  at_each_level(mechanism.robot, [&](const Robot& robot) {
     const InC in_c(robot);
     CHECK(same(in_c.outcome, {}));
-    truepose_description again;
-    CHECK(same(truepose_description_of(&in_c.model, &again), {}));
-    CHECK(std::memcmp(&again, &in_c.table, sizeof again) == 0);
-    check::Random random(9);
+    CHECK(truepose_freedoms(&in_c.model) == robot.motors);
+    CHECK(truepose_sensors(&in_c.model) == robot.r);
+    const bool full = robot.rod_by_rod();
     for (int k = 0; k < 20; ++k) {
-      const Coordinates x = random_pose(mechanism, random, 0.6);
+      const Coordinates x = random_pose(mechanism, random);
       Joint q{};
-      truepose_real q_c[6], x_c[6] = {}, J[36], torque[6] = {}, joint[6], back[6], read[16];
-      CHECK(ikm(robot, x, q) && same(truepose_ikm(&in_c.model, x.data(), q_c), {}));
+      truepose_real q_c[6] = {}, x_c[6] = {}, q_e[16] = {};
+      CHECK(same(truepose_ikm(&in_c.model, x.data(), q_c),
+                 full ? command_full(robot, x, q) : command(robot, x, q)));
       CHECK(same(q_c, q));
-      CHECK(same(truepose_fkm(&in_c.model, q_c, kCap, x_c).outcome, {}));
-      for (int j = 0; j < n; ++j) CHECK_NEAR(x_c[j], x[j], 1e-12);
-      CHECK(same(truepose_readings(&in_c.model, x.data(), read), {}));
-      CHECK_NEAR(read[n], x[n - 1], 0);
-      truepose_pose pose;
-      CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
-      const Pose there = placed<K>(robot, to_pose<K>(x));
-      for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
-      truepose_real found[6] = {};
-      CHECK(same(truepose_coordinates_of(&in_c.model, &pose, found), {}));
-      for (int j = 0; j < n; ++j) CHECK_NEAR(found[j], x[j], 1e-12);
-      pose.position[1] += 0.01;  // its axes cannot carry it there
-      CHECK(truepose_coordinates_of(&in_c.model, &pose, found).status == TRUEPOSE_NO_SUCH_VALUE);
-      truepose_real W[18];
-      GyroRows rows{};
-      CHECK(gyro(robot, x, rows) && same(truepose_gyro(&in_c.model, x.data(), W), {}));
-      for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < n; ++j) CHECK_NEAR(W[6 * i + j], rows[i][j], 0);
-      CHECK(same(truepose_jacobian(&in_c.model, x.data(), J), {}));
-      double at_motors = 0, at_joints = 0;
-      for (int i = 0; i < n; ++i) torque[i] = random();
-      CHECK(same(truepose_joint_torque(&in_c.model, x.data(), torque, joint), {}));
-      CHECK(same(truepose_motor_torque(&in_c.model, x.data(), joint, back), {}));
-      for (int i = 0; i < n; ++i) {
-        CHECK_NEAR(back[i], torque[i], 1e-14);
-        at_motors += torque[i] * 0.5 * (i + 1);
-        for (int j = 0; j < n; ++j) at_joints += joint[j] * J[6 * j + i] * 0.5 * (i + 1);
-      }
-      CHECK_NEAR(at_motors, at_joints, 1e-14);
+      Coordinates found = robot.home;
+      std::copy_n(robot.home.begin(), 6, x_c);
+      const truepose_fkm_result result = truepose_fkm(&in_c.model, q_c, kCap, x_c);
+      CHECK(result.outcome.status == TRUEPOSE_OK);
+      CHECK(bool(full ? fkm_full(robot, q, found).status == Status::ok
+                      : fkm(robot, q, found).status == Status::ok));
+      CHECK(same(x_c, found));
+      Reading r{};
+      CHECK(same(truepose_readings(&in_c.model, x.data(), q_e),
+                 full ? rkm_full(robot, x, r) : rkm(robot, x, r)));
+      for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_e[i], q[i], 1e-12);
+      for (int i = 0; i < robot.r; ++i) CHECK(q_e[robot.motors + i] == r[i]);
+      JointMatrix J{};
+      truepose_real J_c[36] = {};
+      CHECK(same(truepose_jacobian(&in_c.model, x.data(), J_c),
+                 full ? jacobian_full(robot, x, J) : jacobian(robot, x, J)));
+      CHECK(std::memcmp(J_c, &J, sizeof J) == 0);
+      double parallel = 0;
+      Joint serial{};
+      truepose_real parallel_c = 0, serial_c[6] = {};
+      CHECK(same(truepose_conditioning(&in_c.model, x.data(), &parallel_c, serial_c),
+                 conditioning(robot, x, parallel, serial)));
+      CHECK(parallel_c == parallel && same(serial_c, serial));
+      ExtendedColumns M{};
+      ExtendedRows M_plus{};
+      truepose_real tej_c[6 * 16] = {};
+      CHECK(same(truepose_tej(&in_c.model, x.data(), 0, tej_c), tej(robot, x, M, M_plus)));
+      for (int i = 0; i < robot.motors; ++i)
+        CHECK(
+            std::equal(tej_c + 16 * i, tej_c + 16 * i + robot.motors + robot.r, M_plus[i].begin()));
     }
-    truepose_description table = in_c.table;
-    table.axis[0].direction[0] += 0.1;
-    const truepose_outcome bent = InC(table).outcome;
-    CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == 26);
-    table = in_c.table;
-    table.sensor[0].axis = n;
-    CHECK(same(InC(table).outcome, {Status::no_such_part, 6}));
-    table = in_c.table;
-    table.axis[n - 1].low = NAN;
-    CHECK(InC(table).outcome.status == TRUEPOSE_NOT_FINITE);
   });
+}
+
+TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
+  check::Random random(2);
+  const InC in_c(mechanism.robot);
+  for (int k = 0; k < 20; ++k) {
+    const Coordinates x = random_pose(mechanism, random);
+    truepose_pose pose, found;
+    truepose_real back[6], q[6], q_pose[6];
+    std::copy_n(x.begin(), 6, back);
+    CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
+    CHECK(same(truepose_coordinates_of(&in_c.model, &pose, back), {}));
+    for (int i = 0; i < 6; ++i) CHECK_NEAR(back[i], x[i], 1e-14);
+    CHECK(same(truepose_ikm(&in_c.model, x.data(), q), {}));
+    Real least = 0, parallel = 0;
+    Joint serial{};
+    CHECK(same(truepose_ikm_pose(&in_c.model, &pose, q_pose, &least), {}));
+    for (int i = 0; i < 6; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
+    CHECK(bool(conditioning(mechanism.robot, x, parallel, serial)));
+    for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
+    CHECK_NEAR(least, parallel, 1e-10);
+    truepose_pose_of(&in_c.model, mechanism.robot.home.data(), &found);
+    CHECK(truepose_fkm_pose(&in_c.model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
+    for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
+  }
+  truepose_pose flat = {{0, 0, -0.4}, {1, 0, 0, 0, 1, 0, 0, 0, 1.1}};
+  truepose_real x[6] = {};
+  CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
+  flat.rotation[8] = NAN;
+  CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NOT_FINITE);
+  if (mechanism.robot.mobility == Mobility::spatial) return;
+  const truepose_pose tilted = {{0, 0, -0.4}, {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}};
+  CHECK(truepose_coordinates_of(&in_c.model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
+}
+
+TEST_EACH(for_each_pivot,
+          "a pivot through C is the core's: angles, places, torques, and axes that are none are "
+          "refused") {
+  Robot robot = mechanism.robot;
+  for (int j = 0; j < n; ++j) robot.axis[j].low = -2, robot.axis[j].high = 2;
+  robot.sensor[0] = Sensor{};
+  robot.sensor[0].kind = SensorKind::axis_angle;
+  robot.sensor[0].axis = n - 1;
+  CHECK(finish(robot));
+  const InC in_c(robot);
+  CHECK(same(in_c.outcome, {}));
+  truepose_description again;
+  CHECK(same(truepose_description_of(&in_c.model, &again), {}));
+  CHECK(std::memcmp(&again, &in_c.table, sizeof again) == 0);
+  check::Random random(9);
+  for (int k = 0; k < 20; ++k) {
+    const Coordinates x = random_pose(mechanism, random, 0.6);
+    Joint q{};
+    truepose_real q_c[6], x_c[6] = {}, J[36], torque[6] = {}, joint[6], back[6], read[16];
+    CHECK(ikm(robot, x, q) && same(truepose_ikm(&in_c.model, x.data(), q_c), {}));
+    CHECK(same(q_c, q));
+    CHECK(same(truepose_fkm(&in_c.model, q_c, kCap, x_c).outcome, {}));
+    for (int j = 0; j < n; ++j) CHECK_NEAR(x_c[j], x[j], 1e-12);
+    CHECK(same(truepose_readings(&in_c.model, x.data(), read), {}));
+    CHECK_NEAR(read[n], x[n - 1], 0);
+    truepose_pose pose;
+    CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
+    const Pose there = placed<K>(robot, to_pose<K>(x));
+    for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
+    truepose_real found[6] = {};
+    CHECK(same(truepose_coordinates_of(&in_c.model, &pose, found), {}));
+    for (int j = 0; j < n; ++j) CHECK_NEAR(found[j], x[j], 1e-12);
+    pose.position[1] += 0.01;  // its axes cannot carry it there
+    CHECK(truepose_coordinates_of(&in_c.model, &pose, found).status == TRUEPOSE_NO_SUCH_VALUE);
+    truepose_real W[18];
+    GyroRows rows{};
+    CHECK(gyro(robot, x, rows) && same(truepose_gyro(&in_c.model, x.data(), W), {}));
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < n; ++j) CHECK_NEAR(W[6 * i + j], rows[i][j], 0);
+    CHECK(same(truepose_jacobian(&in_c.model, x.data(), J), {}));
+    double at_motors = 0, at_joints = 0;
+    for (int i = 0; i < n; ++i) torque[i] = random();
+    CHECK(same(truepose_joint_torque(&in_c.model, x.data(), torque, joint), {}));
+    CHECK(same(truepose_motor_torque(&in_c.model, x.data(), joint, back), {}));
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(back[i], torque[i], 1e-14);
+      at_motors += torque[i] * 0.5 * (i + 1);
+      for (int j = 0; j < n; ++j) at_joints += joint[j] * J[6 * j + i] * 0.5 * (i + 1);
+    }
+    CHECK_NEAR(at_motors, at_joints, 1e-14);
+  }
+  truepose_description table = in_c.table;
+  table.axis[0].direction[0] += 0.1;
+  const truepose_outcome bent = InC(table).outcome;
+  CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == 26);
+  table = in_c.table;
+  table.sensor[0].axis = n;
+  CHECK(same(InC(table).outcome, {Status::no_such_part, 6}));
+  table = in_c.table;
+  table.axis[n - 1].low = NAN;
+  CHECK(InC(table).outcome.status == TRUEPOSE_NOT_FINITE);
 }
 
 TEST("roll, pitch and yaw lead to a rotation and back, also upright and over turns") {
@@ -229,188 +221,171 @@ TEST("roll, pitch and yaw lead to a rotation and back, also upright and over tur
   CHECK(truepose_to_roll_pitch_yaw(mirror, angles).status == TRUEPOSE_NO_SUCH_VALUE);
 }
 
-TEST("laws, estimates and control cycles through C are the core's") {
+TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's") {
   check::Random random(4);
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    const InC in_c_model(robot);
-    Prior prior(robot);
-    std::vector<std::int32_t> column(prior.known().column,
-                                     prior.known().column + prior.known().count);
-    truepose_knowledge known{prior.known().count, 0, column.data(), prior.known().root, {}};
-    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-    std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
-    CHECK(work.size() == static_cast<std::size_t>(estimate_work(robot, known.count)));
-    for (const Law law : kLaws) {
-      ControlSettings settings;
-      settings.law = law;
-      settings.sigma_scale = 3;
-      CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
-      truepose_control_settings table = in_c(settings);
-      CHECK(same(truepose_place_poles(&in_c_model.model, robot.home.data(), 100, 1, &table), {}));
-      CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
-      truepose_controller controller;
-      CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
-      truepose_controller alone;  // of drives that close their own loops
-      CHECK(same(truepose_controller_init(&alone, sizeof alone, &table), {}));
-      ControlState state;
-      CachedGain kept, kept_alone;
-      Weighing keeps = prior.weighing(), keeps_alone = keeps;
-      keeps.kept = &kept;
-      keeps_alone.kept = &kept_alone;
-      for (int k = 0; k < 5; ++k) {
-        Setpoint setpoint;
-        setpoint.x = random_pose(mechanism, random, 0.3);
-        truepose_setpoint setpoint_c{};
-        std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
-        Extended q_e{};
-        CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
-        for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
-        Joint e{};
-        truepose_real e_c[6] = {}, torque[6] = {};
-        CHECK(same(truepose_motor_error(&in_c_model.model, static_cast<int>(law), 0,
-                                        setpoint.x.data(), q_e.data(), &known, work.data(), e_c),
-                   motor_error(robot, law, setpoint.x, q_e, e, 0, prior.weighing())));
-        CHECK(same(e_c, e));
-        CHECK(
-            same(truepose_controller_error(&in_c_model.model, &alone, setpoint.x.data(), q_e.data(),
+  const Robot& robot = mechanism.robot;
+  const InC in_c_model(robot);
+  Prior prior(robot);
+  std::vector<std::int32_t> column(prior.known().column,
+                                   prior.known().column + prior.known().count);
+  truepose_knowledge known{prior.known().count, 0, column.data(), prior.known().root, {}};
+  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+  std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+  CHECK(work.size() == static_cast<std::size_t>(estimate_work(robot, known.count)));
+  for (const Law law : kLaws) {
+    ControlSettings settings;
+    settings.law = law;
+    settings.sigma_scale = 3;
+    CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
+    truepose_control_settings table = in_c(settings);
+    CHECK(same(truepose_place_poles(&in_c_model.model, robot.home.data(), 100, 1, &table), {}));
+    CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
+    truepose_controller controller;
+    CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
+    truepose_controller alone;  // of drives that close their own loops
+    CHECK(same(truepose_controller_init(&alone, sizeof alone, &table), {}));
+    ControlState state;
+    CachedGain kept, kept_alone;
+    Weighing keeps = prior.weighing(), keeps_alone = keeps;
+    keeps.kept = &kept;
+    keeps_alone.kept = &kept_alone;
+    for (int k = 0; k < 5; ++k) {
+      Setpoint setpoint;
+      setpoint.x = random_pose(mechanism, random, 0.3);
+      truepose_setpoint setpoint_c{};
+      std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
+      Extended q_e{};
+      CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
+      for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
+      Joint e{};
+      truepose_real e_c[6] = {}, torque[6] = {};
+      CHECK(same(truepose_motor_error(&in_c_model.model, static_cast<int>(law), 0,
+                                      setpoint.x.data(), q_e.data(), &known, work.data(), e_c),
+                 motor_error(robot, law, setpoint.x, q_e, e, 0, prior.weighing())));
+      CHECK(same(e_c, e));
+      CHECK(same(truepose_controller_error(&in_c_model.model, &alone, setpoint.x.data(), q_e.data(),
                                            &known, work.data(), e_c),
                  motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing)));
-        CHECK(same(e_c, e));
-        CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
-                                    work.data(), torque),
-                   control(robot, settings, setpoint, q_e, state, keeps)));
-        CHECK(same(torque, state.torque));
-        Pose pose = to_pose<K>(robot.home);
-        const auto estimated = estimate<K>(robot, prior.known(), q_e, pose, work.data());
-        truepose_real x_c[6];
-        std::copy_n(robot.home.begin(), 6, x_c);
-        const truepose_estimate_result result =
-            truepose_estimate(&in_c_model.model, &known, q_e.data(), work.data(), x_c);
-        CHECK(same(result.outcome, estimated.outcome));
-        CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
-      }
+      CHECK(same(e_c, e));
+      CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
+                                  work.data(), torque),
+                 control(robot, settings, setpoint, q_e, state, keeps)));
+      CHECK(same(torque, state.torque));
+      Pose pose = to_pose<K>(robot.home);
+      const auto estimated = estimate<K>(robot, prior.known(), q_e, pose, work.data());
+      truepose_real x_c[6];
+      std::copy_n(robot.home.begin(), 6, x_c);
+      const truepose_estimate_result result =
+          truepose_estimate(&in_c_model.model, &known, q_e.data(), work.data(), x_c);
+      CHECK(same(result.outcome, estimated.outcome));
+      CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
     }
-    Robot blind = robot;
-    blind.r = 0;
-    const InC without(blind);
-    for (const Law law : kLaws) {
-      truepose_real error[6];
-      Extended here{};
-      CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), here)));
-      CHECK(truepose_motor_error(&without.model, static_cast<int>(law), 0, robot.home.data(),
-                                 here.data(), nullptr, nullptr, error)
-                .status == (law == Law::joint ? TRUEPOSE_OK : TRUEPOSE_NOT_MEASURED));
-    }
-    truepose_real e[6];
-    const truepose_real q_e[16] = {};
-    CHECK(truepose_motor_error(&in_c_model.model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e,
-                               nullptr, nullptr, e)
-              .status == TRUEPOSE_NOT_MEASURED);
-    truepose_controller unfinished{};
-    CHECK(truepose_controller_error(&in_c_model.model, &unfinished, robot.home.data(), q_e, nullptr,
-                                    nullptr, e)
-              .status == TRUEPOSE_UNFINISHED);
-    CHECK(truepose_motor_error(&in_c_model.model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e)
-              .status == TRUEPOSE_NO_SUCH_PART);
-  });
+  }
+  truepose_real e[6];
+  const truepose_real q_e[16] = {};
+  CHECK(truepose_motor_error(&in_c_model.model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e,
+                             nullptr, nullptr, e)
+            .status == TRUEPOSE_NOT_MEASURED);
+  truepose_controller unfinished{};
+  CHECK(truepose_controller_error(&in_c_model.model, &unfinished, robot.home.data(), q_e, nullptr,
+                                  nullptr, e)
+            .status == TRUEPOSE_UNFINISHED);
+  CHECK(truepose_motor_error(&in_c_model.model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e)
+            .status == TRUEPOSE_NO_SUCH_PART);
 }
 
-TEST("slow sensors in C are the core's, with timestamps and without, under every law") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    if (robot.r == 0) return;
-    InC in_c_model(robot);
-    Prior prior(robot);
-    truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
-    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-    std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
-    MultirateSettings slow;
-    slow.every.fill(10);
-    slow.age.fill(8);
-    slow.sensitivity[0][1] = 0.1;
-    for (const Law law : {Law::tej, Law::estimated})
-      for (const bool stamped : {false, true})
-        for (const bool monitors : {false, true}) {
-          slow.stamped = stamped ? 1 : 0;
-          truepose_multirate_settings slow_c;
-          c::describe(slow, slow_c);
-          truepose_multirate sensors;
-          Multirate late;
-          CHECK(bool(start(slow, late)));
-          CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &slow_c), {}));
-          ControlSettings settings;
-          settings.law = law;
-          CHECK(bool(place_poles(robot, robot.home, 60, 1, settings)));
-          const truepose_control_settings table = in_c(settings);
-          truepose_controller controller;
-          CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
-          CHECK(same(truepose_controller_sensors(&controller, &sensors), {}));
-          FaultTolerantSettings watch;
-          truepose_fault_monitor_settings watch_c;
-          truepose_fault_monitor monitor;
-          c::describe(watch, watch_c);
-          prepare(watch.monitor);
-          CHECK(same(truepose_fault_monitor_init(&monitor, sizeof monitor, &watch_c), {}));
-          truepose_fault_report report;
-          ControlState state;
-          CachedGain kept;
-          FaultTolerantState seen;
-          Weighing keeps = prior.weighing();
-          keeps.kept = &kept;
-          Extended held{};
-          for (int k = 0; k < 60; ++k) {
-            Setpoint setpoint;
-            setpoint.x = robot.home;
-            setpoint.x[0] += 0.02 * std::sin(0.02 * k);
-            truepose_setpoint setpoint_c{};
-            std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
-            Extended q_e{};
-            CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
-            const bool comes = k % 10 == 8;
-            if (k == 0 || comes) held = q_e;
-            std::copy_n(held.begin() + kDof<K>, robot.r, q_e.begin() + kDof<K>);
-            const std::uint64_t now = 1000000 * static_cast<std::uint64_t>(k + 1);
-            const std::uint64_t time[kMaxSensors]{now - 7400000};
-            const std::uint32_t all = comes ? late.which : 0;
-            std::uint32_t stale = 7;
-            if (k > 0) {
-              CHECK(same(truepose_multirate_arrive(&sensors, all, time, now, &stale), {}));
-              CHECK(stale == 0);
-              late.arrived = all;
-              if (comes && stamped) CHECK(stamp(late, 0, time[0], now));
-            }
-            truepose_real torque[6];
-            Outcome outcome;
-            if (monitors) {
-              outcome = control_fault_tolerant<K>(robot, settings, watch, setpoint, q_e, state,
-                                                  keeps, seen, &late);
-              CHECK(same(truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
-                                                         &monitor, &setpoint_c, q_e.data(), &known,
-                                                         work.data(), torque, &report),
-                         outcome));
-            } else {
-              Extended present = q_e;
-              Knowledge weighed;
-              const Weighing by = compensated<K>(robot, properties(law).weighs ? keeps : Weighing{},
-                                                 late, weighed, present);
-              outcome = control<K>(robot, settings, setpoint, present, state, by);
-              CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(),
-                                          &known, work.data(), torque),
-                         outcome));
-            }
-            CHECK(bool(outcome) && same(torque, state.torque));
+TEST_EACH(for_each,
+          "slow sensors in C are the core's, with timestamps and without, under every law") {
+  const Robot& robot = mechanism.robot;
+  if (robot.r == 0) return;
+  InC in_c_model(robot);
+  Prior prior(robot);
+  truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
+  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+  std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+  MultirateSettings slow;
+  slow.every.fill(10);
+  slow.age.fill(8);
+  slow.sensitivity[0][1] = 0.1;
+  for (const Law law : {Law::tej, Law::estimated})
+    for (const bool stamped : {false, true})
+      for (const bool monitors : {false, true}) {
+        slow.stamped = stamped ? 1 : 0;
+        truepose_multirate_settings slow_c;
+        c::describe(slow, slow_c);
+        truepose_multirate sensors;
+        Multirate late;
+        CHECK(bool(start(slow, late)));
+        CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &slow_c), {}));
+        ControlSettings settings;
+        settings.law = law;
+        CHECK(bool(place_poles(robot, robot.home, 60, 1, settings)));
+        const truepose_control_settings table = in_c(settings);
+        truepose_controller controller;
+        CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
+        CHECK(same(truepose_controller_sensors(&controller, &sensors), {}));
+        FaultTolerantSettings watch;
+        truepose_fault_monitor_settings watch_c;
+        truepose_fault_monitor monitor;
+        c::describe(watch, watch_c);
+        prepare(watch.monitor);
+        CHECK(same(truepose_fault_monitor_init(&monitor, sizeof monitor, &watch_c), {}));
+        truepose_fault_report report;
+        ControlState state;
+        CachedGain kept;
+        FaultTolerantState seen;
+        Weighing keeps = prior.weighing();
+        keeps.kept = &kept;
+        Extended held{};
+        for (int k = 0; k < 60; ++k) {
+          Setpoint setpoint;
+          setpoint.x = robot.home;
+          setpoint.x[0] += 0.02 * std::sin(0.02 * k);
+          truepose_setpoint setpoint_c{};
+          std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
+          Extended q_e{};
+          CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
+          const bool comes = k % 10 == 8;
+          if (k == 0 || comes) held = q_e;
+          std::copy_n(held.begin() + n, robot.r, q_e.begin() + n);
+          const std::uint64_t now = 1000000 * static_cast<std::uint64_t>(k + 1);
+          const std::uint64_t time[kMaxSensors]{now - 7400000};
+          const std::uint32_t all = comes ? late.which : 0;
+          std::uint32_t stale = 7;
+          if (k > 0) {
+            CHECK(same(truepose_multirate_arrive(&sensors, all, time, now, &stale), {}));
+            CHECK(stale == 0);
+            late.arrived = all;
+            if (comes && stamped) CHECK(stamp(late, 0, time[0], now));
           }
-          const std::uint64_t time[kMaxSensors]{};
-          std::uint32_t stale = 0;  // a sample of the distant past, and one without a time
-          CHECK(same(truepose_multirate_arrive(&sensors, 1, time, 1000000000, &stale), {}));
-          CHECK(stale == (stamped ? 1 : 0));
-          CHECK(same(truepose_multirate_arrive(&sensors, 1, nullptr, 1000000000, &stale), {}));
-          CHECK(stale == (stamped ? 1 : 0));
+          truepose_real torque[6];
+          Outcome outcome;
+          if (monitors) {
+            outcome = control_fault_tolerant<K>(robot, settings, watch, setpoint, q_e, state, keeps,
+                                                seen, &late);
+            CHECK(same(truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
+                                                       &monitor, &setpoint_c, q_e.data(), &known,
+                                                       work.data(), torque, &report),
+                       outcome));
+          } else {
+            Extended present = q_e;
+            Knowledge weighed;
+            const Weighing by = compensated<K>(robot, properties(law).weighs ? keeps : Weighing{},
+                                               late, weighed, present);
+            outcome = control<K>(robot, settings, setpoint, present, state, by);
+            CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(),
+                                        &known, work.data(), torque),
+                       outcome));
+          }
+          CHECK(bool(outcome) && same(torque, state.torque));
         }
-  });
+        const std::uint64_t time[kMaxSensors]{};
+        std::uint32_t stale = 0;  // a sample of the distant past, and one without a time
+        CHECK(same(truepose_multirate_arrive(&sensors, 1, time, 1000000000, &stale), {}));
+        CHECK(stale == (stamped ? 1 : 0));
+        CHECK(same(truepose_multirate_arrive(&sensors, 1, nullptr, 1000000000, &stale), {}));
+        CHECK(stale == (stamped ? 1 : 0));
+      }
 }
 
 TEST("slow sensors that none can have are refused, and their absence is allowed") {
@@ -439,111 +414,106 @@ TEST("slow sensors that none can have are refused, and their absence is allowed"
              {Status::other_version, -1}));
 }
 
-TEST("a monitor in C finds a sensor that is gone, goes on without, and believes it again") {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    const InC in_c_model(robot);
-    Prior prior(robot);
-    truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
-    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-    std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
-    ControlSettings settings;
-    CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
-    const truepose_control_settings table = in_c(settings);
-    truepose_fault_monitor_settings monitor;
-    c::describe(FaultTolerantSettings{}, monitor);
-    truepose_controller controller;
-    truepose_fault_monitor fault_state;
-    CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
-    CHECK(same(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor), {}));
-    truepose_setpoint setpoint{};
-    std::copy_n(robot.home.begin(), 6, setpoint.x);
-    Extended q_e{};
-    CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), q_e)));
-    const int sensor = robot.motors;
-    truepose_fault_report report;
-    truepose_outcome outcome{};
-    const auto cycles = [&](int count, double reading) {
-      Extended read = q_e;
-      read[sensor] = reading;
-      truepose_real torque[6];
-      for (int k = 0; k < count; ++k)
-        outcome = truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
-                                                  &fault_state, &setpoint, read.data(), &known,
-                                                  work.data(), torque, &report);
-      for (int i = 0; i < robot.motors; ++i) CHECK(std::isfinite(torque[i]));
-    };
-    cycles(100, q_e[sensor]);
-    CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
-    cycles(20, NAN);
-    CHECK(outcome.status == TRUEPOSE_DISAGREE && outcome.part == sensor);
-    CHECK(report.health[sensor] == TRUEPOSE_FAILED && report.symptom[sensor] == TRUEPOSE_MISSING);
-    CHECK(!report.stops && report.brakes == 0 && report.stop == 0);
-    CHECK(same(truepose_fault_monitor_acknowledge(&fault_state, sensor), {}));
-    cycles(100, q_e[sensor]);
-    CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
-    truepose_real believed[16] = {};
-    Extended none = q_e;
-    none[sensor] = NAN;
-    truepose_fault_monitor_step(&in_c_model.model, &fault_state, q_e.data(), none.data(), &known,
-                                work.data(), believed, &report);
-    CHECK_NEAR(believed[sensor], q_e[sensor], 1e-6);
-    CHECK(report.health[sensor] == TRUEPOSE_SUSPECT);
-  });
+TEST_EACH(for_each,
+          "a monitor in C finds a sensor that is gone, goes on without, and believes it again") {
+  const Robot& robot = mechanism.robot;
+  const InC in_c_model(robot);
+  Prior prior(robot);
+  truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
+  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+  std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+  ControlSettings settings;
+  CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
+  const truepose_control_settings table = in_c(settings);
+  truepose_fault_monitor_settings monitor;
+  c::describe(FaultTolerantSettings{}, monitor);
+  truepose_controller controller;
+  truepose_fault_monitor fault_state;
+  CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
+  CHECK(same(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor), {}));
+  truepose_setpoint setpoint{};
+  std::copy_n(robot.home.begin(), 6, setpoint.x);
+  Extended q_e{};
+  CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), q_e)));
+  const int sensor = robot.motors;
+  truepose_fault_report report;
+  truepose_outcome outcome{};
+  const auto cycles = [&](int count, double reading) {
+    Extended read = q_e;
+    read[sensor] = reading;
+    truepose_real torque[6];
+    for (int k = 0; k < count; ++k)
+      outcome = truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
+                                                &fault_state, &setpoint, read.data(), &known,
+                                                work.data(), torque, &report);
+    for (int i = 0; i < robot.motors; ++i) CHECK(std::isfinite(torque[i]));
+  };
+  cycles(100, q_e[sensor]);
+  CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
+  cycles(20, NAN);
+  CHECK(outcome.status == TRUEPOSE_DISAGREE && outcome.part == sensor);
+  CHECK(report.health[sensor] == TRUEPOSE_FAILED && report.symptom[sensor] == TRUEPOSE_MISSING);
+  CHECK(!report.stops && report.brakes == 0 && report.stop == 0);
+  CHECK(same(truepose_fault_monitor_acknowledge(&fault_state, sensor), {}));
+  cycles(100, q_e[sensor]);
+  CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
+  truepose_real believed[16] = {};
+  Extended none = q_e;
+  none[sensor] = NAN;
+  truepose_fault_monitor_step(&in_c_model.model, &fault_state, q_e.data(), none.data(), &known,
+                              work.data(), believed, &report);
+  CHECK_NEAR(believed[sensor], q_e[sensor], 1e-6);
+  CHECK(report.health[sensor] == TRUEPOSE_SUSPECT);
 }
 
-TEST("a learner in C learns what the core's does") {
+TEST_EACH(for_each, "a learner in C learns what the core's does") {
   check::Random random(5);
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    const InC in_c_model(robot);
-    Prior prior(robot), twin(robot);
-    const std::int32_t p = prior.known().count;
-    truepose_knowledge known{p, 0, prior.known().column, prior.known().root, {}};
-    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-    std::vector<truepose_real> memory(truepose_online_calibrator_memory(&in_c_model.model, p));
-    truepose_online_calibrator learner;
-    CHECK(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
-                                          memory.data(), memory.size() - 1)
-              .status == TRUEPOSE_TOO_SMALL);
-    CHECK(truepose_online_calibrator_step(&learner, memory.data()).status == TRUEPOSE_UNFINISHED);
-    CHECK(same(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
-                                               memory.data(), memory.size()),
-               {}));
-    OnlineCalibrator core = twin.learner(robot);
-    core.settings = {};
-    Robot truth = robot;
-    truth.chain[0].encoder_offset += 1e-3;
-    for (int k = 0; k < 10; ++k) {
-      Extended q_e{};
-      const Coordinates x = random_pose(mechanism, random);
-      CHECK(bool(extended<K>(truth, to_pose<K>(x), q_e)));
-      CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
-                 calibrate_online<K>(core, q_e)));
-    }
-    truepose_model learnt;
-    truepose_knowledge after;
-    CHECK(same(truepose_online_calibrator_model(&learner, &learnt, sizeof learnt), {}));
-    CHECK(same(truepose_online_calibrator_knowledge(&learner, &after), {}));
-    CHECK(after.count == p && std::equal(after.root, after.root + p * p, core.state.root));
-    truepose_real q[6] = {};
-    Joint expected{};
-    CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
-    CHECK(same(q, expected));
-    int64_t counted = 0, left_out = 0;
-    CHECK(same(truepose_online_calibrator_samples(&learner, &counted, &left_out), {}));
-    CHECK(counted == core.lines && left_out == core.left_out && counted + left_out == 10);
-    truepose_description kept;  // what was learnt can be kept, and loaded another day
-    CHECK(same(truepose_description_of(&learnt, &kept), {}));
-    const InC again(kept);
-    CHECK(same(again.outcome, {}));
-    truepose_real q_again[6] = {};
-    CHECK(truepose_ikm(&again.model, robot.home.data(), q_again).status == TRUEPOSE_OK);
-    for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
-    CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
-  });
+  const Robot& robot = mechanism.robot;
+  const InC in_c_model(robot);
+  Prior prior(robot), twin(robot);
+  const std::int32_t p = prior.known().count;
+  truepose_knowledge known{p, 0, prior.known().column, prior.known().root, {}};
+  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+  std::vector<truepose_real> memory(truepose_online_calibrator_memory(&in_c_model.model, p));
+  truepose_online_calibrator learner;
+  CHECK(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
+                                        memory.data(), memory.size() - 1)
+            .status == TRUEPOSE_TOO_SMALL);
+  CHECK(truepose_online_calibrator_step(&learner, memory.data()).status == TRUEPOSE_UNFINISHED);
+  CHECK(same(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
+                                             memory.data(), memory.size()),
+             {}));
+  OnlineCalibrator core = twin.learner(robot);
+  core.settings = {};
+  Robot truth = robot;
+  truth.chain[0].encoder_offset += 1e-3;
+  for (int k = 0; k < 10; ++k) {
+    Extended q_e{};
+    const Coordinates x = random_pose(mechanism, random);
+    CHECK(bool(extended<K>(truth, to_pose<K>(x), q_e)));
+    CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
+               calibrate_online<K>(core, q_e)));
+  }
+  truepose_model learnt;
+  truepose_knowledge after;
+  CHECK(same(truepose_online_calibrator_model(&learner, &learnt, sizeof learnt), {}));
+  CHECK(same(truepose_online_calibrator_knowledge(&learner, &after), {}));
+  CHECK(after.count == p && std::equal(after.root, after.root + p * p, core.state.root));
+  truepose_real q[6] = {};
+  Joint expected{};
+  CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
+  CHECK(same(q, expected));
+  int64_t counted = 0, left_out = 0;
+  CHECK(same(truepose_online_calibrator_samples(&learner, &counted, &left_out), {}));
+  CHECK(counted == core.lines && left_out == core.left_out && counted + left_out == 10);
+  truepose_description kept;  // what was learnt can be kept, and loaded another day
+  CHECK(same(truepose_description_of(&learnt, &kept), {}));
+  const InC again(kept);
+  CHECK(same(again.outcome, {}));
+  truepose_real q_again[6] = {};
+  CHECK(truepose_ikm(&again.model, robot.home.data(), q_again).status == TRUEPOSE_OK);
+  for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
+  CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
 }
 
 TEST("a path clock in C is the core's") {
@@ -570,22 +540,12 @@ TEST("what is no robot is refused, named, and answers nothing") {
   const Wrong wrongs[] = {
       {"version", [](auto& t) { t.abi = 1; }, TRUEPOSE_OTHER_VERSION, -1},
       {"size", [](auto& t) { --t.size; }, TRUEPOSE_OTHER_VERSION, -1},
-      {"mobility", [](auto& t) { t.mobility = 17; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"a pivot, of whose axes it says nothing", [](auto& t) { t.mobility = 6; },
        TRUEPOSE_NO_SUCH_VALUE, 26},
       {"chains", [](auto& t) { t.chains = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"motors", [](auto& t) { t.motors = -1; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"square", [](auto& t) { t.chains = t.motors = 3; }, TRUEPOSE_NOT_SQUARE, -1},
       {"sensors", [](auto& t) { t.sensors = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"bodies", [](auto& t) { t.bodies = -5; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"level", [](auto& t) { t.level = 2; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"bars", [](auto& t) { t.bar_joint = 9; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"actuator", [](auto& t) { t.chain[1].actuator = 3; }, TRUEPOSE_NO_SUCH_PART, 1},
       {"mode", [](auto& t) { t.chain[1].working_mode = 0; }, TRUEPOSE_NO_SUCH_PART, 1},
-      {"bar", [](auto& t) { t.chain[1].bar = 2; }, TRUEPOSE_NO_SUCH_PART, 1},
-      {"kind", [](auto& t) { t.sensor[0].kind = 11; }, TRUEPOSE_NO_SUCH_PART, 6},
-      {"sensor's chain", [](auto& t) { t.sensor[0].chain = 1; }, TRUEPOSE_NO_SUCH_PART, 6},
-      {"body's bar", [](auto& t) { t.body[0].bar = -2; }, TRUEPOSE_NO_SUCH_PART, 18},
       {"gravity", [](auto& t) { t.gravity[1] = NAN; }, TRUEPOSE_NOT_FINITE, -1},
       {"home", [](auto& t) { t.home[3] = INFINITY; }, TRUEPOSE_NOT_FINITE, -1},
       {"home far", [](auto& t) { t.home[2] = -4; }, TRUEPOSE_UNREACHABLE, 0},
@@ -745,114 +705,109 @@ TEST("every status has the core's number and says what it is") {
   CHECK(truepose_abi() == TRUEPOSE_ABI);
 }
 
-TEST("a servo cycle in one call is IKM, J, TEJ and motor error of their own calls") {
+TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of their own calls") {
   check::Random random(11);
-  for_each([&](const Mechanism& mechanism, auto) {
-    const Robot& robot = mechanism.robot;
-    const InC in_c(robot);
-    Model model;
-    CHECK(bool(model.load(in_c.table)));
-    CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
-    for (const truepose_law law : {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
-      if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
-      const Coordinates x = random_pose(mechanism, random);
-      Extended q_e{};
-      Joint q{}, e{};
-      std::array<Joint, 6> J;
-      std::array<Extended, 6> tej;
-      CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
-      for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
-      truepose_servo_cycle cycle;
-      CHECK(bool(model.servo(law, x, q_e, cycle)));
-      CHECK(same(truepose_motor_error(&in_c.model, law, 0, x.data(), q_e.data(), nullptr, nullptr,
-                                      e.data()),
-                 {}));
-      CHECK(same(cycle.error, e) && same(cycle.q_d, q));
-      CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
-      const bool by_readings = law == TRUEPOSE_LAW_TEJ;
-      CHECK((std::memcmp(cycle.tej, &tej, sizeof tej) == 0) == by_readings);
-      for (int i = 0; i < robot.motors; ++i) {
-        const Real off = std::fabs(cycle.x[i] - x[i]);
-        CHECK(law == TRUEPOSE_LAW_CARTESIAN ? off > 0 && off < 0.1 : off == 0);
-      }
+  const Robot& robot = mechanism.robot;
+  const InC in_c(robot);
+  Model model;
+  CHECK(bool(model.load(in_c.table)));
+  CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
+  for (const truepose_law law : {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
+    if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
+    const Coordinates x = random_pose(mechanism, random);
+    Extended q_e{};
+    Joint q{}, e{};
+    std::array<Joint, 6> J;
+    std::array<Extended, 6> tej;
+    CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
+    for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
+    truepose_servo_cycle cycle;
+    CHECK(bool(model.servo(law, x, q_e, cycle)));
+    CHECK(same(
+        truepose_motor_error(&in_c.model, law, 0, x.data(), q_e.data(), nullptr, nullptr, e.data()),
+        {}));
+    CHECK(same(cycle.error, e) && same(cycle.q_d, q));
+    CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
+    const bool by_readings = law == TRUEPOSE_LAW_TEJ;
+    CHECK((std::memcmp(cycle.tej, &tej, sizeof tej) == 0) == by_readings);
+    for (int i = 0; i < robot.motors; ++i) {
+      const Real off = std::fabs(cycle.x[i] - x[i]);
+      CHECK(law == TRUEPOSE_LAW_CARTESIAN ? off > 0 && off < 0.1 : off == 0);
     }
-    Joint untouched{};
-    CHECK(Model().ikm(robot.home, untouched).status == Status::unfinished);
-  });
+  }
+  Joint untouched{};
+  CHECK(Model().ikm(robot.home, untouched).status == Status::unfinished);
 }
 
-TEST("joint states conserve power, and motor commands act on the joints as commanded") {
+TEST_EACH(for_each,
+          "joint states conserve power, and motor commands act on the joints as commanded") {
   check::Random random(12);
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    const int n = robot.motors;
-    const InC in_c(robot);
-    Model model;
-    CHECK(bool(model.load(in_c.table)));
-    for (int k = 0; k < 10; ++k) {
-      const Coordinates x = random_pose(mechanism, random, 0.3);
-      Coordinates near = x;
-      truepose_axis_state motors{}, joints{};
-      for (int i = 0; i < n; ++i) {
-        motors.velocity[i] = random();
-        motors.torque[i] = random();
-        near[i] += 1e-3 * random();
-      }
-      CHECK(same(truepose_ikm(&in_c.model, x.data(), motors.position), {}));
-      std::copy_n(near.begin(), 6, joints.position);
-      CHECK(bool(model.joint_state(motors, joints)));
-      Real power = 0, joint_power = 0, along = 0;
-      for (int i = 0; i < n; ++i) {
-        CHECK_NEAR(joints.position[i], x[i], 1e-9);
-        power += motors.torque[i] * motors.velocity[i];
-        joint_power += joints.torque[i] * joints.velocity[i];
-      }
-      CHECK_NEAR(joint_power, power, 1e-9 * (1 + std::fabs(power)));
-      // Velocities against finite differences of the motors' positions along them.
-      constexpr Real kStep = 1e-6;
-      Joint q_near{};
-      Coordinates rate{};
-      std::copy_n(joints.velocity, 6, rate.begin());
-      for (Real& value : rate) value *= kStep;
-      CHECK(bool(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near)));
-      for (int i = 0; i < n; ++i)
-        along = std::max(along,
-                         std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));
-      CHECK(along < 1e-3);
-
-      truepose_axis_command wanted{}, given{};
-      for (int i = 0; i < n; ++i) {
-        wanted.state.position[i] = near[i];
-        wanted.state.velocity[i] = random();
-        wanted.state.torque[i] = random();
-        wanted.kp[i] = 50 + 10 * random();
-        wanted.kd[i] = 2 + random();
-      }
-      CHECK(bool(model.motor_command(motors, joints, wanted, given)));
-      truepose_axis_state acting = motors, felt = joints;
-      Joint q_d{};
-      CHECK(bool(model.ikm(near, q_d)));
-      for (int i = 0; i < n; ++i) {
-        CHECK_NEAR(given.state.position[i], q_d[i], 1e-12);
-        CHECK(given.kp[i] > 0 && given.kd[i] > 0);
-        acting.torque[i] = given.state.torque[i] +
-                           given.kp[i] * (given.state.position[i] - motors.position[i]) +
-                           given.kd[i] * (given.state.velocity[i] - motors.velocity[i]);
-      }
-      CHECK(bool(model.joint_state(acting, felt)));
-      const Coordinates away = difference<K>(to_pose<K>(near), to_pose<K>(x));
-      for (int i = 0; i < n; ++i) {
-        const Real asked = wanted.state.torque[i] + wanted.kp[i] * away[i] +
-                           wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]);
-        CHECK_NEAR(felt.torque[i], asked, 1e-7 * (1 + std::fabs(asked)));
-      }
+  const Robot& robot = mechanism.robot;
+  const InC in_c(robot);
+  Model model;
+  CHECK(bool(model.load(in_c.table)));
+  for (int k = 0; k < 10; ++k) {
+    const Coordinates x = random_pose(mechanism, random, 0.3);
+    Coordinates near = x;
+    truepose_axis_state motors{}, joints{};
+    for (int i = 0; i < n; ++i) {
+      motors.velocity[i] = random();
+      motors.torque[i] = random();
+      near[i] += 1e-3 * random();
     }
-    truepose_axis_state broken{}, kept{};
-    broken.velocity[0] = NAN;
-    CHECK(same(truepose_ikm(&in_c.model, robot.home.data(), broken.position), {}));
-    std::copy_n(robot.home.begin(), 6, kept.position);
-    CHECK(model.joint_state(broken, kept).status == Status::not_finite);
-    CHECK(kept.torque[0] == 0);
-  });
+    CHECK(same(truepose_ikm(&in_c.model, x.data(), motors.position), {}));
+    std::copy_n(near.begin(), 6, joints.position);
+    CHECK(bool(model.joint_state(motors, joints)));
+    Real power = 0, joint_power = 0, along = 0;
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(joints.position[i], x[i], 1e-9);
+      power += motors.torque[i] * motors.velocity[i];
+      joint_power += joints.torque[i] * joints.velocity[i];
+    }
+    CHECK_NEAR(joint_power, power, 1e-9 * (1 + std::fabs(power)));
+    // Velocities against finite differences of the motors' positions along them.
+    constexpr Real kStep = 1e-6;
+    Joint q_near{};
+    Coordinates rate{};
+    std::copy_n(joints.velocity, 6, rate.begin());
+    for (Real& value : rate) value *= kStep;
+    CHECK(bool(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near)));
+    for (int i = 0; i < n; ++i)
+      along =
+          std::max(along, std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));
+    CHECK(along < 1e-3);
+
+    truepose_axis_command wanted{}, given{};
+    for (int i = 0; i < n; ++i) {
+      wanted.state.position[i] = near[i];
+      wanted.state.velocity[i] = random();
+      wanted.state.torque[i] = random();
+      wanted.kp[i] = 50 + 10 * random();
+      wanted.kd[i] = 2 + random();
+    }
+    CHECK(bool(model.motor_command(motors, joints, wanted, given)));
+    truepose_axis_state acting = motors, felt = joints;
+    Joint q_d{};
+    CHECK(bool(model.ikm(near, q_d)));
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(given.state.position[i], q_d[i], 1e-12);
+      CHECK(given.kp[i] > 0 && given.kd[i] > 0);
+      acting.torque[i] = given.state.torque[i] +
+                         given.kp[i] * (given.state.position[i] - motors.position[i]) +
+                         given.kd[i] * (given.state.velocity[i] - motors.velocity[i]);
+    }
+    CHECK(bool(model.joint_state(acting, felt)));
+    const Coordinates away = difference<K>(to_pose<K>(near), to_pose<K>(x));
+    for (int i = 0; i < n; ++i) {
+      const Real asked = wanted.state.torque[i] + wanted.kp[i] * away[i] +
+                         wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]);
+      CHECK_NEAR(felt.torque[i], asked, 1e-7 * (1 + std::fabs(asked)));
+    }
+  }
+  truepose_axis_state broken{}, kept{};
+  broken.velocity[0] = NAN;
+  CHECK(same(truepose_ikm(&in_c.model, robot.home.data(), broken.position), {}));
+  std::copy_n(robot.home.begin(), 6, kept.position);
+  CHECK(model.joint_state(broken, kept).status == Status::not_finite);
+  CHECK(kept.torque[0] == 0);
 }

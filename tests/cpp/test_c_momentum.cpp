@@ -82,8 +82,6 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
   CHECK(seen.kind == TRUEPOSE_PAYLOAD && std::fabs(seen.size - 2) < 0.1 && !seen.refused);
   CHECK(by_drives.kind == TRUEPOSE_PAYLOAD && std::fabs(by_drives.size - seen.size) < 1e-3);
   CHECK(std::fabs(seen.force[2] + 2 * 9.81) < 1 && sag < 0.1 * sagged);
-  std::printf("  %.3f kg, sigma %.3f, sag %.2f mm, then %.2f mm\n", seen.size, seen.sigma,
-              1e3 * sagged, 1e3 * sag);
   CHECK(truepose_fault_monitor_momentum(&monitor, nullptr).status == 0);
   CHECK(truepose_fault_monitor_disturbance(&monitor, &seen).status == 0 && seen.kind == 0);
 }

@@ -60,84 +60,79 @@ struct InC {
 
 }  // namespace
 
-TEST("a shell in C starts, names a frozen frame in three cycles, and moves on once acknowledged") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    InC<K> c(mechanism);
-    c.begin();
-    // The core's shell, one cycle for one cycle.
-    ControlState state;
-    SafetyShell shell;
-    SafetyLimits limits;
-    const ControlSettings settings = settings_for(c.robot, Law::joint);
-    CHECK(bool(default_limits(c.robot, settings, limits)));
-    Extended q_e;
-    std::copy_n(c.q_e, q_e.size(), q_e.begin());
-    Setpoint setpoint;
-    setpoint.x = c.robot.home;
-    for (std::uint64_t frame = 1; frame <= c.frame; ++frame) {
-      SafetyCycle cycle;
-      cycle.counter = {true, frame};
-      cycle.request = {frame > 11, false, frame > 10};
-      static_cast<void>(
-          control_safely<K>(c.robot, settings, limits, setpoint, q_e, state, shell, cycle));
-    }
-    CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
-    int until = 0;
-    while (c.report.state == TRUEPOSE_SAFETY_RUNNING && until < 10) ++until, c.cycle({}, true);
-    CHECK(until == 3 && c.report.cause == TRUEPOSE_STOP_STALE_FRAME);
-    CHECK(std::string(truepose_stop_cause_text(c.report.cause)) == "stale frame");
-    for (int k = 0; k < 10000 && c.report.state != TRUEPOSE_SAFETY_FAULT; ++k) c.cycle();
-    CHECK(c.report.brakes == bit(kDof<K>) - 1 && !c.report.follows);
-    CHECK(c.report.causes == 1U << TRUEPOSE_STOP_STALE_FRAME);
-    c.begin();  // acknowledged
-  });
+TEST_EACH(
+    for_each,
+    "a shell in C starts, names a frozen frame in three cycles, and moves on once acknowledged") {
+  InC<K> c(mechanism);
+  c.begin();
+  // The core's shell, one cycle for one cycle.
+  ControlState state;
+  SafetyShell shell;
+  SafetyLimits limits;
+  const ControlSettings settings = settings_for(c.robot, Law::joint);
+  CHECK(bool(default_limits(c.robot, settings, limits)));
+  Extended q_e;
+  std::copy_n(c.q_e, q_e.size(), q_e.begin());
+  Setpoint setpoint;
+  setpoint.x = c.robot.home;
+  for (std::uint64_t frame = 1; frame <= c.frame; ++frame) {
+    SafetyCycle cycle;
+    cycle.counter = {true, frame};
+    cycle.request = {frame > 11, false, frame > 10};
+    static_cast<void>(
+        control_safely<K>(c.robot, settings, limits, setpoint, q_e, state, shell, cycle));
+  }
+  CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
+  int until = 0;
+  while (c.report.state == TRUEPOSE_SAFETY_RUNNING && until < 10) ++until, c.cycle({}, true);
+  CHECK(until == 3 && c.report.cause == TRUEPOSE_STOP_STALE_FRAME);
+  CHECK(std::string(truepose_stop_cause_text(c.report.cause)) == "stale frame");
+  for (int k = 0; k < 10000 && c.report.state != TRUEPOSE_SAFETY_FAULT; ++k) c.cycle();
+  CHECK(c.report.brakes == bit(n) - 1 && !c.report.follows);
+  CHECK(c.report.causes == 1U << TRUEPOSE_STOP_STALE_FRAME);
+  c.begin();  // acknowledged
 }
 
-TEST("the shell alone in C gives what it gives around truepose's law") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    InC<K> c(mechanism);
-    truepose_safety_shell alone;
-    CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, &c.model, &c.limits), {}));
-    ControlState state;  // of any law: the core's
-    const ControlSettings settings = settings_for(c.robot, Law::joint);
-    truepose_safety_report report{};
-    Extended q_e;
-    std::copy_n(c.q_e, q_e.size(), q_e.begin());
-    for (int k = 0; k < 150; ++k) {
-      truepose_safety_marks marks{};
-      marks.acknowledge = k > 10;
-      marks.start = k > 11;
-      marks.known = marks.counter_given = 1;
-      if (!report.follows) state = {};
-      Setpoint setpoint;
-      setpoint.x = c.robot.home;
-      const Outcome outcome = control<K>(c.robot, settings, setpoint, q_e, state);
-      truepose_safety_cycle cycle{};
-      cycle.status = static_cast<int>(outcome.status);
-      std::copy_n(setpoint.x.begin(), n, cycle.x);
-      std::copy_n(state.q_d.begin(), n, cycle.q_d);
-      std::copy_n(q_e.begin(), n, cycle.q);
-      std::copy_n(state.error.begin(), n, cycle.error);
-      std::copy_n(state.torque.begin(), n, cycle.torque);
-      std::copy_n(state.load.begin(), n, cycle.load);
-      c.cycle(marks);
-      marks.counter = c.frame;
-      CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
-      CHECK(std::memcmp(&report, &c.report, sizeof report) == 0);
-      if (k < 149) continue;
-      CHECK(report.follows && report.brakes == 0);
-      cycle.lost = 2;
-      ++marks.counter;
-      CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
-      CHECK(report.cause == TRUEPOSE_STOP_SUSPECTED_MOTOR && !report.follows);
-      alone = {};
-      CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report),
-                 {Status::unfinished, -1}));
-    }
-  });
+TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's law") {
+  InC<K> c(mechanism);
+  truepose_safety_shell alone;
+  CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, &c.model, &c.limits), {}));
+  ControlState state;  // of any law: the core's
+  const ControlSettings settings = settings_for(c.robot, Law::joint);
+  truepose_safety_report report{};
+  Extended q_e;
+  std::copy_n(c.q_e, q_e.size(), q_e.begin());
+  for (int k = 0; k < 150; ++k) {
+    truepose_safety_marks marks{};
+    marks.acknowledge = k > 10;
+    marks.start = k > 11;
+    marks.known = marks.counter_given = 1;
+    if (!report.follows) state = {};
+    Setpoint setpoint;
+    setpoint.x = c.robot.home;
+    const Outcome outcome = control<K>(c.robot, settings, setpoint, q_e, state);
+    truepose_safety_cycle cycle{};
+    cycle.status = static_cast<int>(outcome.status);
+    std::copy_n(setpoint.x.begin(), n, cycle.x);
+    std::copy_n(state.q_d.begin(), n, cycle.q_d);
+    std::copy_n(q_e.begin(), n, cycle.q);
+    std::copy_n(state.error.begin(), n, cycle.error);
+    std::copy_n(state.torque.begin(), n, cycle.torque);
+    std::copy_n(state.load.begin(), n, cycle.load);
+    c.cycle(marks);
+    marks.counter = c.frame;
+    CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
+    CHECK(std::memcmp(&report, &c.report, sizeof report) == 0);
+    if (k < 149) continue;
+    CHECK(report.follows && report.brakes == 0);
+    cycle.lost = 2;
+    ++marks.counter;
+    CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
+    CHECK(report.cause == TRUEPOSE_STOP_SUSPECTED_MOTOR && !report.follows);
+    alone = {};
+    CHECK(
+        same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {Status::unfinished, -1}));
+  }
 }
 
 TEST("limits that contradict themselves, and a shell that is none, are refused") {

@@ -132,7 +132,6 @@ double apart(int n, int rows, const ExtendedRows& a, const ExtendedRows& b) {
 
 TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on paths through the box") {
   long cycles = 0, refreshed = 0;
-  double most = 0;
   for_each_scene([&](auto& scene, auto mobility) {
     constexpr Mobility K = mobility();
     for (int k = 0; k < 400; ++k) {
@@ -140,17 +139,13 @@ TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on pat
       Reference<K> reference;
       CHECK(refer<K>(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0,
                      scene.keeping()));
-      const double share = scene.share(reference.closure.pose, reference.tej);
-      CHECK(share < scene.kept.share);
-      most = std::max(most, share);
+      CHECK(scene.share(reference.closure.pose, reference.tej) < scene.kept.share);
       refreshed += q != scene.kept.q;
       ++cycles;
     }
     CHECK(scene.kept.slope > 0);  // learnt from one refresh to the next
     CHECK(scene.kept.reach != kFirstReach);
   });
-  std::printf("     %.3f of a σ at most, refreshed in %.1f %% of %ld cycles\n", most,
-              100.0 * refreshed / cycles, cycles);
   CHECK(refreshed < cycles / 4);
 }
 
@@ -178,20 +173,6 @@ TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pos
       check::Random same(9);
       const Pose true_pose = mechanisms::nearby<K>(to_pose<K>(x), same, 1e-3);
       CHECK(mechanisms::distance<K>(old.found, true_pose) < 1e-10);
-    }
-  });
-}
-
-TEST("in the cycle that refreshes them the weights are those of the pose, to rounding") {
-  for_each_scene([](auto& scene, auto mobility) {
-    constexpr int n = kDof<mobility()>;
-    check::Random random(6);
-    for (int k = 0; k < 5; ++k) {
-      const Coordinates x = mechanisms::random_pose(scene.mechanism, random);
-      const auto fresh = scene.answer(x, scene.fresh());
-      scene.kept = {};
-      const auto kept = scene.answer(x, scene.keeping());
-      CHECK(apart(n, n + scene.robot.r, fresh.tej, kept.tej) < 1e-8);
     }
   });
 }

@@ -19,13 +19,11 @@ class SceneOf {
   std::vector<Joint> x;
   CalibrationSettings settings;
   Registration registration;
-  Links links;
 
   /// @param influences, nuisances  their numbers
   /// @param unsure  scale of the robot's prior
-  /// @param of_links  number of the links' unknowns
   SceneOf(const Mechanism& mechanism, int lines, int r, bool in_unknown_frame = false,
-          int influences = 0, int nuisances = 0, double unsure = 1, int of_links = 0)
+          int influences = 0, int nuisances = 0, double unsure = 1)
       : robot(mechanism.robot), prior_((robot.r = r, robot)) {
     settings.influences = influences, settings.nuisances = nuisances;
     const Knowledge of_robot = prior_.known();
@@ -34,8 +32,7 @@ class SceneOf {
       settings.registration = of_robot.count;
       column_.insert(column_.end(), kRegistration, -1);
     }
-    links.first = static_cast<int>(column_.size());
-    column_.insert(column_.end(), of_links + settings.influences, -1);
+    column_.insert(column_.end(), settings.influences, -1);
     for (int i = 0; i < settings.nuisances; ++i)
       column_.push_back(chain_column(i) + static_cast<int>(ChainParameter::tilt));
     const int p = static_cast<int>(column_.size());
@@ -46,7 +43,6 @@ class SceneOf {
     }
     if (in_unknown_frame)
       for (const int k : {0, 1, 5}) root(of_robot.count + k, of_robot.count + k) = k < 5 ? 10 : 2;
-    for (int k = links.first; k < links.first + of_links; ++k) root(k, k) = 3e-3;
     for (int k = p - settings.influences - settings.nuisances; k < p; ++k)
       root(k, k) = k < p - settings.nuisances ? 2 : 5e-4;
     known = {p, column_.data(), root.data(), {}};
@@ -93,7 +89,7 @@ class SceneOf {
   CalibrationResult calibrate() const {
     ReadingLog log;
     log.count = lines(), log.q_e = q_e.data(), log.registration = registration;
-    log.influence = influence.data(), log.links = links;
+    log.influence = influence.data();
     if (!measured.empty())
       log.measured = measured.data(), log.measured_sigma = measured_sigma.data();
     const Kernels model = kernels<K, IdealModel>();
@@ -144,9 +140,9 @@ void check_level(const SceneOf<K>& scene, const CalibrationResult& result, doubl
   axes.count = m;
   axes.column += p - m;
   constexpr int freedoms = kDof<K>;
-  const int poses = freedoms * scene.lines(), links = static_cast<int>(scene.links.link.size());
-  // All equations at once: readings, links, prior; in all poses, then u.
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows * scene.lines() + links + p, poses + p);
+  const int poses = freedoms * scene.lines();
+  // All equations at once: readings, prior; in all poses, then u.
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows * scene.lines() + p, poses + p);
   Eigen::VectorXd e = Eigen::VectorXd::Zero(J.rows());
   for (int k = 0; k < scene.lines(); ++k) {
     Extended q_e{}, expected, residual;
@@ -171,24 +167,8 @@ void check_level(const SceneOf<K>& scene, const CalibrationResult& result, doubl
     J.block(k * rows, poses, rows, p) = B;
     e.segment(k * rows, rows) -= B.rightCols(m + given) * result.u.tail(m + given);
     const double square = e.segment(k * rows, rows).squaredNorm();
-    if (links == 0) CHECK_NEAR(result.chi2[k], square, exact * 1e-5);
+    CHECK_NEAR(result.chi2[k], square, exact * 1e-5);
     CHECK(result.redundancy[k] == 2 && result.weight[k] == 1);
-  }
-  for (int k = 0; k < links; ++k) {
-    const Link& link = scene.links.link[k];
-    const LinkExpected at = expected(K, link, result.pose.data(), result.w.data());
-    const int row = rows * scene.lines() + k;
-    e[row] = (link.measured - at.value) / link.sigma;
-    CHECK_NEAR(result.link[k].residual, link.measured - at.value, 1e-3 * link.sigma);
-    CHECK(result.link[k].weight == 1);
-    for (int a = 0; a < link.ends(); ++a)
-      for (int j = 0; j < freedoms; ++j)
-        J(row, freedoms * link.line[a] + j) += at.H_x[a][j] / link.sigma;
-    for (int i = 0; i < 6; ++i) {
-      const double slope = i < 3 ? at.tool[i] : at.shape[i - 3];
-      const int column = scene.links.first + (i < 3 ? link.tool + i : link.shape + i - 3);
-      if (slope != 0) J(row, poses + column) += slope * scene.root(column, column) / link.sigma;
-    }
   }
   J.bottomRightCorner(p, p).setIdentity();
   e.tail(p) = -result.u;
@@ -201,28 +181,6 @@ void check_level(const SceneOf<K>& scene, const CalibrationResult& result, doubl
           .topLeftCorner(p - m, p - m);
   CHECK((result.covariance - covariance).norm() < exact * 1e-6 * covariance.norm());
 }
-
-/// That of a five-bar whose tool touches a plane and prints lines.
-struct Printer : SceneOf<K> {
-  std::vector<double> w;  ///< true unknowns of its links
-
-  Printer() : SceneOf(five_bar(), 10, 2, false, 0, 0, 1, 8) {
-    check::Random random(8);
-    links.mean = {0.02, 0.01, 0, -0.3, 0.1, 0.2, 0.001, 0};  // c; h, a, b; scale, width
-    links.link = {{LinkKind::distance, {0, 1}, 0, 6, 0, 1, 0, 2e-5},
-                  {LinkKind::distance, {2, 1}, 0, 6, 0, -1, 0, 3e-5},
-                  {LinkKind::plane, {3}, 0, 3, 1, 0, 0, 1e-5},
-                  {LinkKind::plane, {4}, 0, 3, 1, 0, 0, 2e-5},
-                  {LinkKind::plane, {0}, 0, 3, 1, 0, 0, 2e-5},
-                  {LinkKind::point, {5, 6}, 0, 0, 0, 0, 0, 2e-5}};
-    w = links.mean;
-    for (double& each : w) each += 4e-3 * random();
-    std::vector<Pose> poses;
-    for (const Joint& there : x) poses.push_back(to_pose<K>(there));
-    for (Link& link : links.link)
-      link.measured = expected(K, link, poses.data(), w.data()).value + link.sigma * random();
-  }
-};
 
 }  // namespace
 
@@ -241,35 +199,6 @@ TEST("influences of unknown amounts are learnt with the geometry") {
     const double sigma = std::sqrt(result.covariance(at, at));
     CHECK(sigma < 0.5);
     CHECK(std::fabs(result.amount[j] - scene.amount(j)) < 4 * sigma);
-  }
-}
-
-TEST("differences between poses teach geometry, tool and touched plane together") {
-  const Printer scene;
-  const CalibrationResult result = scene.calibrate();
-  check_level(scene, result);
-  for (int k = 0; k < 8; ++k) {
-    const int at = scene.links.first + k;
-    CHECK(std::fabs(result.w[k] - scene.w[k]) < 4 * std::sqrt(result.covariance(at, at)));
-  }
-}
-
-TEST("under a robust loss a difference that is grossly wrong costs itself and no other") {
-  constexpr int wrong = 5;
-  Printer scene, without;
-  scene.settings.loss = without.settings.loss = Loss::student;
-  scene.settings.tuning = without.settings.tuning = 4;
-  scene.links.link[wrong].measured += 0.02;
-  without.links.link.erase(without.links.link.begin() + wrong);
-  const CalibrationResult result = scene.calibrate(), other = without.calibrate();
-  CHECK(result.outcome && other.outcome);
-  for (int k = 0; k < 6; ++k) CHECK((result.link[k].weight < kOutlier) == (k == wrong));
-  const LinkResult& of = result.link[wrong];
-  CHECK(std::fabs(of.left_out - 0.02) < 5 * of.sigma && of.sigma < 1e-3);
-  for (int k = 0; k < scene.known.count; ++k) {
-    const double sigma = std::sqrt(other.covariance(k, k));
-    CHECK(std::fabs((scene.root * (result.u - other.u))[k]) < 0.05 * sigma);
-    CHECK_NEAR(std::sqrt(result.covariance(k, k)), sigma, 1e-2 * sigma);
   }
 }
 
@@ -373,10 +302,4 @@ TEST("a search says that it has not converged, and can be ended from outside") {
     ended = true;
   }
   CHECK(ended);
-}
-
-TEST("a log of which no line fits the robot is no calibration") {
-  Scene scene(3);
-  for (int k = 0; k < 3; ++k) scene.line(k)[0] = NAN;
-  CHECK(scene.calibrate().outcome.status == Status::unreachable);
 }

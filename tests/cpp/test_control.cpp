@@ -5,67 +5,56 @@
 
 using namespace mechanisms;
 
-TEST("whatever fails, the last torque is held, nothing else changes, and the status says why") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    for (const Law law : kLaws) {
-      ControlSettings settings = settings_for(robot, law);
-      settings.ki.fill(1);
-      Prior prior(robot);
-      const Weighing weighing = prior.weighing();
-      Setpoint at_home;
-      at_home.x = robot.home;
-      Extended q_e{};
-      CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
-      q_e[0] += 1e-3;
-      ControlState state;
-      CHECK(control(robot, settings, at_home, q_e, state, weighing));
-      const ControlState good = state;
-      const auto check_held = [&](const Outcome& outcome, Status expected) {
-        CHECK(outcome.status == expected);
-        CHECK(state.torque == good.torque && state.error == good.error);
-        CHECK(state.position == good.position && state.rate == good.rate);
-        CHECK(state.integral == good.integral && state.started);
-      };
-      for (const double bad : {std::numeric_limits<double>::quiet_NaN(), HUGE_VAL, -HUGE_VAL}) {
-        for (int c = 0; c < (law == Law::joint ? n : n + robot.r); ++c) {  // that it uses
-          Extended broken = q_e;
-          broken[c] = bad;
-          check_held(control(robot, settings, at_home, broken, state, weighing),
-                     Status::not_finite);
-        }
-        for (int i = 0; i < n; ++i) {
-          Setpoint x = at_home, rate = at_home, acceleration = at_home;
-          x.x[i] = rate.rate[i] = acceleration.acceleration[i] = bad;
-          for (const Setpoint& broken : {x, rate, acceleration})
-            check_held(control(robot, settings, broken, q_e, state, weighing), Status::not_finite);
-        }
+TEST_EACH(
+    for_each,
+    "whatever fails, the last torque is held, nothing else changes, and the status says why") {
+  const Robot& robot = mechanism.robot;
+  for (const Law law : kLaws) {
+    ControlSettings settings = settings_for(robot, law);
+    settings.ki.fill(1);
+    Prior prior(robot);
+    const Weighing weighing = prior.weighing();
+    Setpoint at_home;
+    at_home.x = robot.home;
+    Extended q_e{};
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    q_e[0] += 1e-3;
+    ControlState state;
+    CHECK(control(robot, settings, at_home, q_e, state, weighing));
+    const ControlState good = state;
+    const auto check_held = [&](const Outcome& outcome, Status expected) {
+      CHECK(outcome.status == expected);
+      CHECK(state.torque == good.torque && state.error == good.error);
+      CHECK(state.position == good.position && state.rate == good.rate);
+      CHECK(state.integral == good.integral && state.started);
+    };
+    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), HUGE_VAL, -HUGE_VAL}) {
+      for (int c = 0; c < (law == Law::joint ? n : n + robot.r); ++c) {  // that it uses
+        Extended broken = q_e;
+        broken[c] = bad;
+        check_held(control(robot, settings, at_home, broken, state, weighing), Status::not_finite);
       }
-      Setpoint far = at_home;
-      far.x[1] += 5;
-      if (robot.chain[0].actuator != Actuator::telescopic)
-        check_held(control(robot, settings, far, q_e, state, weighing), Status::unreachable);
-      ControlSettings broken = settings;
-      broken.kp[0] = std::numeric_limits<double>::quiet_NaN();
-      check_held(control(robot, broken, at_home, q_e, state, weighing), Status::not_finite);
-      if (!properties(law).weighs) continue;
-      check_held(control(robot, settings, at_home, q_e, state), Status::not_measured);
-      for (const double sigma : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
-        prior.known().sigma[0] = sigma;
-        check_held(control(robot, settings, at_home, q_e, state, weighing), Status::not_finite);
+      for (int i = 0; i < n; ++i) {
+        Setpoint x = at_home, rate = at_home, acceleration = at_home;
+        x.x[i] = rate.rate[i] = acceleration.acceleration[i] = bad;
+        for (const Setpoint& broken : {x, rate, acceleration})
+          check_held(control(robot, settings, broken, q_e, state, weighing), Status::not_finite);
       }
     }
-  });
-}
-
-TEST("where the robot is not finished, no chain is named") {
-  Robot robot = h4().robot;
-  robot.finished = false;
-  ControlState state;
-  const Outcome outcome = control<Mobility::schoenflies>(robot, {}, {}, {}, state);
-  CHECK(outcome.status == Status::unfinished && outcome.chain == -1);
+    Setpoint far = at_home;
+    far.x[1] += 5;
+    if (robot.chain[0].actuator != Actuator::telescopic)
+      check_held(control(robot, settings, far, q_e, state, weighing), Status::unreachable);
+    ControlSettings broken = settings;
+    broken.kp[0] = std::numeric_limits<double>::quiet_NaN();
+    check_held(control(robot, broken, at_home, q_e, state, weighing), Status::not_finite);
+    if (!properties(law).weighs) continue;
+    check_held(control(robot, settings, at_home, q_e, state), Status::not_measured);
+    for (const double sigma : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+      prior.known().sigma[0] = sigma;
+      check_held(control(robot, settings, at_home, q_e, state, weighing), Status::not_finite);
+    }
+  }
 }
 
 TEST("a singular setpoint holds the torque too") {
@@ -98,23 +87,21 @@ TEST("a setpoint in another assembly mode is a lost branch and holds the torque"
   CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
 }
 
-TEST("without a sensor a law of redundant sensors is not measured; joint control needs none") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 0;
-    Extended q_e{};
-    Setpoint at_home;
-    at_home.x = robot.home;
-    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
-    for (const Law law : kLaws) {
-      ControlState state;
-      Prior prior(robot);
-      const Outcome outcome =
-          control(robot, settings_for(robot, law), at_home, q_e, state, prior.weighing());
-      CHECK(outcome.status == (law == Law::joint ? Status::ok : Status::not_measured));
-    }
-  });
+TEST_EACH(for_each,
+          "without a sensor a law of redundant sensors is not measured; joint control needs none") {
+  Robot robot = mechanism.robot;
+  robot.r = 0;
+  Extended q_e{};
+  Setpoint at_home;
+  at_home.x = robot.home;
+  CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+  for (const Law law : kLaws) {
+    ControlState state;
+    Prior prior(robot);
+    const Outcome outcome =
+        control(robot, settings_for(robot, law), at_home, q_e, state, prior.weighing());
+    CHECK(outcome.status == (law == Law::joint ? Status::ok : Status::not_measured));
+  }
 }
 
 TEST(
@@ -136,33 +123,6 @@ TEST(
     CHECK(control(robot, settings, at_home, q_e, by_sigma, prior.weighing()));
     CHECK(by_scale.error == by_sigma.error);
     CHECK((by_scale.error == plain.error) == !properties(law).weighs);
-  }
-}
-
-TEST("torque limits hold, and a saturated integral does not wind up") {
-  const Mechanism mechanism = h4();
-  Robot robot = mechanism.robot;
-  for (Chain& chain : robot.chain) chain.torque_limit = 3;
-  ControlSettings settings = settings_for(robot, Law::joint);
-  settings.feed_forward = FeedForward::none;
-  settings.kd.fill(0);
-  settings.ki.fill(100);
-  Setpoint at_home;
-  at_home.x = robot.home;
-  Extended q_home{}, q_e{};
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_home));
-  for (const double side : {1.0, -1.0}) {
-    ControlState state;
-    q_e = q_home;
-    for (int i = 0; i < 4; ++i) q_e[i] -= 0.5 * side;  // far behind: 0.5 rad
-    for (int k = 0; k < 1000; ++k) {
-      CHECK(control(robot, settings, at_home, q_e, state));
-      for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], 3 * side, 0);
-    }
-    for (int i = 0; i < 4; ++i) CHECK_NEAR(state.integral[i], 0, 0);
-    for (int i = 0; i < 4; ++i) q_e[i] = q_home[i] + 0.001 * side;  // a little ahead
-    CHECK(control(robot, settings, at_home, q_e, state));
-    for (int i = 0; i < 4; ++i) CHECK(state.torque[i] * side < 0);  // turns back at once
   }
 }
 
@@ -223,134 +183,120 @@ TEST("on the estimate, a hexapod that turns through a right angle is damped by i
   for (int i = 0; i < 6; ++i) CHECK_NEAR(state.rate[i], -twist[i], 1e-6);
 }
 
-TEST("a setpoint that jumps, and a controller switched on in motion, kick no rate") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    check::Random random(87);
-    for (const Law law : kLaws) {
-      ControlSettings settings = settings_for(robot, law);
-      settings.feed_forward = FeedForward::none;
-      Prior prior(robot);
-      Setpoint still, away;
-      still.x = robot.home;
-      Joint step{};
-      for (int i = 0; i < n; ++i) {
-        step[i] = 1e-3 * random();
-        still.rate[i] = 0.1 * random();
-      }
-      away.x = to_coordinates<K>(moved<K>(to_pose<K>(robot.home), step));
-      Extended q_e{};
-      CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
-      ControlState state;
-      const auto pushes_alone = [&](const Setpoint& setpoint) {
-        CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
-        for (const double rate : state.rate) CHECK_NEAR(rate, 0, 1e-9);
-        for (int i = 0; i < n; ++i)
-          CHECK_NEAR(state.torque[i], settings.kp[i] * state.error[i], 1e-6);
-      };
-      pushes_alone(still);  // the first cycle, in motion
-      state = {};
-      still.rate = {};
-      pushes_alone(still);
-      pushes_alone(away);
-      CHECK(std::fabs(state.error[0]) > 1e-5);
-      pushes_alone(away);
-    }
-  });
-}
-
-TEST("a desired rate too large for a double fails its own cycle and no later one") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
+TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in motion, kick no rate") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(87);
+  for (const Law law : kLaws) {
+    ControlSettings settings = settings_for(robot, law);
+    settings.feed_forward = FeedForward::none;
     Prior prior(robot);
+    Setpoint still, away;
+    still.x = robot.home;
+    Joint step{};
+    for (int i = 0; i < n; ++i) {
+      step[i] = 1e-3 * random();
+      still.rate[i] = 0.1 * random();
+    }
+    away.x = to_coordinates<K>(moved<K>(to_pose<K>(robot.home), step));
     Extended q_e{};
     CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
-    for (const Law law : kLaws) {
-      ControlSettings settings = settings_for(robot, law);
-      settings.feed_forward = FeedForward::none;
-      Setpoint setpoint;
-      setpoint.x = robot.home;
-      for (const double much : {1e160, 1e308})
-        for (const bool started : {false, true}) {
-          ControlState state;
-          setpoint.rate = {};
-          if (started) CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
-          setpoint.rate.fill(much);
-          const ControlState before = state;
-          if (!control(robot, settings, setpoint, q_e, state, prior.weighing()))
-            CHECK(state.position == before.position && state.torque == before.torque);
-          setpoint.rate = {};
-          CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
-        }
-    }
-  });
+    ControlState state;
+    const auto pushes_alone = [&](const Setpoint& setpoint) {
+      CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
+      for (const double rate : state.rate) CHECK_NEAR(rate, 0, 1e-9);
+      for (int i = 0; i < n; ++i)
+        CHECK_NEAR(state.torque[i], settings.kp[i] * state.error[i], 1e-6);
+    };
+    pushes_alone(still);  // the first cycle, in motion
+    state = {};
+    still.rate = {};
+    pushes_alone(still);
+    pushes_alone(away);
+    CHECK(std::fabs(state.error[0]) > 1e-5);
+    pushes_alone(away);
+  }
 }
 
-TEST("shaped by the inertia, an error is answered alike at every pose and by no other motor") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    for (Chain& chain : robot.chain)
-      chain.coulomb = chain.viscous = chain.torque_limit = 0;  // none
-    check::Random random(88);
-    ControlSettings settings = settings_for(robot, Law::joint, Gains::inertia);
-    settings.ki.fill(3000);
-    for (int k = 0; k < 20; ++k) {
-      settings.feed_forward = k % 2 ? FeedForward::full : FeedForward::gravity;
-      Setpoint setpoint;
-      setpoint.x = random_pose(mechanism, random);
-      for (int i = 0; i < n && k % 2; ++i) {
-        setpoint.rate[i] = 0.3 * random();
-        setpoint.acceleration[i] = random();
+TEST_EACH(for_each, "a desired rate too large for a double fails its own cycle and no later one") {
+  const Robot& robot = mechanism.robot;
+  Prior prior(robot);
+  Extended q_e{};
+  CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+  for (const Law law : kLaws) {
+    ControlSettings settings = settings_for(robot, law);
+    settings.feed_forward = FeedForward::none;
+    Setpoint setpoint;
+    setpoint.x = robot.home;
+    for (const double much : {1e160, 1e308})
+      for (const bool started : {false, true}) {
+        ControlState state;
+        setpoint.rate = {};
+        if (started) CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
+        setpoint.rate.fill(much);
+        const ControlState before = state;
+        if (!control(robot, settings, setpoint, q_e, state, prior.weighing()))
+          CHECK(state.position == before.position && state.torque == before.torque);
+        setpoint.rate = {};
+        CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
       }
-      Extended q_e{};
-      const Pose pose = to_pose<K>(setpoint.x);
-      CHECK(extended<K>(robot, pose, q_e));
-      Joint asked{};
-      for (int i = 0; i < n; ++i) {
-        const double error = 1e-3 * random();
-        q_e[i] -= error;
-        asked[i] = (settings.kp[i] + settings.ki[i] * settings.period) * error;
-      }
-      ControlState state;
-      CHECK(control(robot, settings, setpoint, q_e, state));
-      Joint acceleration{};
-      CHECK(forward_dynamics<K>(robot, pose, setpoint.rate, state.torque, acceleration));
-      JointMatrix J;
-      CHECK(jacobian(robot, setpoint.x, J));
-      for (int i = 0; i < n; ++i) {
-        double expected = setpoint.acceleration[i];
-        for (int j = 0; j < n; ++j) expected += J[i][j] * asked[j];
-        CHECK_NEAR(acceleration[i], expected, 1e-8);
-      }
-      CHECK_NEAR(settings.kp[0], 1e4, 0);
-      CHECK_NEAR(settings.kd[n - 1], 200, 0);
-    }
-  });
+  }
 }
 
-TEST("pole placement makes each motor alone a critically damped second order") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const ControlSettings settings = settings_for(mechanism.robot, Law::joint);
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    DynamicModel<K> model;
-    CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
-    CHECK(jacobian<K>(closure, jacobians));
-    CHECK(dynamic_model<K>(mechanism.robot, closure, Joint{}, model));
-    for (int m = 0; m < kDof<K>; ++m) {
-      Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
-      for (int i = 0; i < kDof<K>; ++i) column[i] = jacobians.J[i][m];
-      const Joint still = inverse_dynamics<K>(model, jacobians.J, Joint{});
-      const Joint torque = inverse_dynamics<K>(model, jacobians.J, column);
-      const double inertia = torque[m] - still[m];
-      CHECK_NEAR(settings.kp[m] / inertia, 1e4, 1e-6);
-      CHECK_NEAR(settings.kd[m] / inertia, 200, 1e-8);
+TEST_EACH(for_each,
+          "shaped by the inertia, an error is answered alike at every pose and by no other motor") {
+  Robot robot = mechanism.robot;
+  for (Chain& chain : robot.chain) chain.coulomb = chain.viscous = chain.torque_limit = 0;  // none
+  check::Random random(88);
+  ControlSettings settings = settings_for(robot, Law::joint, Gains::inertia);
+  settings.ki.fill(3000);
+  for (int k = 0; k < 20; ++k) {
+    settings.feed_forward = k % 2 ? FeedForward::full : FeedForward::gravity;
+    Setpoint setpoint;
+    setpoint.x = random_pose(mechanism, random);
+    for (int i = 0; i < n && k % 2; ++i) {
+      setpoint.rate[i] = 0.3 * random();
+      setpoint.acceleration[i] = random();
     }
-  });
+    Extended q_e{};
+    const Pose pose = to_pose<K>(setpoint.x);
+    CHECK(extended<K>(robot, pose, q_e));
+    Joint asked{};
+    for (int i = 0; i < n; ++i) {
+      const double error = 1e-3 * random();
+      q_e[i] -= error;
+      asked[i] = (settings.kp[i] + settings.ki[i] * settings.period) * error;
+    }
+    ControlState state;
+    CHECK(control(robot, settings, setpoint, q_e, state));
+    Joint acceleration{};
+    CHECK(forward_dynamics<K>(robot, pose, setpoint.rate, state.torque, acceleration));
+    JointMatrix J;
+    CHECK(jacobian(robot, setpoint.x, J));
+    for (int i = 0; i < n; ++i) {
+      double expected = setpoint.acceleration[i];
+      for (int j = 0; j < n; ++j) expected += J[i][j] * asked[j];
+      CHECK_NEAR(acceleration[i], expected, 1e-8);
+    }
+    CHECK_NEAR(settings.kp[0], 1e4, 0);
+    CHECK_NEAR(settings.kd[n - 1], 200, 0);
+  }
+}
+
+TEST_EACH(for_each, "pole placement makes each motor alone a critically damped second order") {
+  const ControlSettings settings = settings_for(mechanism.robot, Law::joint);
+  Closure<K> closure;
+  Jacobians<K> jacobians;
+  DynamicModel<K> model;
+  CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
+  CHECK(jacobian<K>(closure, jacobians));
+  CHECK(dynamic_model<K>(mechanism.robot, closure, Joint{}, model));
+  for (int m = 0; m < n; ++m) {
+    Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
+    for (int i = 0; i < n; ++i) column[i] = jacobians.J[i][m];
+    const Joint still = inverse_dynamics<K>(model, jacobians.J, Joint{});
+    const Joint torque = inverse_dynamics<K>(model, jacobians.J, column);
+    const double inertia = torque[m] - still[m];
+    CHECK_NEAR(settings.kp[m] / inertia, 1e4, 1e-6);
+    CHECK_NEAR(settings.kd[m] / inertia, 200, 1e-8);
+  }
 }

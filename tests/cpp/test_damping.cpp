@@ -87,95 +87,30 @@ double largest(const Joint& values) {
 
 }  // namespace
 
-TEST("the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in millimetres") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(91);
-    for (int k = 0; k < 50; ++k) {
-      Joint x = random_pose(mechanism, random), serial{}, again{};
-      Closure<K> closure;
-      CHECK(ikm<K>(mechanism.robot, to_pose<K>(x), closure));
-      const Dense A = Lines<K>(closure).A;
-      double parallel = 0, scaled = 0;
-      CHECK(conditioning(mechanism.robot, x, parallel, serial));
-      CHECK_NEAR(parallel, kDof<K> / (A.norm() * reference::inverse(A).norm()), 1e-12);
-      CHECK(parallel > 0.4 && parallel <= 1);
-      Robot large = mechanism.robot;
-      for (Chain& chain : large.chain) {
-        for (Plain<Vec3>* vector : {&chain.base, &chain.pivot, &chain.anchor}) (*vector)() *= 1000;
-        chain.arm *= 1000;
-        chain.rod *= 1000;
-      }
-      for (int j = 0; j < kDof<K>; ++j)
-        if (Freedom<K>::columns[j] < 3) x[j] *= 1000;
-      CHECK(conditioning(large, x, scaled, again));
-      CHECK_NEAR(parallel, scaled, 1e-12);
-      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(serial[i], again[i], 1e-10);
+TEST_EACH(for_each,
+          "the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in millimetres") {
+  check::Random random(91);
+  for (int k = 0; k < 50; ++k) {
+    Joint x = random_pose(mechanism, random), serial{}, again{};
+    Closure<K> closure;
+    CHECK(ikm<K>(mechanism.robot, to_pose<K>(x), closure));
+    const Dense A = Lines<K>(closure).A;
+    double parallel = 0, scaled = 0;
+    CHECK(conditioning(mechanism.robot, x, parallel, serial));
+    CHECK_NEAR(parallel, n / (A.norm() * reference::inverse(A).norm()), 1e-12);
+    CHECK(parallel > 0.4 && parallel <= 1);
+    Robot large = mechanism.robot;
+    for (Chain& chain : large.chain) {
+      for (Plain<Vec3>* vector : {&chain.base, &chain.pivot, &chain.anchor}) (*vector)() *= 1000;
+      chain.arm *= 1000;
+      chain.rod *= 1000;
     }
-  });
-}
-
-TEST("two rods at right angles are isotropic, two in one line singular") {
-  Robot robot = five_bar().robot;
-  double parallel = 0;
-  Joint serial{};
-  for (int i = 0; i < 2; ++i) {  // elbows at (∓0.3, 0), reached by arms that hang
-    robot.chain[i].base = Vec3(i == 0 ? -0.3 : 0.3, -0.2, 0);
-    robot.chain[i].arm = 0.2;
-    robot.chain[i].rod = 0.3 * std::sqrt(2.0);
+    for (int j = 0; j < n; ++j)
+      if (Freedom<K>::columns[j] < 3) x[j] *= 1000;
+    CHECK(conditioning(large, x, scaled, again));
+    CHECK_NEAR(parallel, scaled, 1e-12);
+    for (int i = 0; i < n; ++i) CHECK_NEAR(serial[i], again[i], 1e-10);
   }
-  CHECK(conditioning(robot, Joint{0, 0.3}, parallel, serial));
-  CHECK_NEAR(parallel, 1, 1e-12);
-  CHECK_NEAR(serial[0], std::sqrt(0.5), 1e-12);
-  for (int i = 0; i < 2; ++i) robot.chain[i].rod = 0.3;
-  CHECK(conditioning(robot, Joint{0, 0}, parallel, serial));
-  CHECK_NEAR(parallel, 0, 1e-12);
-}
-
-TEST("outside the band TEJ and torque are the paper's, bit for bit") {
-  const auto same = [&](const Robot& robot, auto mobility, const Joint& x) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    ExtendedColumns M, M_damped;
-    ExtendedRows tej_, tej_damped;
-    CHECK(tej(robot, x, M, tej_).status == Status::ok);
-    CHECK(tej(robot, x, M_damped, tej_damped, kBand).status == Status::ok);
-    for (int c = 0; c < n + robot.r; ++c)
-      for (int i = 0; i < n; ++i)
-        CHECK(M[c][i] == M_damped[c][i] && tej_[i][c] == tej_damped[i][c]);
-    ControlSettings settings;
-    settings.law = Law::tej;
-    CHECK(place_poles(robot, x, 100, 1, settings));
-    Setpoint setpoint{x, {0.1, 0.2}, {1, 2}};
-    Extended q_e{};
-    CHECK(extended<K>(robot, moved<K>(to_pose<K>(x), Joint{1e-3, 2e-3}), q_e));
-    ControlState exact, damped;
-    CHECK(control(robot, settings, setpoint, q_e, exact).status == Status::ok);
-    settings.damped_below = kBand;
-    CHECK(control(robot, settings, setpoint, q_e, damped).status == Status::ok);
-    CHECK(exact.torque == damped.torque);
-  };
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    check::Random random(92);
-    for (int k = 0; k < 50; ++k) same(mechanism.robot, mobility, random_pose(mechanism, random));
-  });
-  int outside = 0;
-  for_each_crossing([&](const Crossing& crossing, auto mobility) {
-    for (double part = 0; part <= 1; part += 0.01) {
-      double parallel = 0;
-      Joint serial{};
-      const Joint x = between(crossing, part);
-      CHECK(conditioning(crossing.mechanism.robot, x, parallel, serial));
-      ExtendedColumns M;
-      ExtendedRows M_plus;
-      CHECK((tej(crossing.mechanism.robot, x, M, M_plus, kBand).status == Status::ok) ==
-            (parallel >= kBand));
-      Robot any = crossing.mechanism.robot;
-      any.assembly_sign = 0;  // both sides of the singularity
-      if (parallel >= kBand && ++outside) same(any, mobility, x);
-    }
-  });
-  CHECK(outside > 200);
 }
 
 TEST("in the band J is the damped least squares of its definition, and its gain is bounded") {
@@ -253,65 +188,62 @@ TEST("across a singularity of type 2 the torques stay bounded and steady, and th
   });
 }
 
-TEST("where an arm stretches the motor rates stay bounded, and the status names the chain") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    if (mechanism.robot.chain[0].actuator == Actuator::telescopic) return;
-    Robot robot = mechanism.robot;
-    robot.assembly_sign = 0;
-    double in = 0, out = 3;  // m along y, to the edge of the workspace
-    for (int k = 0; k < 60; ++k) {
-      Joint x = robot.home, q{};
-      const double middle = 0.5 * (in + out);
-      x[1] += middle;
-      (ikm(robot, x, q) ? in : out) = middle;
+TEST_EACH(for_each,
+          "where an arm stretches the motor rates stay bounded, and the status names the chain") {
+  if (mechanism.robot.chain[0].actuator == Actuator::telescopic) return;
+  Robot robot = mechanism.robot;
+  robot.assembly_sign = 0;
+  double in = 0, out = 3;  // m along y, to the edge of the workspace
+  for (int k = 0; k < 60; ++k) {
+    Joint x = robot.home, q{};
+    const double middle = 0.5 * (in + out);
+    x[1] += middle;
+    (ikm(robot, x, q) ? in : out) = middle;
+  }
+  double paper = 0;
+  for (double inside = 1e-14; inside < 1e-3; inside *= 2) {
+    Joint x = robot.home, rate{};
+    x[1] += in - inside;
+    rate[1] = 1;
+    Closure<K> closure;
+    Jacobians<K> exact, damped;
+    if (!ikm<K>(robot, to_pose<K>(x), closure)) continue;  // by a rounding
+    if (jacobian<K>(closure, exact)) paper = std::max(paper, largest<K>(exact.joint_rate(rate)));
+    const Conditioning<K> conditioning(closure);
+    int stretched = 0;
+    while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
+    const Closure<K> as_is = closure;
+    const Outcome outcome = jacobian<K>(closure, kBand, damped);
+    const bool dependent = conditioning.parallel() < kBand;
+    CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
+    if (!dependent) CHECK(outcome.chain == (stretched < n ? stretched : -1));
+    CHECK(all_finite(damped.joint_rate(rate), n));
+    for (int i = 0; i < n; ++i)
+      CHECK(std::fabs(damped.joint_rate(rate)[i]) * closure.chain[i].dB.norm() <=
+            kGain * (1 + 1e-9));
+    for (int i = 0; i < n; ++i) {  // 1/s of its part s along the rod becomes s/(s² + λ²)
+      const double size = as_is.chain[i].v.norm() * as_is.chain[i].dB.norm();
+      const double s = as_is.chain[i].jq / size;
+      const double lambda2 = s * s < kBand * kBand ? 0.25 * (kBand * kBand - s * s) : 0;
+      CHECK_NEAR(damped.jq[i] / size * s, s * s + lambda2, 1e-12);
     }
-    double paper = 0;
-    for (double inside = 1e-14; inside < 1e-3; inside *= 2) {
-      Joint x = robot.home, rate{};
-      x[1] += in - inside;
-      rate[1] = 1;
-      Closure<K> closure;
-      Jacobians<K> exact, damped;
-      if (!ikm<K>(robot, to_pose<K>(x), closure)) continue;  // by a rounding
-      if (jacobian<K>(closure, exact)) paper = std::max(paper, largest<K>(exact.joint_rate(rate)));
-      const Conditioning<K> conditioning(closure);
-      int stretched = 0;
-      while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
-      const Closure<K> as_is = closure;
-      const Outcome outcome = jacobian<K>(closure, kBand, damped);
-      const bool dependent = conditioning.parallel() < kBand;
-      CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
-      if (!dependent) CHECK(outcome.chain == (stretched < n ? stretched : -1));
-      CHECK(all_finite(damped.joint_rate(rate), n));
-      for (int i = 0; i < n; ++i)
-        CHECK(std::fabs(damped.joint_rate(rate)[i]) * closure.chain[i].dB.norm() <=
-              kGain * (1 + 1e-9));
-      for (int i = 0; i < n; ++i) {  // 1/s of its part s along the rod becomes s/(s² + λ²)
-        const double size = as_is.chain[i].v.norm() * as_is.chain[i].dB.norm();
-        const double s = as_is.chain[i].jq / size;
-        const double lambda2 = s * s < kBand * kBand ? 0.25 * (kBand * kBand - s * s) : 0;
-        CHECK_NEAR(damped.jq[i] / size * s, s * s + lambda2, 1e-12);
-      }
-      // Readings that see the motor, and all laws, follow the bounded rates.
-      for (int k = 0; k < 2; ++k) {
-        robot.sensor[k].kind = k == 0 ? SensorKind::rod_in_plane : SensorKind::motor_encoder;
-        robot.sensor[k].chain = stretched % n;
-      }
-      ControlSettings settings;
-      settings.law = Law::tej;
-      settings.damped_below = kBand;
-      settings.kp.fill(10);
-      settings.kd.fill(0.1);
-      Extended q_e{};
-      if (!extended<K>(robot, to_pose<K>(x), q_e)) continue;
-      ControlState state;
-      CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
-      CHECK(all_finite(state.torque, n) && largest<K>(state.torque) < 1e4);
+    // Readings that see the motor, and all laws, follow the bounded rates.
+    for (int k = 0; k < 2; ++k) {
+      robot.sensor[k].kind = k == 0 ? SensorKind::rod_in_plane : SensorKind::motor_encoder;
+      robot.sensor[k].chain = stretched % n;
     }
-    CHECK(paper > 10 * kGain);
-  });
+    ControlSettings settings;
+    settings.law = Law::tej;
+    settings.damped_below = kBand;
+    settings.kp.fill(10);
+    settings.kd.fill(0.1);
+    Extended q_e{};
+    if (!extended<K>(robot, to_pose<K>(x), q_e)) continue;
+    ControlState state;
+    CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
+    CHECK(all_finite(state.torque, n) && largest<K>(state.torque) < 1e4);
+  }
+  CHECK(paper > 10 * kGain);
 }
 
 TEST("a damped setpoint settles, and says that it was damped") {

@@ -49,171 +49,114 @@ double total_energy(const Robot& robot, const PlantState& state) {
 
 }  // namespace
 
-TEST("the mass matrix is symmetric and positive definite") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(51);
-    for (int k = 0; k < 200; ++k) {
-      Jacobians<K> jacobians;
-      const auto model =
-          model_at<K>(mechanism.robot, random_state<K>(mechanism, random), jacobians);
-      for (int trial = 0; trial < 20; ++trial) {
-        const Joint rate = random_joint(random, 1);
-        double twice_kinetic = 0, size = 0;
-        for (int i = 0; i < kDof<K>; ++i)
-          for (int j = 0; j < kDof<K>; ++j) {
-            CHECK(model.mass[i][j] == model.mass[j][i]);
-            twice_kinetic += rate[i] * model.mass[i][j] * rate[j];
-            size += i == j ? rate[i] * rate[i] * model.mass[i][i] : 0;
-          }
-        CHECK(twice_kinetic > 1e-3 * size);
-      }
+TEST_EACH(for_each, "the mass matrix is symmetric and positive definite") {
+  check::Random random(51);
+  for (int k = 0; k < 200; ++k) {
+    Jacobians<K> jacobians;
+    const auto model = model_at<K>(mechanism.robot, random_state<K>(mechanism, random), jacobians);
+    for (int trial = 0; trial < 20; ++trial) {
+      const Joint rate = random_joint(random, 1);
+      double twice_kinetic = 0, size = 0;
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+          CHECK(model.mass[i][j] == model.mass[j][i]);
+          twice_kinetic += rate[i] * model.mass[i][j] * rate[j];
+          size += i == j ? rate[i] * rate[i] * model.mass[i][i] : 0;
+        }
+      CHECK(twice_kinetic > 1e-3 * size);
     }
-  });
+  }
 }
 
-TEST("the torques of an acceleration give that acceleration, friction included") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    for (int i = 0; i < kDof<K>; ++i) {
-      robot.chain[i].viscous = 0.1 + 0.02 * i;
-      robot.chain[i].coulomb = 0.05 * i;
-    }
-    check::Random random(52);
-    for (int k = 0; k < 200; ++k) {
-      const PlantState state = random_state<K>(mechanism, random);
-      const Joint wanted = random_joint(random, 20);
-      Jacobians<K> jacobians;
-      const auto model = model_at<K>(robot, state, jacobians);
-      Joint torque = inverse_dynamics<K>(model, jacobians.J, wanted), acceleration{};
-      for (int i = 0; i < kDof<K>; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
-      CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
-      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(acceleration[i], wanted[i], 1e-10);
-    }
-  });
+TEST_EACH(for_each, "the torques of an acceleration give that acceleration, friction included") {
+  Robot robot = mechanism.robot;
+  for (int i = 0; i < n; ++i) {
+    robot.chain[i].viscous = 0.1 + 0.02 * i;
+    robot.chain[i].coulomb = 0.05 * i;
+  }
+  check::Random random(52);
+  for (int k = 0; k < 200; ++k) {
+    const PlantState state = random_state<K>(mechanism, random);
+    const Joint wanted = random_joint(random, 20);
+    Jacobians<K> jacobians;
+    const auto model = model_at<K>(robot, state, jacobians);
+    Joint torque = inverse_dynamics<K>(model, jacobians.J, wanted), acceleration{};
+    for (int i = 0; i < n; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
+    CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
+    for (int i = 0; i < n; ++i) CHECK_NEAR(acceleration[i], wanted[i], 1e-10);
+  }
 }
 
-TEST("the model's motor rates and accelerations are derivatives of the inverse model") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    // With a unit of inertia on each motor and nothing else, torque is the motor's acceleration.
-    Robot robot = mechanism.robot;
-    robot.bodies = 0;
-    robot.gravity().setZero();
-    for (int i = 0; i < kDof<K>; ++i) set_masses(robot.chain[i], 1, 0, 0);
-    check::Random random(53);
-    for (int k = 0; k < 100; ++k) {
-      const PlantState state = random_state<K>(mechanism, random);
-      const Joint acceleration = random_joint(random, 5);
-      Jacobians<K> jacobians;
-      const auto model = model_at<K>(robot, state, jacobians);
-      const Joint qdd = inverse_dynamics<K>(model, jacobians.J, acceleration);
+TEST_EACH(for_each,
+          "the model's motor rates and accelerations are derivatives of the inverse model") {
+  // With a unit of inertia on each motor and nothing else, torque is the motor's acceleration.
+  Robot robot = mechanism.robot;
+  robot.bodies = 0;
+  robot.gravity().setZero();
+  for (int i = 0; i < n; ++i) set_masses(robot.chain[i], 1, 0, 0);
+  check::Random random(53);
+  for (int k = 0; k < 100; ++k) {
+    const PlantState state = random_state<K>(mechanism, random);
+    const Joint acceleration = random_joint(random, 5);
+    Jacobians<K> jacobians;
+    const auto model = model_at<K>(robot, state, jacobians);
+    const Joint qdd = inverse_dynamics<K>(model, jacobians.J, acceleration);
+    const double h = 1e-4;
+    Closure<K> before, at, after;
+    CHECK(ikm<K>(robot, along<K>(state, acceleration, -h).pose, before));
+    CHECK(ikm<K>(robot, state.pose, at));
+    CHECK(ikm<K>(robot, along<K>(state, acceleration, h).pose, after));
+    for (int i = 0; i < n; ++i) {
+      const double q0 = before.chain[i].q, q1 = at.chain[i].q, q2 = after.chain[i].q;
+      const double size = 1 + std::fabs(qdd[i]);
+      CHECK_NEAR(model.rate[i], (q2 - q0) / (2 * h), 2e-5 * size);
+      CHECK_NEAR(qdd[i], (q2 - 2 * q1 + q0) / (h * h), 2e-5 * size);
+    }
+  }
+}
+
+TEST_EACH(for_each, "energy grows at the power of the motors' torques") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(54);
+  for (int k = 0; k < 200; ++k) {
+    const PlantState state = random_state<K>(mechanism, random);
+    const Joint torque = random_joint(random, 5);
+    Joint acceleration{};
+    CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
+    Jacobians<K> jacobians;
+    const auto model = model_at<K>(robot, state, jacobians);
+    double power = 0;
+    for (int i = 0; i < n; ++i) power += torque[i] * model.rate[i];
+    const double h = 1e-5;
+    const double slope = (total_energy<K>(robot, along<K>(state, acceleration, h)) -
+                          total_energy<K>(robot, along<K>(state, acceleration, -h))) /
+                         (2 * h);
+    CHECK_NEAR(slope, power, 1e-5 * (1 + std::fabs(power)));
+  }
+}
+
+TEST_EACH(for_each, "at rest the bias is the slope of the potential energy") {
+  Robot robot = mechanism.robot;
+  robot.gravity = Vec3(1, -2, -9);  // as if mounted askew
+  check::Random random(55);
+  for (int k = 0; k < 100; ++k) {
+    const PlantState state{to_pose<K>(random_pose(mechanism, random)), {}};
+    Jacobians<K> jacobians;
+    const auto model = model_at<K>(robot, state, jacobians);
+    for (int i = 0; i < n; ++i) {
+      const auto potential = [&](double h) {
+        PlantState there = state;
+        Joint step{};
+        step[i] = h;
+        there.pose = moved<K>(state.pose, step);
+        return total_energy<K>(robot, there);
+      };
       const double h = 1e-4;
-      Closure<K> before, at, after;
-      CHECK(ikm<K>(robot, along<K>(state, acceleration, -h).pose, before));
-      CHECK(ikm<K>(robot, state.pose, at));
-      CHECK(ikm<K>(robot, along<K>(state, acceleration, h).pose, after));
-      for (int i = 0; i < kDof<K>; ++i) {
-        const double q0 = before.chain[i].q, q1 = at.chain[i].q, q2 = after.chain[i].q;
-        const double size = 1 + std::fabs(qdd[i]);
-        CHECK_NEAR(model.rate[i], (q2 - q0) / (2 * h), 2e-5 * size);
-        CHECK_NEAR(qdd[i], (q2 - 2 * q1 + q0) / (h * h), 2e-5 * size);
-      }
+      const double slope =
+          (8 * (potential(h) - potential(-h)) - (potential(2 * h) - potential(-2 * h))) / (12 * h);
+      CHECK_NEAR(model.bias[i], slope, 1e-8);
     }
-  });
-}
-
-TEST("energy grows at the power of the motors' torques") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(54);
-    for (int k = 0; k < 200; ++k) {
-      const PlantState state = random_state<K>(mechanism, random);
-      const Joint torque = random_joint(random, 5);
-      Joint acceleration{};
-      CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
-      Jacobians<K> jacobians;
-      const auto model = model_at<K>(robot, state, jacobians);
-      double power = 0;
-      for (int i = 0; i < kDof<K>; ++i) power += torque[i] * model.rate[i];
-      const double h = 1e-5;
-      const double slope = (total_energy<K>(robot, along<K>(state, acceleration, h)) -
-                            total_energy<K>(robot, along<K>(state, acceleration, -h))) /
-                           (2 * h);
-      CHECK_NEAR(slope, power, 1e-5 * (1 + std::fabs(power)));
-    }
-  });
-}
-
-TEST("at rest the bias is the slope of the potential energy") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.gravity = Vec3(1, -2, -9);  // as if mounted askew
-    check::Random random(55);
-    for (int k = 0; k < 100; ++k) {
-      const PlantState state{to_pose<K>(random_pose(mechanism, random)), {}};
-      Jacobians<K> jacobians;
-      const auto model = model_at<K>(robot, state, jacobians);
-      for (int i = 0; i < kDof<K>; ++i) {
-        const auto potential = [&](double h) {
-          PlantState there = state;
-          Joint step{};
-          step[i] = h;
-          there.pose = moved<K>(state.pose, step);
-          return total_energy<K>(robot, there);
-        };
-        const double h = 1e-4;
-        const double slope =
-            (8 * (potential(h) - potential(-h)) - (potential(2 * h) - potential(-2 * h))) /
-            (12 * h);
-        CHECK_NEAR(model.bias[i], slope, 1e-8);
-      }
-    }
-  });
-}
-
-TEST("a free swing keeps its energy") {
-  // The largest change of kinetic + potential energy in 0.1 s of fall at steps of 0.5 ms, as a part
-  // of the largest kinetic energy. Measured: 1.2e-12 (Hexa), 1e-12 (H4, Delta), 7e-13 (3-RRR,
-  // Par4), 5e-13 (5-bar), 3e-13 (Hexaglide), 2e-13 (3-RPR), 5e-14 (6-UPS), 1e-14 (linear Delta).
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    PlantState state{to_pose<K>(mechanism.robot.home), {}};
-    const double start = total_energy<K>(mechanism.robot, state);
-    double drift = 0, kinetic = 0;
-    for (int k = 0; k < 100; ++k) {
-      CHECK(advance<K>(mechanism.robot, Joint{}, 1e-3, 2, state));
-      Energy now;
-      CHECK(energy<K>(mechanism.robot, state.pose, state.rate, now));
-      kinetic = std::max(kinetic, now.kinetic);
-      drift = std::max(drift, std::fabs(now.kinetic + now.potential - start));
-    }
-    CHECK(kinetic > 0.01);  // it did fall
-    CHECK_NEAR(drift / kinetic, 0, 5e-12);
-  });
-}
-
-TEST("halving the step of integration divides its error by sixteen") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(57);
-    PlantState start{to_pose<K>(mechanism.robot.home), {}};
-    for (int i = 0; i < kDof<K>; ++i)
-      start.rate[i] = Freedom<K>::columns[i] < 3 ? 0.2 * random() : 2 * random();
-    const Joint torque = random_joint(random, 2);
-    const auto end = [&](int steps) {
-      PlantState state = start;
-      CHECK(advance<K>(mechanism.robot, torque, 0.08, steps, state));
-      return state.pose;
-    };
-    const Pose exact = end(400);
-    const double coarse = distance<K>(end(8), exact), fine = distance<K>(end(16), exact);
-    CHECK(fine > 1e-13);  // not yet rounding
-    CHECK_NEAR(coarse / fine, 16, 5);
-  });
+  }
 }
 
 TEST("a plant that leaves its workspace says so and keeps its last good state") {
@@ -267,55 +210,49 @@ TEST("a bar's mass follows its pivot, which is a parameter") {
              more, 1e-15);
 }
 
-TEST("a rod moves as its points do, between B and A") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;  // of nothing but rods
-    robot.bodies = 0;
-    for (int i = 0; i < kDof<K>; ++i) set_masses(robot.chain[i], 0, 0, 0.1 * (i + 1));
-    check::Random random(58);
-    for (int sample = 0; sample < 20; ++sample) {
-      const PlantState state = random_state<K>(mechanism, random);
-      constexpr double h = 1e-5;
-      Closure<K> before, after;
-      CHECK(ikm<K>(robot, along<K>(state, {}, -h).pose, before));
-      CHECK(ikm<K>(robot, along<K>(state, {}, h).pose, after));
-      double kinetic = 0;  // by Simpson's rule, exact for squares
-      for (int i = 0; i < kDof<K>; ++i)
-        for (const double s : {0.0, 0.5, 1.0}) {
-          const auto point = [&](const Closure<K>& at) -> Vec3 {
-            return at.chain[i].p - s * at.chain[i].v;
-          };
-          const Vec3 velocity = (point(after) - point(before)) / (2 * h);
-          kinetic += robot.chain[i].rod_mass / 2 * (s == 0.5 ? 4 : 1) / 6 * velocity.squaredNorm();
-        }
-      Energy result;
-      CHECK(energy<K>(robot, state.pose, state.rate, result));
-      CHECK_NEAR(result.kinetic, kinetic, 1e-6 * kinetic);
-    }
-  });
+TEST_EACH(for_each, "a rod moves as its points do, between B and A") {
+  Robot robot = mechanism.robot;  // of nothing but rods
+  robot.bodies = 0;
+  for (int i = 0; i < n; ++i) set_masses(robot.chain[i], 0, 0, 0.1 * (i + 1));
+  check::Random random(58);
+  for (int sample = 0; sample < 20; ++sample) {
+    const PlantState state = random_state<K>(mechanism, random);
+    constexpr double h = 1e-5;
+    Closure<K> before, after;
+    CHECK(ikm<K>(robot, along<K>(state, {}, -h).pose, before));
+    CHECK(ikm<K>(robot, along<K>(state, {}, h).pose, after));
+    double kinetic = 0;  // by Simpson's rule, exact for squares
+    for (int i = 0; i < n; ++i)
+      for (const double s : {0.0, 0.5, 1.0}) {
+        const auto point = [&](const Closure<K>& at) -> Vec3 {
+          return at.chain[i].p - s * at.chain[i].v;
+        };
+        const Vec3 velocity = (point(after) - point(before)) / (2 * h);
+        kinetic += robot.chain[i].rod_mass / 2 * (s == 0.5 ? 4 : 1) / 6 * velocity.squaredNorm();
+      }
+    Energy result;
+    CHECK(energy<K>(robot, state.pose, state.rate, result));
+    CHECK_NEAR(result.kinetic, kinetic, 1e-6 * kinetic);
+  }
 }
 
-TEST("dynamics of a known acceleration, without the mass matrix, are M ẍ + c") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(59);
-    for (int k = 0; k < 100; ++k) {
-      const PlantState state = random_state<K>(mechanism, random);
-      const Joint acceleration = random_joint(random, 20);
-      Closure<K> closure;
-      DynamicModel<K> whole, known;
-      CHECK(ikm<K>(mechanism.robot, state.pose, closure));
-      CHECK(dynamic_model<K>(mechanism.robot, closure, state.rate, whole));
-      CHECK((dynamic_model<K, false>(mechanism.robot, closure, state.rate, known, acceleration)));
-      for (int i = 0; i < kDof<K>; ++i) {
-        double force = whole.bias[i], size = std::fabs(whole.bias[i]);
-        for (int j = 0; j < kDof<K>; ++j) {
-          force += whole.mass[i][j] * acceleration[j];
-          size += std::fabs(whole.mass[i][j] * acceleration[j]);
-        }
-        CHECK_NEAR(known.bias[i], force, 1e-12 * (1 + size));
+TEST_EACH(for_each, "dynamics of a known acceleration, without the mass matrix, are M ẍ + c") {
+  check::Random random(59);
+  for (int k = 0; k < 100; ++k) {
+    const PlantState state = random_state<K>(mechanism, random);
+    const Joint acceleration = random_joint(random, 20);
+    Closure<K> closure;
+    DynamicModel<K> whole, known;
+    CHECK(ikm<K>(mechanism.robot, state.pose, closure));
+    CHECK(dynamic_model<K>(mechanism.robot, closure, state.rate, whole));
+    CHECK((dynamic_model<K, false>(mechanism.robot, closure, state.rate, known, acceleration)));
+    for (int i = 0; i < n; ++i) {
+      double force = whole.bias[i], size = std::fabs(whole.bias[i]);
+      for (int j = 0; j < n; ++j) {
+        force += whole.mass[i][j] * acceleration[j];
+        size += std::fabs(whole.mass[i][j] * acceleration[j]);
       }
+      CHECK_NEAR(known.bias[i], force, 1e-12 * (1 + size));
     }
-  });
+  }
 }

@@ -28,52 +28,45 @@ Robot eccentric(Robot robot) {
 
 }  // namespace
 
-TEST("decoding undoes encoding, turns included, whatever the gear") {
+TEST("decoding undoes encoding, turns included, whatever the gear, up to the largest amplitudes") {
   Eccentricity encoder;
   CHECK(!encoder.any());
+  const auto undone = [&](double tolerance) {
+    CHECK(encoder.any());
+    for (double angle = -20; angle < 20; angle += 0.01)
+      CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, tolerance);
+  };
   encoder.amplitude = kAmplitude;
-  CHECK(encoder.any());
-  for (const double gear : {1.0, 4.0})
-    for (double angle = -20; angle < 20; angle += 0.01) {
-      encoder.gear = gear;
-      CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-14);
-    }
-}
-
-TEST("the largest amplitudes that a file may give are decoded") {
-  Eccentricity encoder;
+  for (const double gear : {1.0, 4.0}) encoder.gear = gear, undone(1e-14);
+  encoder.gear = 1;
   for (int signs = 0; signs < 16; ++signs) {
     std::array<double, 4> amplitude;
     for (int k = 0; k < 4; ++k) amplitude[k] = signs >> k & 1 ? 0.1 : -0.1;
     encoder.amplitude = amplitude;
-    for (double angle = -4; angle < 4; angle += 0.01)
-      CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-13);
+    undone(1e-13);
   }
 }
 
-TEST(
-    "eccentricity and gain of encoders change no motion: the same torques give the same "
-    "acceleration") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot wobbly = eccentric(mechanism.robot);
-    check::Random random(61);
-    for (int sample = 0; sample < 100; ++sample) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      const Joint rate = random_joint(random, 0.5), torque = random_joint(random, 20);
-      Joint a{}, b{};
-      CHECK(forward_dynamics<K>(mechanism.robot, pose, rate, torque, a));
-      CHECK(forward_dynamics<K>(wobbly, pose, rate, torque, b));
-      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(a[i], b[i], 1e-9 * (1 + std::fabs(a[i])));
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      DynamicModel<K> model;
-      CHECK(ikm<K>(wobbly, pose, closure) && jacobian<K>(closure, jacobians));
-      CHECK(dynamic_model<K>(wobbly, closure, rate, model));
-      const Joint again = inverse_dynamics<K>(model, jacobians.J, b);
-      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
-    }
-  });
+TEST_EACH(for_each,
+          "eccentricity and gain of encoders change no motion: the same torques give the same "
+          "acceleration") {
+  const Robot wobbly = eccentric(mechanism.robot);
+  check::Random random(61);
+  for (int sample = 0; sample < 100; ++sample) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    const Joint rate = random_joint(random, 0.5), torque = random_joint(random, 20);
+    Joint a{}, b{};
+    CHECK(forward_dynamics<K>(mechanism.robot, pose, rate, torque, a));
+    CHECK(forward_dynamics<K>(wobbly, pose, rate, torque, b));
+    for (int i = 0; i < n; ++i) CHECK_NEAR(a[i], b[i], 1e-9 * (1 + std::fabs(a[i])));
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    DynamicModel<K> model;
+    CHECK(ikm<K>(wobbly, pose, closure) && jacobian<K>(closure, jacobians));
+    CHECK(dynamic_model<K>(wobbly, closure, rate, model));
+    const Joint again = inverse_dynamics<K>(model, jacobians.J, b);
+    for (int i = 0; i < n; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
+  }
 }
 
 TEST("a motor reads its gain times its encoder's angle, less its offset, and is decoded again") {
@@ -115,130 +108,53 @@ TEST("a spool's line is as long as its layers, and a motor beyond its turning po
   CHECK(std::isfinite(encode(chain, 3).value) && std::isfinite(encode(chain, 3).slope));
 }
 
-TEST("the forward model finds the pose whatever the encoders' gains, from home and back to q") {
-  for_each([](const Mechanism& mechanism, auto) {
-    const Robot robot = eccentric(mechanism.robot);
-    check::Random random(64);
-    for (int sample = 0; sample < 50; ++sample) {
-      const Joint desired = random_pose(mechanism, random);
-      Joint q{}, back{}, x = robot.home;
-      CHECK(ikm(robot, desired, q));
-      CHECK(fkm(robot, q, x));
-      CHECK(ikm(robot, x, back));
-      for (int i = 0; i < dof(robot.mobility); ++i) CHECK_NEAR(back[i], q[i], 1e-11);
-      if (robot.full.kind != FullKind::exists && robot.full.kind != FullKind::elastic) continue;
-      x = robot.home;
-      CHECK(ikm_full(robot, desired, q) && fkm_full(robot, q, x));
-      for (int i = 0; i < dof(robot.mobility); ++i) CHECK_NEAR(x[i], desired[i], 1e-10);
-    }
-  });
-}
-
-TEST("conditioning and pole placement do not depend on how an encoder counts") {
-  for_each([](const Mechanism& mechanism, auto) {
-    const Robot robot = eccentric(mechanism.robot);
-    double plain = 0, scaled = 0;
-    Joint serial{}, again{};
-    CHECK(conditioning(mechanism.robot, robot.home, plain, serial));
-    CHECK(conditioning(robot, robot.home, scaled, again));
-    CHECK_NEAR(plain, scaled, 1e-12);
-    ControlSettings one, other;
-    CHECK(place_poles(mechanism.robot, robot.home, 100, 1, one));
-    CHECK(place_poles(robot, robot.home, 100, 1, other));
-    Joint q{};
-    CHECK(ikm(robot, robot.home, q));
-    for (int i = 0; i < dof(robot.mobility); ++i) {
-      CHECK_NEAR(serial[i], again[i], 1e-12);
-      // The same torque for the same error of the motor: kp per reading, slope readings per angle.
-      const double slope = drive(robot.chain[i], q[i]).rate;
-      CHECK_NEAR(other.kp[i] / slope, one.kp[i], 1e-9 * one.kp[i]);
-    }
-  });
-}
-
-TEST("J with eccentric motors is the derivative of their inverse model") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot robot = eccentric(mechanism.robot);
-    check::Random random(62);
-    for (int sample = 0; sample < 20; ++sample) {
-      const Joint x = random_pose(mechanism, random);
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      CHECK((ikm<K, false>(robot, to_pose<K>(x), closure)) && jacobian<K>(closure, jacobians));
-      for (int j = 0; j < kDof<K>; ++j) {
-        Joint rate{}, step{};
-        rate[j] = 1;
-        const Joint expected = jacobians.joint_rate(rate);
-        std::array<Joint, 2> q;
-        for (int side = 0; side < 2; ++side) {
-          step[j] = side ? 1e-5 : -1e-5;
-          Closure<K> end;
-          CHECK(ikm<K>(robot, moved<K>(to_pose<K>(x), step), end));
-          q[side] = end.q();
-        }
-        for (int i = 0; i < kDof<K>; ++i)
-          CHECK_NEAR((q[1][i] - q[0][i]) / 2e-5, expected[i], 1e-6 * (1 + std::fabs(expected[i])));
-      }
-    }
-  });
-}
-
-TEST("a motor that would pass its stops is named; what it does beyond them is still told") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = eccentric(mechanism.robot);
-    Joint q{}, x = robot.home;
-    CHECK(ikm(robot, robot.home, q));
-    for (int i = 0; i < kDof<K>; ++i)
-      for (const bool above : {true, false}) {
-        Robot limited = robot;
-        Chain& chain = limited.chain[i];
-        chain.encoder_offset += 0.3;  // stops do not see it
-        const double at = motor_position(robot.chain[i], q[i]);
-        (above ? chain.low : chain.high) = at - (above ? 1e-9 : -1e-9);
-        CHECK(finish(limited));
-        (above ? chain.low : chain.high) = at + (above ? 1e-9 : -1e-9);
-        const Outcome home = finish(limited);
-        CHECK(home.status == Status::joint_limit && home.chain == i);
-        Joint beyond{};
-        CHECK(ikm(limited, robot.home, beyond).status == Status::joint_limit);
-        CHECK_NEAR(beyond[i], q[i] - 0.3, 1e-12);
-        CHECK(fkm(limited, beyond, x));
-        JointMatrix J;
-        CHECK(jacobian(limited, robot.home, J));
-        ControlState state;
-        state.torque.fill(7);
-        Extended q_e{};
-        const Outcome refused = control(limited, {}, {robot.home, {}, {}}, q_e, state);
-        CHECK(refused.status == Status::joint_limit && refused.chain == i);
-        CHECK(state.torque[0] == 7 && !state.started);
-      }
-  });
-}
-
-TEST("noise has its sigma, comes before the counts, and repeats with its seed") {
-  Robot robot = h4().robot;
-  robot.chain[1].encoder_noise = 2e-3;
-  robot.sensor[0].noise = 1e-3;
-  robot.sensor[0].step = 1e-4;
-  const Pose pose = to_pose<Mobility::schoenflies>(robot.home);
-  Extended exact{};
-  CHECK(extended<Mobility::schoenflies>(robot, pose, exact));
-  Random one(5), same(5);
-  double squares[5] = {};
-  constexpr int kCount = 20000;
-  for (int k = 0; k < kCount; ++k) {
-    Extended a{}, b{};
-    CHECK(measure<Mobility::schoenflies>(robot, pose, one, a));
-    CHECK(measure<Mobility::schoenflies>(robot, pose, same, b));
-    for (int c = 0; c < 5; ++c) {
-      CHECK(a[c] == b[c]);
-      squares[c] += (a[c] - exact[c]) * (a[c] - exact[c]) / kCount;
-    }
-    CHECK_NEAR(std::remainder(a[4], 1e-4), 0, 1e-12);
+TEST_EACH(for_each, "conditioning and pole placement do not depend on how an encoder counts") {
+  const Robot robot = eccentric(mechanism.robot);
+  double plain = 0, scaled = 0;
+  Joint serial{}, again{};
+  CHECK(conditioning(mechanism.robot, robot.home, plain, serial));
+  CHECK(conditioning(robot, robot.home, scaled, again));
+  CHECK_NEAR(plain, scaled, 1e-12);
+  ControlSettings one, other;
+  CHECK(place_poles(mechanism.robot, robot.home, 100, 1, one));
+  CHECK(place_poles(robot, robot.home, 100, 1, other));
+  Joint q{};
+  CHECK(ikm(robot, robot.home, q));
+  for (int i = 0; i < dof(robot.mobility); ++i) {
+    CHECK_NEAR(serial[i], again[i], 1e-12);
+    // The same torque for the same error of the motor: kp per reading, slope readings per angle.
+    const double slope = drive(robot.chain[i], q[i]).rate;
+    CHECK_NEAR(other.kp[i] / slope, one.kp[i], 1e-9 * one.kp[i]);
   }
-  CHECK_NEAR(std::sqrt(squares[1]), 2e-3, 5e-5);
-  CHECK_NEAR(std::sqrt(squares[4]), std::sqrt(1e-6 + 1e-8 / 12), 3e-5);
-  CHECK(squares[0] == 0 && squares[2] == 0 && squares[3] == 0);
+}
+
+TEST_EACH(for_each,
+          "a motor that would pass its stops is named; what it does beyond them is still told") {
+  Robot robot = eccentric(mechanism.robot);
+  Joint q{}, x = robot.home;
+  CHECK(ikm(robot, robot.home, q));
+  for (int i = 0; i < n; ++i)
+    for (const bool above : {true, false}) {
+      Robot limited = robot;
+      Chain& chain = limited.chain[i];
+      chain.encoder_offset += 0.3;  // stops do not see it
+      const double at = motor_position(robot.chain[i], q[i]);
+      (above ? chain.low : chain.high) = at - (above ? 1e-9 : -1e-9);
+      CHECK(finish(limited));
+      (above ? chain.low : chain.high) = at + (above ? 1e-9 : -1e-9);
+      const Outcome home = finish(limited);
+      CHECK(home.status == Status::joint_limit && home.chain == i);
+      Joint beyond{};
+      CHECK(ikm(limited, robot.home, beyond).status == Status::joint_limit);
+      CHECK_NEAR(beyond[i], q[i] - 0.3, 1e-12);
+      CHECK(fkm(limited, beyond, x));
+      JointMatrix J;
+      CHECK(jacobian(limited, robot.home, J));
+      ControlState state;
+      state.torque.fill(7);
+      Extended q_e{};
+      const Outcome refused = control(limited, {}, {robot.home, {}, {}}, q_e, state);
+      CHECK(refused.status == Status::joint_limit && refused.chain == i);
+      CHECK(state.torque[0] == 7 && !state.started);
+    }
 }

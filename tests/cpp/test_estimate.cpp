@@ -262,25 +262,22 @@ TEST("a visit leaves the posterior of all its rows at once, those of known poses
   });
 }
 
-TEST("an estimate that cannot be leaves the guess, and says why") {
+TEST_EACH(for_each, "an estimate that cannot be leaves the guess, and says why") {
   check::Random random(8);
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Scene scene(mechanism, random);
-    const Pose guess = to_pose<K>(scene.robot.home);
-    Extended q_e;
-    CHECK(extended<K>(scene.robot, guess, q_e));
-    Pose pose = guess;
-    Extended lost = q_e;
-    lost[1] = NAN;
-    CHECK(estimate<K>(scene.robot, scene.known, lost, pose, scene.work.data()).outcome.status ==
-          Status::not_finite);
-    CHECK(distance<K>(pose, guess) < 1e-15);
-    scene.known.sigma[0] = 0;
-    CHECK(estimate<K>(scene.robot, scene.known, q_e, pose, scene.work.data()).outcome.status ==
-          Status::not_finite);
-    CHECK(distance<K>(pose, guess) < 1e-15);
-  });
+  Scene scene(mechanism, random);
+  const Pose guess = to_pose<K>(scene.robot.home);
+  Extended q_e;
+  CHECK(extended<K>(scene.robot, guess, q_e));
+  Pose pose = guess;
+  Extended lost = q_e;
+  lost[1] = NAN;
+  CHECK(estimate<K>(scene.robot, scene.known, lost, pose, scene.work.data()).outcome.status ==
+        Status::not_finite);
+  CHECK(distance<K>(pose, guess) < 1e-15);
+  scene.known.sigma[0] = 0;
+  CHECK(estimate<K>(scene.robot, scene.known, q_e, pose, scene.work.data()).outcome.status ==
+        Status::not_finite);
+  CHECK(distance<K>(pose, guess) < 1e-15);
 }
 
 TEST("whole turns of a joint are nobody's geometry, those of the nacelle and lengths are") {

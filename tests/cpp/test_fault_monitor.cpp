@@ -102,318 +102,249 @@ TEST("a tracker's gains are those of its innovations") {
   }
 }
 
-TEST("a parity does not depend on the pose, and has each reading's fault by its signature") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    check::Random random(2);
-    for (int pose = 0; pose < 20; ++pose) {
-      const Pose at = to_pose<K>(random_pose(mechanism, random));
-      Extended q_e{};
-      Parity<K> parity;
-      if (!extended<K>(robot, at, q_e) ||
-          !parity.place(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
-        continue;
+TEST_EACH(for_each,
+          "a parity does not depend on the pose, and has each reading's fault by its signature") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(2);
+  for (int pose = 0; pose < 20; ++pose) {
+    const Pose at = to_pose<K>(random_pose(mechanism, random));
+    Extended q_e{};
+    Parity<K> parity;
+    if (!extended<K>(robot, at, q_e) ||
+        !parity.place(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
+      continue;
+    for (int k = 0; k < robot.r; ++k)
+      CHECK(std::fabs(parity.value[k]) < 1e-6);  // of 1 mm the square
+    for (int c = 0; c < n + robot.r; ++c) {
+      const double step = 1e-6;
+      Extended wrong = q_e;
+      wrong[c] += step;
+      Parity<K> moved;
+      if (!moved.place(robot, at, wrong, Extended{})) continue;
+      const Reading g = parity.signature(robot.r, c);
       for (int k = 0; k < robot.r; ++k)
-        CHECK(std::fabs(parity.value[k]) < 1e-6);  // of 1 mm the square
-      for (int c = 0; c < n + robot.r; ++c) {
-        const double step = 1e-6;
-        Extended wrong = q_e;
-        wrong[c] += step;
-        Parity<K> moved;
-        if (!moved.place(robot, at, wrong, Extended{})) continue;
-        const Reading g = parity.signature(robot.r, c);
-        for (int k = 0; k < robot.r; ++k)
-          CHECK(std::fabs(moved.value[k] / step - g[k]) < 1e-3 * (1 + std::fabs(g[k])));
-      }
+        CHECK(std::fabs(moved.value[k] / step - g[k]) < 1e-3 * (1 + std::fabs(g[k])));
     }
-  });
+  }
 }
 
-TEST("readings of a healthy robot stay valid, and are believed as they are") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    for (int k = 0; k < 1000; ++k) {
-      const Extended q_e = scene.read(k);
-      CHECK(scene.cycle(k, q_e).status == Status::ok);
-      for (int c = 0; c < scene.n + scene.robot.r; ++c) CHECK(scene.believed[c] == q_e[c]);
-    }
-  });
+TEST_EACH(for_each, "readings of a healthy robot stay valid, and are believed as they are") {
+  Scene<K> scene(mechanism);
+  for (int k = 0; k < 1000; ++k) {
+    const Extended q_e = scene.read(k);
+    CHECK(scene.cycle(k, q_e).status == Status::ok);
+    for (int c = 0; c < scene.n + scene.robot.r; ++c) CHECK(scene.believed[c] == q_e[c]);
+  }
 }
 
-TEST("a jump, a dropout and a spike are found in their cycle, in whatever reading") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    const int rows = kDof<mobility()> + mechanism.robot.r;
-    for (int c = 0; c < rows; ++c)
-      for (const double wrong : {0.5, static_cast<double>(NAN)}) {
-        Scene<mobility()> scene(mechanism);
-        CHECK(scene.healthy(100));
-        for (int k = 100; k < 130; ++k) {
-          Extended q_e = scene.read(k);
-          const double right = q_e[c];
-          q_e[c] += wrong;
-          const Outcome outcome = scene.cycle(k, q_e);
-          CHECK(outcome.status == Status::disagree);
-          CHECK(outcome.chain == c);
-          if (k < 100 + scene.settings.coast) CHECK(std::fabs(scene.believed[c] - right) < 1e-3);
-        }
-        CHECK(scene.seen.reading[c].health == Health::failed);
-        for (int d = 0; d < rows; ++d)
-          if (d != c) CHECK(scene.seen.reading[d].health == Health::valid);
-      }
-  });
-}
-
-TEST("a spike is bridged; three in a second are a failure") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    CHECK(scene.healthy(100));
-    for (int k = 100; k < 400; ++k) {
-      Extended q_e = scene.read(k);
-      if (k % 100 == 50) q_e[0] += 0.3;
-      const bool third = k >= 350;
-      CHECK((scene.cycle(k, q_e).status == Status::ok) == !(k % 100 == 50 || third));
-      CHECK((scene.seen.reading[0].health == Health::failed) == third);
-    }
-  });
-}
-
-TEST("a motor that drops out is extrapolated with its following error") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    scene.lag = 2e-3;
-    CHECK(scene.healthy(1000));
-    Extended q_e = scene.read(1000);
-    const double there = q_e[0];
-    q_e[0] = std::nan("");
-    static_cast<void>(scene.cycle(1000, q_e));
-    CHECK(std::fabs(scene.believed[0] - there) < 0.1 * scene.lag);
-  });
-}
-
-TEST("a motor that returns is believed where its largest acceleration took it, but no farther") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr double fastest = 2000;
-    for (int missing = 0; missing < 5; ++missing)
-      for (const double share : {0.95, 1.05}) {
-        // Where a tracker predicts it that follows a constant acceleration, then nothing.
-        Tracker tracker;
-        int k = 0;
-        const auto way = [&] {
-          return 0.5 * fastest * kPeriod * kPeriod * k * k - tracker.predicted(kPeriod);
-        };
-        for (; k < 500; ++k) tracker.correct(kPeriod, kOwnPole, way());
-        for (int left = missing; left > 0; --left, ++k) tracker.correct(kPeriod, kOwnPole, 0);
-        Scene<K> scene(mechanism);
-        scene.settings.fastest = {fastest};  // of the first motor alone
-        Extended q_e = scene.read(0);
-        for (int i = 0; i < 100; ++i) CHECK(scene.cycle(0, q_e));
-        q_e[0] = NAN;
-        for (int i = 0; i < missing; ++i) CHECK(scene.cycle(0, q_e).chain == 0);
-        q_e[0] = scene.read(0)[0] + share * way();
-        Pose pose = to_pose<K>(scene.at(0));
-        CHECK(fkm<K>(scene.robot, motors_of<K>(q_e), pose).status == Status::ok);
-        CHECK(extended<K>(scene.robot, pose, q_e));
-        CHECK((scene.cycle(0, q_e).status == Status::ok) == (share < 1));
-        CHECK((scene.seen.reading[0].symptom == Symptom::too_fast) == (share > 1));
-      }
-  });
-}
-
-TEST("a disagreement is undecided once it has lasted as many cycles as set") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr int n = kDof<mobility()>;
-    for (const int decide : {7, 20}) {
-      Scene<mobility()> scene(mechanism);
-      scene.settings.decide = decide;
-      int doubtful = 0;
-      for (int k = 0; k < 100 && !scene.seen.undecided; ++k) {
-        Extended q_e = scene.read(k);
-        q_e[n] += 0.01;  // from the start on: each reading alone explains it
-        const bool alarm = scene.cycle(k, q_e).status == Status::disagree;
-        doubtful += alarm && !scene.seen.undecided;
-      }
-      CHECK(scene.seen.undecided);
-      CHECK(doubtful == decide);
-    }
-  });
-}
-
-TEST("a geometry's error leaves as much in a tracker's innovation as the limit of a change has") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Scene<K> scene(mechanism);
-    const double far = scene.settings.correlation;  // of an error sin(way/far), per cycle
-    const auto left = [&](const auto& way) {
-      Tracker tracker;
-      double most = 0;
-      for (int k = 0; k < 300; ++k) {
-        const double innovation = std::sin(way(k) / far) - tracker.predicted(1);
-        tracker.correct(1, kParityPole, innovation);
-        if (k > 60) most = std::max(most, std::fabs(innovation));
-      }
-      return most;
-    };
-    const double speed = 1e-3, acceleration = 1e-8;
-    FaultMonitor uniform, accelerated;
-    uniform.motion[1] = uniform.last[1] = speed;
-    accelerated.motion[0] = acceleration;
-    const auto bending = [&](FaultMonitor& watch) {
-      const Weighing weighing{&scene.known, nullptr};
-      const Joint desired{};
-      Extended q_e{};
-      return fault_monitor_detail::MonitoredCycle<K>(scene.robot, scene.settings, weighing, desired,
-                                                     q_e, watch, q_e, nullptr)
-          .bending();
-    };
-    CHECK(std::fabs(bending(uniform) / left([=](int k) { return speed * k; }) - 1) < 0.01);
-    CHECK(std::fabs(bending(accelerated) / left([=](int k) { return 0.5 * acceleration * k * k; }) -
-                    1) < 0.01);
-  });
-}
-
-TEST("fast motion over an unknown geometry is no jump, and in slow motion a small jump is found") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Scene<K> fast(mechanism), slow(mechanism);
-    Prior prior(mechanism.robot);
-    prior.known().sigma.fill(1e-7);
-    Robot truth = mechanism.robot;
-    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
-    const auto cycle = [&](Scene<K>& scene, double rate, int k, double jump) {
-      Coordinates x = truth.home;
-      for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(rate * kPeriod * k * (3 + i));
-      Extended q_e{}, desired{};
-      CHECK(extended<K>(truth, to_pose<K>(x), q_e));
-      CHECK(extended<K>(scene.robot, to_pose<K>(x), desired));
-      q_e[n] += jump;
-      return monitor_faults<K>(scene.robot, scene.settings, prior.weighing(), motors_of<K>(desired),
-                               q_e, scene.seen, scene.believed);
-    };
-    for (int k = 0; k < 1000; ++k) CHECK(cycle(fast, 10, k, 0).status == Status::ok);
-    for (int k = 0; k < 500; ++k) CHECK(cycle(slow, 0.3, k, 0).status == Status::ok);
-    CHECK(cycle(slow, 0.3, 500, 5e-6).status == Status::disagree);  // a hundredth of the geometry's
-  });
-}
-
-TEST("what stands for a failed sensor is what the motors say") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr int n = kDof<mobility()>;
-    for (int c = n; c < n + mechanism.robot.r; ++c) {
-      Scene<mobility()> scene(mechanism);
+TEST_EACH(for_each, "a jump, a dropout and a spike are found in their cycle, in whatever reading") {
+  const int rows = n + mechanism.robot.r;
+  for (int c = 0; c < rows; ++c)
+    for (const double wrong : {0.5, static_cast<double>(NAN)}) {
+      Scene<K> scene(mechanism);
       CHECK(scene.healthy(100));
-      for (int k = 100; k < 300; ++k) {
+      for (int k = 100; k < 130; ++k) {
         Extended q_e = scene.read(k);
         const double right = q_e[c];
-        q_e[c] = NAN;
+        q_e[c] += wrong;
+        const Outcome outcome = scene.cycle(k, q_e);
+        CHECK(outcome.status == Status::disagree);
+        CHECK(outcome.chain == c);
+        if (k < 100 + scene.settings.coast) CHECK(std::fabs(scene.believed[c] - right) < 1e-3);
+      }
+      CHECK(scene.seen.reading[c].health == Health::failed);
+      for (int d = 0; d < rows; ++d)
+        if (d != c) CHECK(scene.seen.reading[d].health == Health::valid);
+    }
+}
+
+TEST_EACH(for_each, "a motor that drops out is extrapolated with its following error") {
+  Scene<K> scene(mechanism);
+  scene.lag = 2e-3;
+  CHECK(scene.healthy(1000));
+  Extended q_e = scene.read(1000);
+  const double there = q_e[0];
+  q_e[0] = std::nan("");
+  static_cast<void>(scene.cycle(1000, q_e));
+  CHECK(std::fabs(scene.believed[0] - there) < 0.1 * scene.lag);
+}
+
+TEST_EACH(
+    for_each,
+    "a motor that returns is believed where its largest acceleration took it, but no farther") {
+  constexpr double fastest = 2000;
+  for (int missing = 0; missing < 5; ++missing)
+    for (const double share : {0.95, 1.05}) {
+      // Where a tracker predicts it that follows a constant acceleration, then nothing.
+      Tracker tracker;
+      int k = 0;
+      const auto way = [&] {
+        return 0.5 * fastest * kPeriod * kPeriod * k * k - tracker.predicted(kPeriod);
+      };
+      for (; k < 500; ++k) tracker.correct(kPeriod, kOwnPole, way());
+      for (int left = missing; left > 0; --left, ++k) tracker.correct(kPeriod, kOwnPole, 0);
+      Scene<K> scene(mechanism);
+      scene.settings.fastest = {fastest};  // of the first motor alone
+      Extended q_e = scene.read(0);
+      for (int i = 0; i < 100; ++i) CHECK(scene.cycle(0, q_e));
+      q_e[0] = NAN;
+      for (int i = 0; i < missing; ++i) CHECK(scene.cycle(0, q_e).chain == 0);
+      q_e[0] = scene.read(0)[0] + share * way();
+      Pose pose = to_pose<K>(scene.at(0));
+      CHECK(fkm<K>(scene.robot, motors_of<K>(q_e), pose).status == Status::ok);
+      CHECK(extended<K>(scene.robot, pose, q_e));
+      CHECK((scene.cycle(0, q_e).status == Status::ok) == (share < 1));
+      CHECK((scene.seen.reading[0].symptom == Symptom::too_fast) == (share > 1));
+    }
+}
+
+TEST_EACH(for_each, "a disagreement is undecided once it has lasted as many cycles as set") {
+  for (const int decide : {7, 20}) {
+    Scene<K> scene(mechanism);
+    scene.settings.decide = decide;
+    int doubtful = 0;
+    for (int k = 0; k < 100 && !scene.seen.undecided; ++k) {
+      Extended q_e = scene.read(k);
+      q_e[n] += 0.01;  // from the start on: each reading alone explains it
+      const bool alarm = scene.cycle(k, q_e).status == Status::disagree;
+      doubtful += alarm && !scene.seen.undecided;
+    }
+    CHECK(scene.seen.undecided);
+    CHECK(doubtful == decide);
+  }
+}
+
+TEST_EACH(
+    for_each,
+    "a geometry's error leaves as much in a tracker's innovation as the limit of a change has") {
+  const Scene<K> scene(mechanism);
+  const double far = scene.settings.correlation;  // of an error sin(way/far), per cycle
+  const auto left = [&](const auto& way) {
+    Tracker tracker;
+    double most = 0;
+    for (int k = 0; k < 300; ++k) {
+      const double innovation = std::sin(way(k) / far) - tracker.predicted(1);
+      tracker.correct(1, kParityPole, innovation);
+      if (k > 60) most = std::max(most, std::fabs(innovation));
+    }
+    return most;
+  };
+  const double speed = 1e-3, acceleration = 1e-8;
+  FaultMonitor uniform, accelerated;
+  uniform.motion[1] = uniform.last[1] = speed;
+  accelerated.motion[0] = acceleration;
+  const auto bending = [&](FaultMonitor& watch) {
+    const Weighing weighing{&scene.known, nullptr};
+    const Joint desired{};
+    Extended q_e{};
+    return fault_monitor_detail::MonitoredCycle<K>(scene.robot, scene.settings, weighing, desired,
+                                                   q_e, watch, q_e, nullptr)
+        .bending();
+  };
+  CHECK(std::fabs(bending(uniform) / left([=](int k) { return speed * k; }) - 1) < 0.01);
+  CHECK(std::fabs(bending(accelerated) / left([=](int k) { return 0.5 * acceleration * k * k; }) -
+                  1) < 0.01);
+}
+
+TEST_EACH(
+    for_each,
+    "fast motion over an unknown geometry is no jump, and in slow motion a small jump is found") {
+  Scene<K> fast(mechanism), slow(mechanism);
+  Prior prior(mechanism.robot);
+  prior.known().sigma.fill(1e-7);
+  Robot truth = mechanism.robot;
+  for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
+  const auto cycle = [&](Scene<K>& scene, double rate, int k, double jump) {
+    Coordinates x = truth.home;
+    for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(rate * kPeriod * k * (3 + i));
+    Extended q_e{}, desired{};
+    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+    CHECK(extended<K>(scene.robot, to_pose<K>(x), desired));
+    q_e[n] += jump;
+    return monitor_faults<K>(scene.robot, scene.settings, prior.weighing(), motors_of<K>(desired),
+                             q_e, scene.seen, scene.believed);
+  };
+  for (int k = 0; k < 1000; ++k) CHECK(cycle(fast, 10, k, 0).status == Status::ok);
+  for (int k = 0; k < 500; ++k) CHECK(cycle(slow, 0.3, k, 0).status == Status::ok);
+  CHECK(cycle(slow, 0.3, 500, 5e-6).status == Status::disagree);  // a hundredth of the geometry's
+}
+
+TEST_EACH(for_each,
+          "a motor that is lost is taken to be where it is asked to be until it is restored") {
+  Scene<K> scene(mechanism);
+  CHECK(scene.healthy(100));
+  scene.settings.replaceable = 1e-12;
+  for (int k = 100; k < 300; ++k) {
+    if (k == 200) scene.settings.replaceable = 1e9;  // by now something could stand for it
+    Extended q_e = scene.read(k);
+    q_e[0] = NAN;
+    CHECK(scene.cycle(k, q_e).chain == 0);
+    if (k < 100 + scene.settings.coast) continue;
+    CHECK(scene.seen.lost == 1);
+    CHECK(scene.believed[0] == scene.read(k)[0]);
+  }
+  acknowledge(scene.seen, 0);
+  CHECK(scene.cycle(300, scene.read(300)).status == Status::ok);
+  CHECK(scene.seen.lost == 0);
+}
+
+TEST_EACH(for_each, "a monitor begins with the first readings that have a pose") {
+  for (int c = 0; c < n; ++c) {
+    Scene<K> scene(mechanism);
+    for (int k = 0; k < 10; ++k) {
+      Extended q_e = scene.read(k);
+      q_e[c] = NAN;
+      const Outcome outcome = scene.cycle(k, q_e);
+      CHECK(outcome.status == Status::not_finite);
+      CHECK(outcome.chain == c);
+    }
+    for (int k = 10; k < 150; ++k) CHECK(scene.cycle(k, scene.read(k)).status == Status::ok);
+  }
+}
+
+TEST_EACH(for_each,
+          "what stands for a sensor that is gone, or never said anything, is what the motors say") {
+  for (int c = n; c < n + mechanism.robot.r; ++c)
+    for (const auto& [nothing, begin] : {std::pair<double, int>{NAN, 100}, {NAN, 0}, {1e308, 0}}) {
+      Scene<K> scene(mechanism);
+      CHECK(scene.healthy(begin));
+      for (int k = begin; k < begin + 200; ++k) {
+        Extended q_e = scene.read(k);
+        const double right = q_e[c];
+        q_e[c] = nothing;
         CHECK(scene.cycle(k, q_e).chain == c);
         CHECK(std::fabs(scene.believed[c] - right) < 5e-3);
       }
+      CHECK(scene.seen.reading[c].symptom == Symptom::missing);
     }
-  });
 }
 
-TEST("a motor that is lost is taken to be where it is asked to be until it is restored") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
+TEST_EACH(for_each, "whole turns that an encoder loses are nothing that has moved") {
+  for (int c = 0; c < n + mechanism.robot.r; ++c) {
+    const double turn = 2 * std::numbers::pi;
+    if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
+    Scene<K> scene(mechanism);
     CHECK(scene.healthy(100));
-    scene.settings.replaceable = 1e-12;
-    for (int k = 100; k < 300; ++k) {
-      if (k == 200) scene.settings.replaceable = 1e9;  // by now something could stand for it
+    for (int k = 100; k < 200; ++k) {
       Extended q_e = scene.read(k);
-      q_e[0] = NAN;
-      CHECK(scene.cycle(k, q_e).chain == 0);
-      if (k < 100 + scene.settings.coast) continue;
-      CHECK(scene.seen.lost == 1);
-      CHECK(scene.believed[0] == scene.read(k)[0]);
+      const double right = q_e[c];
+      q_e[c] -= turn;
+      CHECK(scene.cycle(k, q_e).status == Status::ok);
+      CHECK(std::fabs(scene.believed[c] - right) < 1e-12);
     }
-    acknowledge(scene.seen, 0);
-    CHECK(scene.cycle(300, scene.read(300)).status == Status::ok);
-    CHECK(scene.seen.lost == 0);
-  });
+  }
 }
 
-TEST("a restored reading is believed again") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    CHECK(scene.healthy(100));
-    Extended q_e = scene.read(100);
-    q_e[0] = NAN;
-    for (int k = 0; k <= scene.settings.coast; ++k)
-      CHECK(scene.cycle(100, q_e).status == Status::disagree);
-    CHECK(scene.seen.reading[0].health == Health::failed);
-    acknowledge(scene.seen, 0);
-    CHECK(scene.cycle(100, scene.read(100)).status == Status::ok);
-  });
-}
-
-TEST("a monitor begins with the first readings that have a pose") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (int c = 0; c < kDof<mobility()>; ++c) {
-      Scene<mobility()> scene(mechanism);
-      for (int k = 0; k < 10; ++k) {
-        Extended q_e = scene.read(k);
-        q_e[c] = NAN;
-        const Outcome outcome = scene.cycle(k, q_e);
-        CHECK(outcome.status == Status::not_finite);
-        CHECK(outcome.chain == c);
-      }
-      for (int k = 10; k < 150; ++k) CHECK(scene.cycle(k, scene.read(k)).status == Status::ok);
-    }
-  });
-}
-
-TEST("a sensor that never said anything has failed at once, and says what the motors do") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr int n = kDof<mobility()>;
-    for (const double nothing : {static_cast<double>(NAN), 1e308}) {
-      Scene<mobility()> scene(mechanism);
-      for (int k = 0; k < 100; ++k) {
-        Extended q_e = scene.read(k);
-        const double right = q_e[n];
-        q_e[n] = nothing;
-        CHECK(scene.cycle(k, q_e).chain == n);
-        CHECK(std::fabs(scene.believed[n] - right) < 5e-3);
-      }
-      CHECK(scene.seen.reading[n].symptom == Symptom::missing);
-    }
-  });
-}
-
-TEST("whole turns that an encoder loses are nothing that has moved") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr int n = kDof<mobility()>;
-    for (int c = 0; c < n + mechanism.robot.r; ++c) {
-      const double turn = 2 * std::numbers::pi;
-      if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
-      Scene<mobility()> scene(mechanism);
-      CHECK(scene.healthy(100));
-      for (int k = 100; k < 200; ++k) {
-        Extended q_e = scene.read(k);
-        const double right = q_e[c];
-        q_e[c] -= turn;
-        CHECK(scene.cycle(k, q_e).status == Status::ok);
-        CHECK(std::fabs(scene.believed[c] - right) < 1e-12);
-      }
-    }
-  });
-}
-
-TEST("spikes of long ago are not held against a reading when another is restored") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    CHECK(scene.healthy(100));
-    for (int k = 100; k < 1700; ++k) {
-      Extended q_e = scene.read(k);
-      if (k == 100 || k == 200 || k == 1650) q_e[0] += 0.3;
-      if (k == 1400) acknowledge(scene.seen, 1);
-      static_cast<void>(scene.cycle(k, q_e));
-      CHECK(scene.seen.reading[0].health != Health::failed);
-    }
-  });
+TEST_EACH(for_each, "spikes of long ago are not held against a reading when another is restored") {
+  Scene<K> scene(mechanism);
+  CHECK(scene.healthy(100));
+  for (int k = 100; k < 1700; ++k) {
+    Extended q_e = scene.read(k);
+    if (k == 100 || k == 200 || k == 1650) q_e[0] += 0.3;
+    if (k == 1400) acknowledge(scene.seen, 1);
+    static_cast<void>(scene.cycle(k, q_e));
+    CHECK(scene.seen.reading[0].health != Health::failed);
+  }
 }
 
 TEST("what the law sees changes in the cycle in which something else stands for a reading") {
@@ -453,110 +384,82 @@ TEST("what the law sees changes in the cycle in which something else stands for 
   CHECK(holds > 0);
 }
 
-TEST("where a motor has failed as well, a sensor that has does not drift away") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr int n = kDof<mobility()>;
-    Scene<mobility()> scene(mechanism);
-    CHECK(scene.healthy(100));
-    for (int k = 100; k < 1100; ++k) {
-      const Extended right = scene.read(k);
-      Extended q_e = right;
-      q_e[0] = q_e[n] = NAN;
+TEST_EACH(for_each, "where a motor has failed as well, a sensor that has does not drift away") {
+  Scene<K> scene(mechanism);
+  CHECK(scene.healthy(100));
+  for (int k = 100; k < 1100; ++k) {
+    const Extended right = scene.read(k);
+    Extended q_e = right;
+    q_e[0] = q_e[n] = NAN;
+    static_cast<void>(scene.cycle(k, q_e));
+    CHECK(std::fabs(scene.believed[n] - right[n]) < 0.02);
+  }
+  CHECK(scene.seen.lost == bit(0));
+}
+
+TEST_EACH(for_each,
+          "a noisy reading is smoothed with a larger sigma, and never excluded for its noise") {
+  for (int c = 0; c < n + mechanism.robot.r; ++c) {
+    Scene<K> scene(mechanism);
+    check::Random random(4);
+    CHECK(scene.healthy(200));
+    double raw = 0, smooth = 0;
+    for (int k = 200; k < 1000; ++k) {
+      Extended q_e = scene.read(k);
+      const double right = q_e[c], noise = 5e-4 * (random() + random() + random());
+      q_e[c] += noise;
       static_cast<void>(scene.cycle(k, q_e));
-      CHECK(std::fabs(scene.believed[n] - right[n]) < 0.02);
+      CHECK(scene.seen.reading[c].health != Health::failed);
+      CHECK(!scene.seen.undecided);
+      if (k < 400) continue;
+      CHECK(scene.seen.reading[c].symptom == Symptom::noisy);
+      CHECK(scene.seen.reading[c].noise.sigma > 3e-4);
+      raw += noise * noise;
+      smooth += std::pow(scene.believed[c] - right, 2);
     }
-    CHECK(scene.seen.lost == bit(0));
-  });
+    CHECK(smooth < 0.3 * raw);
+  }
 }
 
-TEST("a noisy reading is smoothed with a larger sigma, and never excluded for its noise") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (int c = 0; c < kDof<mobility()> + mechanism.robot.r; ++c) {
-      Scene<mobility()> scene(mechanism);
-      check::Random random(4);
+TEST_EACH(for_each, "a loose contact is no noise: it is bridged, and fails at the third time") {
+  for (int c = 0; c < n + mechanism.robot.r; ++c)
+    for (const int lasts : {1, 2, 3}) {
+      Scene<K> scene(mechanism);
       CHECK(scene.healthy(200));
-      double raw = 0, smooth = 0;
-      for (int k = 200; k < 1000; ++k) {
+      for (int k = 200; k < 310; ++k) {
         Extended q_e = scene.read(k);
-        const double right = q_e[c], noise = 5e-4 * (random() + random() + random());
-        q_e[c] += noise;
+        const double right = q_e[c];
+        if (k % 50 < lasts) q_e[c] += 0.3;
         static_cast<void>(scene.cycle(k, q_e));
-        CHECK(scene.seen.reading[c].health != Health::failed);
-        CHECK(!scene.seen.undecided);
-        if (k < 400) continue;
-        CHECK(scene.seen.reading[c].symptom == Symptom::noisy);
-        CHECK(scene.seen.reading[c].noise.sigma > 3e-4);
-        raw += noise * noise;
-        smooth += std::pow(scene.believed[c] - right, 2);
+        CHECK((scene.seen.reading[c].health == Health::failed) == (k >= 300));
+        CHECK(k >= 300 || std::fabs(scene.believed[c] - right) < 5e-3);
       }
-      CHECK(smooth < 0.3 * raw);
     }
-  });
 }
 
-TEST("a loose contact is no noise: it is bridged, and fails at the third time") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (int c = 0; c < kDof<mobility()> + mechanism.robot.r; ++c)
-      for (const int lasts : {1, 2, 3}) {
-        Scene<mobility()> scene(mechanism);
-        CHECK(scene.healthy(200));
-        for (int k = 200; k < 310; ++k) {
-          Extended q_e = scene.read(k);
-          const double right = q_e[c];
-          if (k % 50 < lasts) q_e[c] += 0.3;
-          static_cast<void>(scene.cycle(k, q_e));
-          CHECK((scene.seen.reading[c].health == Health::failed) == (k >= 300));
-          CHECK(k >= 300 || std::fabs(scene.believed[c] - right) < 5e-3);
-        }
-      }
-  });
-}
-
-TEST("a reading that is held for eight cycles is no frozen one, and one that freezes then fails") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (int c = 0; c < kDof<mobility()>; ++c) {
-      Scene<mobility()> scene(mechanism);
-      scene.settings.moved.fill(2e-4);
-      const auto read = [&](int k, int every) {
-        Extended q_e = scene.read(k);
-        q_e[c] = scene.read(k / every * every)[c];
-        return q_e;
-      };
-      CHECK(scene.healthy(200));
-      for (int k = 200; k < 1000; ++k) {
-        static_cast<void>(scene.cycle(k, read(k, 8)));
-        CHECK(scene.seen.reading[c].health != Health::failed);
-      }
-      for (int k = 1000; k < 1400; ++k) static_cast<void>(scene.cycle(k, read(k, 1000)));
-      CHECK(scene.seen.reading[c].health == Health::failed);
+TEST_EACH(for_each,
+          "a held reading stands still after 1.5 of its intervals and 1.5 of its grains") {
+  for (int c = 0; c < n; ++c) {
+    Scene<K> scene(mechanism);
+    scene.robot.r = 0;  // no parity isolates it before
+    scene.settings.moved.fill(2e-4);
+    const MonitoredReading& reading = scene.seen.reading[c];
+    int frozen = 0;
+    for (int k = 0; k < 1400 && !(frozen && reading.stands); ++k) {
+      Extended q_e = scene.read(k);
+      q_e[c] = scene.read(k < 1000 ? k / 8 * 8 : 1000)[c];
+      static_cast<void>(scene.cycle(k, q_e));
+      if (k < 1000) continue;
+      ++frozen;
+      const double by = scene.read(k)[c] - reading.model;
+      const double moves = std::min(std::fabs(by), std::fabs(by + reading.off));
+      const double usual = std::max(2e-4, 8 * std::sqrt(reading.strays));
+      const bool long_still = reading.still > 1.5 * reading.noise.interval;
+      const double beyond = moves - 1.5 * reading.noise.grain;
+      CHECK(reading.stands == (long_still && beyond > usual));
     }
-  });
-}
-
-TEST("a held reading stands still after 1.5 of its intervals and 1.5 of its grains") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (int c = 0; c < kDof<mobility()>; ++c) {
-      Scene<mobility()> scene(mechanism);
-      scene.robot.r = 0;  // no parity isolates it before
-      scene.settings.moved.fill(2e-4);
-      const MonitoredReading& reading = scene.seen.reading[c];
-      int frozen = 0;
-      for (int k = 0; k < 1400 && !(frozen && reading.stands); ++k) {
-        Extended q_e = scene.read(k);
-        q_e[c] = scene.read(k < 1000 ? k / 8 * 8 : 1000)[c];
-        static_cast<void>(scene.cycle(k, q_e));
-        if (k < 1000) continue;
-        ++frozen;
-        const double by = scene.read(k)[c] - reading.model;
-        const double moves = std::min(std::fabs(by), std::fabs(by + reading.off));
-        const double usual = std::max(2e-4, 8 * std::sqrt(reading.strays));
-        const bool long_still = reading.still > 1.5 * reading.noise.interval;
-        const double beyond = moves - 1.5 * reading.noise.grain;
-        CHECK(reading.stands == (long_still && beyond > usual));
-      }
-      CHECK(reading.stands && frozen > 8);
-    }
-  });
+    CHECK(reading.stands && frozen > 8);
+  }
 }
 
 TEST("a sensor at which a law holds the platform is not stuck, whatever the motors' encoders say") {
@@ -583,19 +486,22 @@ TEST("a sensor at which a law holds the platform is not stuck, whatever the moto
   CHECK(stuck > 0);
 }
 
-TEST("coarse counts that change more rarely as the robot slows down are no frozen reading") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (int c = 0; c < kDof<mobility()>; ++c) {
-      Scene<mobility()> scene(mechanism);
+TEST_EACH(
+    for_each,
+    "a reading that is held, or changes more rarely as the robot slows down, is no frozen one") {
+  for (int c = 0; c < n; ++c)
+    for (const bool coarse : {false, true}) {
+      Scene<K> scene(mechanism);
       scene.settings.moved.fill(2e-4);
       CHECK(scene.healthy(200));
       const double count = 6 * std::fabs(scene.read(201)[c] - scene.read(200)[c]);
+      const int last = coarse ? 1400 : 1000;
       for (int k = 200; k < 1400; ++k) {
         Extended q_e = scene.read(k);
-        q_e[c] = quantized(q_e[c], count);
+        q_e[c] = coarse ? quantized(q_e[c], count) : scene.read(k < last ? k / 8 * 8 : last)[c];
         static_cast<void>(scene.cycle(k, q_e));
-        CHECK(scene.seen.reading[c].health != Health::failed);
+        if (k < last) CHECK(scene.seen.reading[c].health != Health::failed);
       }
+      CHECK(coarse || scene.seen.reading[c].health == Health::failed);  // frozen since
     }
-  });
 }

@@ -24,159 +24,129 @@ void check_closed(const Robot& robot, const Pose& pose) {
 
 }  // namespace
 
-TEST("FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
+TEST_EACH(for_each, "FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
+  const Robot& robot = mechanism.robot;
+  const bool paper = robot.mobility == Mobility::schoenflies;
+  const long poses = check::sample_size(paper ? 20000 : 4000);
+  check::Random random(11);
+  double worst = 0;
+  long lost = 0;
+  int iterations = 0;
+  for (long k = 0; k < poses; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Closure<K> closure;
+    if (!ikm<K>(robot, pose, closure)) ++lost;
+    for (const Pose& guess : {nearby<K>(pose, random, 1e-3), to_pose<K>(robot.home)}) {
+      Pose found = guess;
+      const FkmResult result = fkm<K>(robot, closure.q(), found);
+      if (!result) ++lost;
+      worst = std::max(worst, distance<K>(found, pose));
+      iterations = std::max(iterations, result.iterations);
+    }
+  }
+  CHECK(lost == 0);
+  CHECK_NEAR(worst, 0, 1e-12);
+  CHECK(iterations <= 16);
+}
+
+TEST_EACH(
+    for_each,
+    "a cap below the steps that the FKM needs is said, and one of 12 does for a box from home") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(12);
+  for (int k = 0; k < 300; ++k) {
+    const Coordinates x = random_pose(mechanism, random);
+    Joint q;
+    CHECK(ikm(robot, x, q));
+    const auto from_home = [&](int cap, Coordinates& found) {
+      found = robot.home;
+      return fkm(robot, q, found, cap);
+    };
+    Coordinates found, again, short_of;
+    const FkmResult free = from_home(kFkmCap, found), twelve = from_home(12, again);
+    CHECK(free && twelve && again == found && twelve.iterations == free.iterations);
+    const int cap = free.iterations - 2;
+    const FkmResult capped = from_home(cap, short_of);
+    CHECK(capped.status == Status::not_converged && capped.iterations == cap);
+    Joint beyond = q;  // no pose: known without a step, or not found within the cap
+    for (int i = 0; i < n; ++i) beyond[i] += 1;
+    CHECK(from_home(12, again).iterations <= 12);
+  }
+}
+
+TEST_EACH(for_each,
+          "from home the FKM finds the pose of the robot's own mode, however far it has turned") {
+  if constexpr (K == Mobility::spatial) {
     const Robot& robot = mechanism.robot;
-    const bool paper = robot.mobility == Mobility::schoenflies;
-    const long poses = check::sample_size(paper ? 20000 : 4000);
-    check::Random random(11);
+    check::Random random(16);
+    long reached = 0, again = 0, lost = 0;
+    for (long k = 0; k < check::sample_size(4000); ++k) {
+      Pose pose = to_pose<K>(random_pose(mechanism, random));
+      const Vec3 axis = Vec3(random(), random(), random()).normalized();
+      pose.R = exp_so3(degrees(60) * axis) * to_pose<K>(robot.home).R;
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      if (!ikm<K>(robot, pose, closure) || !jacobian<K>(closure, jacobians) ||
+          jacobians.sign() != robot.assembly_sign)
+        continue;
+      ++reached;
+      Pose alone = to_pose<K>(robot.home), found = alone;
+      again += !search<K>(robot, closure.q(), alone);
+      if (!fkm<K>(robot, closure.q(), found)) {
+        ++lost;
+        continue;
+      }
+      Closure<K> closed;  // on the same motors
+      CHECK(ikm<K>(robot, found, closed));
+      for (int i = 0; i < 6; ++i)
+        CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * std::numbers::pi), 0,
+                   1e-9);
+    }
+    CHECK(reached > 400);
+    // Some lie behind a singular pose: of the same sign, yet another mode.
+    CHECK(lost <= reached / 25 && lost <= again / 2 + 2);  // a few, whose sign rounding decides
+  }
+}
+
+TEST_EACH(for_each, "the residual the FKM reports is the largest gap that is left in a loop") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(12);
+  for (int k = 0; k < 200; ++k) {
+    Closure<K> closure;
+    CHECK(ikm<K>(robot, to_pose<K>(random_pose(mechanism, random)), closure));
+    Pose pose = to_pose<K>(robot.home);
+    const FkmResult result = fkm<K>(robot, closure.q(), pose);
+    double gap = 0;
+    for (int i = 0; i < n; ++i) {
+      const Driven driven = drive(robot.chain[i], closure.chain[i].q);
+      const Vec3 A = pose.D + pose.R * robot.chain[i].pivot() + robot.chain[i].anchor();
+      gap = std::max(gap, std::fabs((robot.chain[i].base() + driven.p - A).norm() - driven.rod));
+    }
+    CHECK_NEAR(gap, result.residual, 1e-15);
+    CHECK_NEAR(gap, 0, 3e-15);
+  }
+}
+
+TEST_EACH(for_each,
+          "with the orientation known, position follows in closed form, equal to Newton's") {
+  if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
+    const Robot& robot = mechanism.robot;
+    check::Random random(13);
     double worst = 0;
     long lost = 0;
-    int iterations = 0;
+    const long poses = check::sample_size(20000);
     for (long k = 0; k < poses; ++k) {
       const Pose pose = to_pose<K>(random_pose(mechanism, random));
       Closure<K> closure;
       if (!ikm<K>(robot, pose, closure)) ++lost;
-      for (const Pose& guess : {nearby<K>(pose, random, 1e-3), to_pose<K>(robot.home)}) {
-        Pose found = guess;
-        const FkmResult result = fkm<K>(robot, closure.q(), found);
-        if (!result) ++lost;
-        worst = std::max(worst, distance<K>(found, pose));
-        iterations = std::max(iterations, result.iterations);
-      }
+      Pose newton = nearby<K>(pose, random, 1e-3);
+      if (!fkm<K>(robot, closure.q(), newton)) ++lost;
+      Vec3 D = Vec3::Zero();
+      if (!fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D)) ++lost;
+      worst = std::max({worst, (D - pose.D).norm(), (D - newton.D).norm()});
     }
     CHECK(lost == 0);
     CHECK_NEAR(worst, 0, 1e-12);
-    CHECK(iterations <= 16);
-  });
-}
-
-TEST("a cap below the steps that the FKM needs is said, and one of 12 does for a box from home") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(12);
-    for (int k = 0; k < 300; ++k) {
-      const Coordinates x = random_pose(mechanism, random);
-      Joint q;
-      CHECK(ikm(robot, x, q));
-      const auto from_home = [&](int cap, Coordinates& found) {
-        found = robot.home;
-        return fkm(robot, q, found, cap);
-      };
-      Coordinates found, again, short_of;
-      const FkmResult free = from_home(kFkmCap, found), twelve = from_home(12, again);
-      CHECK(free && twelve && again == found && twelve.iterations == free.iterations);
-      const int cap = free.iterations - 2;
-      const FkmResult capped = from_home(cap, short_of);
-      CHECK(capped.status == Status::not_converged && capped.iterations == cap);
-      Joint beyond = q;  // no pose: known without a step, or not found within the cap
-      for (int i = 0; i < kDof<K>; ++i) beyond[i] += 1;
-      CHECK(from_home(12, again).iterations <= 12);
-    }
-  });
-}
-
-TEST("from home the FKM finds the pose of the robot's own mode, however far it has turned") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    if constexpr (K == Mobility::spatial) {
-      const Robot& robot = mechanism.robot;
-      check::Random random(16);
-      long reached = 0, again = 0, lost = 0;
-      for (long k = 0; k < check::sample_size(4000); ++k) {
-        Pose pose = to_pose<K>(random_pose(mechanism, random));
-        const Vec3 axis = Vec3(random(), random(), random()).normalized();
-        pose.R = exp_so3(degrees(60) * axis) * to_pose<K>(robot.home).R;
-        Closure<K> closure;
-        Jacobians<K> jacobians;
-        if (!ikm<K>(robot, pose, closure) || !jacobian<K>(closure, jacobians) ||
-            jacobians.sign() != robot.assembly_sign)
-          continue;
-        ++reached;
-        Pose alone = to_pose<K>(robot.home), found = alone;
-        again += !search<K>(robot, closure.q(), alone);
-        if (!fkm<K>(robot, closure.q(), found)) {
-          ++lost;
-          continue;
-        }
-        Closure<K> closed;  // on the same motors
-        CHECK(ikm<K>(robot, found, closed));
-        for (int i = 0; i < 6; ++i)
-          CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * std::numbers::pi),
-                     0, 1e-9);
-      }
-      CHECK(reached > 400);
-      // Some lie behind a singular pose: of the same sign, yet another mode.
-      CHECK(lost <= reached / 25 && lost <= again / 2 + 2);  // a few, whose sign rounding decides
-    }
-  });
-}
-
-TEST("the residual the FKM reports is the largest gap that is left in a loop") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(12);
-    for (int k = 0; k < 200; ++k) {
-      Closure<K> closure;
-      CHECK(ikm<K>(robot, to_pose<K>(random_pose(mechanism, random)), closure));
-      Pose pose = to_pose<K>(robot.home);
-      const FkmResult result = fkm<K>(robot, closure.q(), pose);
-      double gap = 0;
-      for (int i = 0; i < kDof<K>; ++i) {
-        const Driven driven = drive(robot.chain[i], closure.chain[i].q);
-        const Vec3 A = pose.D + pose.R * robot.chain[i].pivot() + robot.chain[i].anchor();
-        gap = std::max(gap, std::fabs((robot.chain[i].base() + driven.p - A).norm() - driven.rod));
-      }
-      CHECK_NEAR(gap, result.residual, 1e-15);
-      CHECK_NEAR(gap, 0, 3e-15);
-    }
-  });
-}
-
-TEST("with the orientation known, position follows in closed form, equal to Newton's") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
-      const Robot& robot = mechanism.robot;
-      check::Random random(13);
-      double worst = 0;
-      long lost = 0;
-      const long poses = check::sample_size(20000);
-      for (long k = 0; k < poses; ++k) {
-        const Pose pose = to_pose<K>(random_pose(mechanism, random));
-        Closure<K> closure;
-        if (!ikm<K>(robot, pose, closure)) ++lost;
-        Pose newton = nearby<K>(pose, random, 1e-3);
-        if (!fkm<K>(robot, closure.q(), newton)) ++lost;
-        Vec3 D = Vec3::Zero();
-        if (!fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D)) ++lost;
-        worst = std::max({worst, (D - pose.D).norm(), (D - newton.D).norm()});
-      }
-      CHECK(lost == 0);
-      CHECK_NEAR(worst, 0, 1e-12);
-    }
-  });
-}
-
-TEST("the closed form has no special angle: zero, tiny, and every other θ") {
-  const Mechanism mechanism = h4();
-  constexpr Mobility K = Mobility::schoenflies;
-  check::Random random(14);
-  for (const double theta : {0.0, -0.0, 1e-300, 1e-16, -1e-12, 1e-9, -1e-7, 1e-5, 1e-3, -0.1, 0.4})
-    for (int k = 0; k < 200; ++k) {
-      Joint x = random_pose(mechanism, random);
-      x[3] = theta;
-      check_closed<K>(mechanism.robot, to_pose<K>(x));
-      x[0] = x[1] = 0;  // and in the middle, where the mechanism is symmetric
-      check_closed<K>(mechanism.robot, to_pose<K>(x));
-    }
-  for (double theta = -std::numbers::pi / 6; theta < std::numbers::pi / 6; theta += 1e-3) {
-    Joint x = random_pose(mechanism, random);
-    x[3] = theta;
-    check_closed<K>(mechanism.robot, to_pose<K>(x));
   }
 }
 
@@ -201,32 +171,29 @@ TEST("centres of the spheres in one plane, and almost in one, are no special cas
                                          tilt * random()}));
 }
 
-TEST("both working modes of every arm are forward models of their own inverse") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(16);
-    Robot robot = mechanism.robot;
-    int tried = 0;
-    for (int modes = 0; modes < 1 << kDof<K>; ++modes) {
-      for (int i = 0; i < kDof<K>; ++i) robot.chain[i].working_mode = modes >> i & 1 ? 1 : -1;
-      if (!finish(robot)) continue;
-      const Pose pose = to_pose<K>(robot.home);
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      CHECK(ikm<K>(robot, pose, closure));
-      double largest = 0;  // of J: how far 1e-5 m is from a singularity of this mode
-      CHECK(jacobian<K>(closure, jacobians));
-      for (const auto& row : jacobians.J)
-        for (const double entry : row) largest = std::max(largest, std::fabs(entry));
-      if (largest > 30) continue;
-      ++tried;
-      for (int i = 0; i < kDof<K>; ++i)
-        CHECK(robot.chain[i].actuator == Actuator::telescopic ||
-              closure.chain[i].jq * robot.chain[i].working_mode > 0);
-      Pose found = nearby<K>(pose, random, 1e-5);
-      CHECK(fkm<K>(robot, closure.q(), found));
-      CHECK_NEAR(distance<K>(found, pose), 0, 1e-12);
-    }
-    CHECK(tried >= 2);
-  });
+TEST_EACH(for_each, "both working modes of every arm are forward models of their own inverse") {
+  check::Random random(16);
+  Robot robot = mechanism.robot;
+  int tried = 0;
+  for (int modes = 0; modes < 1 << n; ++modes) {
+    for (int i = 0; i < n; ++i) robot.chain[i].working_mode = modes >> i & 1 ? 1 : -1;
+    if (!finish(robot)) continue;
+    const Pose pose = to_pose<K>(robot.home);
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    CHECK(ikm<K>(robot, pose, closure));
+    double largest = 0;  // of J: how far 1e-5 m is from a singularity of this mode
+    CHECK(jacobian<K>(closure, jacobians));
+    for (const auto& row : jacobians.J)
+      for (const double entry : row) largest = std::max(largest, std::fabs(entry));
+    if (largest > 30) continue;
+    ++tried;
+    for (int i = 0; i < n; ++i)
+      CHECK(robot.chain[i].actuator == Actuator::telescopic ||
+            closure.chain[i].jq * robot.chain[i].working_mode > 0);
+    Pose found = nearby<K>(pose, random, 1e-5);
+    CHECK(fkm<K>(robot, closure.q(), found));
+    CHECK_NEAR(distance<K>(found, pose), 0, 1e-12);
+  }
+  CHECK(tried >= 2);
 }

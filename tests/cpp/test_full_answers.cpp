@@ -16,81 +16,56 @@ double derivative(const F& f) {
 
 }  // namespace
 
-TEST("J at the full level is the derivative of its forward model, readings follow the motors") {
-  for_each_full([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(95);
-    for (int k = 0; k < 30; ++k) {
-      Robot robot = with_axis_errors(mechanism.robot, random);
-      robot.r = 2;
-      if constexpr (K == kH4) {  // both kinds of angle sensor, and the telemeter
-        robot.r = 3;
-        robot.sensor[2] = robot.sensor[1];
-        robot.sensor[1] = robot.sensor[0];
-        robot.sensor[1].bar = k % 2;
-        robot.sensor[1].gain = 1.1;
-      }
-      const Joint x = random_pose(mechanism, random);
-      FullClosure<K> closure;
-      FullJacobians<K> jacobians;
-      JointMatrix J;
-      Reading r;
-      std::array<FullRow, kMaxSensors> rows;
-      CHECK(ikm_full<K>(robot, to_pose<K>(x), closure));
-      CHECK(jacobian_full<K>(robot, closure, jacobians) && jacobian_full(robot, x, J));
-      CHECK(rkm_full<K>(robot, closure, r, rows));
-      const auto moved_to = [&](int motor, double h) {
-        Joint q = closure.q;
-        q[motor] += h;
-        FullPose pose = closure.pose;
-        FullClosure<K> there;
-        CHECK(fkm_full<K>(robot, q, pose, there));
-        return there;
-      };
-      for (int m = 0; m < kDof<K>; ++m) {
-        for (int i = 0; i < kDof<K>; ++i) {
-          CHECK(J[i][m] == jacobians.J[i][m]);
-          const double slope = derivative(
-              [&](double h) { return difference<K>(moved_to(m, h).pose, closure.pose)[i]; });
-          CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
-        }
-        for (int s = 0; s < robot.r; ++s) {
-          double chained = 0;
-          for (int i = 0; i < kRods<K>; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
-          const double slope = derivative([&](double h) {
-            Reading there;
-            std::array<FullRow, kMaxSensors> unused;
-            CHECK(rkm_full<K>(robot, moved_to(m, h), there, unused));
-            return there[s];
-          });
-          CHECK_NEAR(chained, slope, 1e-7 * (1 + std::fabs(slope)));
-        }
-      }
-    }
-  });
-}
-
-TEST("an angle encoder at a pivot reads -ψ of its bar, at the tool θ; ideally both are θ") {
-  check::Random random(96);
-  const Mechanism mechanism = h4();
-  for (int k = 0; k < 100; ++k) {
+TEST_EACH(
+    for_each_full,
+    "J at the full level is the derivative of its forward model, readings follow the motors") {
+  check::Random random(95);
+  for (int k = 0; k < 30; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
-    robot.r = 3;
-    for (int s = 0; s < 3; ++s) {
-      robot.sensor[s] = Sensor{};
-      robot.sensor[s].bar = s - 1;
+    robot.r = 2;
+    if constexpr (K == kH4) {  // both kinds of angle sensor, and the telemeter
+      robot.r = 3;
+      robot.sensor[2] = robot.sensor[1];
+      robot.sensor[1] = robot.sensor[0];
+      robot.sensor[1].bar = k % 2;
+      robot.sensor[1].gain = 1.1;
     }
-    robot.sensor[2].gain = 4;
-    robot.sensor[2].offset = 0.1;
     const Joint x = random_pose(mechanism, random);
-    Reading full{}, ideal{};
-    Joint rest{};
-    CHECK(rkm_full(robot, x, full) && rkm(robot, x, ideal) && parasitic(robot, x, rest));
-    CHECK_NEAR(full[0], x[3], 1e-14);
-    CHECK_NEAR(full[1], x[3] - rest[2], 1e-14);  // θ less the bar's turn θ + ψ
-    CHECK_NEAR(full[2], 4 * (x[3] - rest[3]) - 0.1, 1e-14);
-    CHECK(std::fabs(full[1] - x[3]) > 1e-8);
-    CHECK(ideal[0] == x[3] && ideal[1] == x[3] && ideal[2] == 4 * x[3] - 0.1);
+    FullClosure<K> closure;
+    FullJacobians<K> jacobians;
+    JointMatrix J;
+    Reading r;
+    std::array<FullRow, kMaxSensors> rows;
+    CHECK(ikm_full<K>(robot, to_pose<K>(x), closure));
+    CHECK(jacobian_full<K>(robot, closure, jacobians) && jacobian_full(robot, x, J));
+    CHECK(rkm_full<K>(robot, closure, r, rows));
+    const auto moved_to = [&](int motor, double h) {
+      Joint q = closure.q;
+      q[motor] += h;
+      FullPose pose = closure.pose;
+      FullClosure<K> there;
+      CHECK(fkm_full<K>(robot, q, pose, there));
+      return there;
+    };
+    for (int m = 0; m < n; ++m) {
+      for (int i = 0; i < n; ++i) {
+        CHECK(J[i][m] == jacobians.J[i][m]);
+        const double slope = derivative(
+            [&](double h) { return difference<K>(moved_to(m, h).pose, closure.pose)[i]; });
+        CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
+      }
+      for (int s = 0; s < robot.r; ++s) {
+        double chained = 0;
+        for (int i = 0; i < kRods<K>; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
+        const double slope = derivative([&](double h) {
+          Reading there;
+          std::array<FullRow, kMaxSensors> unused;
+          CHECK(rkm_full<K>(robot, moved_to(m, h), there, unused));
+          return there[s];
+        });
+        CHECK_NEAR(chained, slope, 1e-7 * (1 + std::fabs(slope)));
+      }
+    }
   }
 }
 
@@ -198,17 +173,15 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
   CHECK(outcome.status == Status::singular && outcome.chain >= 0);
 }
 
-TEST("random motors and guesses end in a status and at most 60 steps, never in a NaN") {
-  for_each_full([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(97);
-    for (long k = 0; k < check::sample_size(2000); ++k) {
-      Joint x = random_joint(random, 2);
-      const FullResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
-      CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, kDof<K>)));
-      CHECK(!result || result.residual < 1e-12);
-      Joint q{};
-      CHECK(!ikm_full(mechanism.robot, random_joint(random, 1), q) || all_finite(q, kDof<K>));
-    }
-  });
+TEST_EACH(for_each_full,
+          "random motors and guesses end in a status and at most 60 steps, never in a NaN") {
+  check::Random random(97);
+  for (long k = 0; k < check::sample_size(2000); ++k) {
+    Joint x = random_joint(random, 2);
+    const FullResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
+    CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, n)));
+    CHECK(!result || result.residual < 1e-12);
+    Joint q{};
+    CHECK(!ikm_full(mechanism.robot, random_joint(random, 1), q) || all_finite(q, n));
+  }
 }

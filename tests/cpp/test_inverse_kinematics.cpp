@@ -2,63 +2,32 @@
 #include "mechanisms.hpp"
 #include "truepose/control/command.hpp"
 #include "truepose/control/trajectory.hpp"
-#include "truepose/sensors/rkm.hpp"
 
 using namespace mechanisms;
 
-TEST("every loop closes to rounding") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(1);
-    for (int k = 0; k < 1000; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure;
-      CHECK(ikm<K>(mechanism.robot, pose, closure));
-      for (int i = 0; i < kDof<K>; ++i) {
-        const Chain& chain = mechanism.robot.chain[i];
-        // From the encoder's reading alone, by the formulas of docs/model.md.
-        const double position = closure.chain[i].q + chain.encoder_offset;
-        const Vec3 A = pose.D + pose.R * chain.pivot() + chain.anchor();
-        Vec3 B = chain.base();
-        double rod = chain.rod;
-        if (chain.actuator == Actuator::revolute)
-          B += chain.arm * Eigen::AngleAxisd(position, chain.axis())._transformVector(chain.zero());
-        else if (chain.actuator == Actuator::prismatic)
-          B += position * chain.axis();
-        else
-          rod = position;
-        CHECK_NEAR((B - A).norm(), rod, 3e-15);
-        CHECK_NEAR((closure.chain[i].v - (B - A)).norm(), 0, 3e-15);
-      }
+TEST_EACH(for_each, "every loop closes to rounding") {
+  check::Random random(1);
+  for (int k = 0; k < 1000; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Closure<K> closure;
+    CHECK(ikm<K>(mechanism.robot, pose, closure));
+    for (int i = 0; i < n; ++i) {
+      const Chain& chain = mechanism.robot.chain[i];
+      // From the encoder's reading alone, by the formulas of docs/model.md.
+      const double position = closure.chain[i].q + chain.encoder_offset;
+      const Vec3 A = pose.D + pose.R * chain.pivot() + chain.anchor();
+      Vec3 B = chain.base();
+      double rod = chain.rod;
+      if (chain.actuator == Actuator::revolute)
+        B += chain.arm * Eigen::AngleAxisd(position, chain.axis())._transformVector(chain.zero());
+      else if (chain.actuator == Actuator::prismatic)
+        B += position * chain.axis();
+      else
+        rod = position;
+      CHECK_NEAR((B - A).norm(), rod, 3e-15);
+      CHECK_NEAR((closure.chain[i].v - (B - A)).norm(), 0, 3e-15);
     }
-  });
-}
-
-TEST("the H4 hangs at 38.9429 degrees on all four motors at x = (0, 0, -0.5, 0)") {
-  Joint q{};
-  CHECK(ikm(h4().robot, Joint{0, 0, -0.5, 0}, q));
-  for (int i = 0; i < 4; ++i) CHECK_NEAR(q[i] * 180 / std::numbers::pi, 38.9429, 5e-5);
-}
-
-TEST("the two working modes are the two intersections, one on each side of the rod") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot other = mechanism.robot;
-    for (Chain& chain : other.chain) chain.working_mode *= -1;
-    check::Random random(2);
-    for (int k = 0; k < 200; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure, mirrored;
-      CHECK(ikm<K>(mechanism.robot, pose, closure));
-      CHECK(ikm<K>(other, pose, mirrored));
-      for (int i = 0; i < kDof<K>; ++i) {
-        if (other.chain[i].actuator == Actuator::telescopic) continue;
-        CHECK(closure.chain[i].jq * mechanism.robot.chain[i].working_mode > 0);
-        CHECK_NEAR(closure.chain[i].jq, -mirrored.chain[i].jq, 1e-15);
-        CHECK_NEAR(mirrored.chain[i].v.norm(), other.chain[i].rod, 3e-15);
-      }
-    }
-  });
+  }
 }
 
 TEST("a rod is too short for the nearest point that its motor reaches, too long for the farthest") {
@@ -87,52 +56,25 @@ TEST("a rod is too short for the nearest point that its motor reaches, too long 
   for (const long cases : apart) CHECK(cases > 20);
 }
 
-TEST("an encoder's offset is taken off its reading and nothing else") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot shifted = mechanism.robot;
-    for (int i = 0; i < kDof<K>; ++i) shifted.chain[i].encoder_offset += 0.01 * (i + 1);
-    Closure<K> closure, moved_zero;
-    CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
-    CHECK(ikm<K>(shifted, to_pose<K>(mechanism.robot.home), moved_zero));
-    for (int i = 0; i < kDof<K>; ++i) {
-      CHECK_NEAR(closure.chain[i].q - moved_zero.chain[i].q, 0.01 * (i + 1), 1e-15);
-      CHECK_NEAR((closure.chain[i].v - moved_zero.chain[i].v).norm(), 0, 1e-15);
-    }
-  });
-}
-
-TEST("a telemeter's point is on its line and on the nacelle's plane") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    check::Random random(3);
-    for (int k = 0; k < 200; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Extended q_e;
-      CHECK(extended<K>(robot, pose, q_e));
-      for (int s = 0; s < 2; ++s) {
-        const Sensor& sensor = robot.sensor[s];
-        if (sensor.kind == SensorKind::platform_angle) {
-          CHECK_NEAR(q_e[kDof<K> + s], pose.theta, 0);
-          continue;
-        }
-        const Vec3 point = sensor.origin() + q_e[kDof<K> + s] * sensor.direction();
-        const Vec3 in_nacelle = pose.R.transpose() * (point - pose.D);
-        CHECK_NEAR(sensor.normal().dot(in_nacelle - sensor.target()), 0, 2e-15);
+TEST_EACH(for_each, "a telemeter's point is on its line and on the nacelle's plane") {
+  Robot robot = mechanism.robot;
+  robot.r = 2;
+  check::Random random(3);
+  for (int k = 0; k < 200; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Extended q_e;
+    CHECK(extended<K>(robot, pose, q_e));
+    for (int s = 0; s < 2; ++s) {
+      const Sensor& sensor = robot.sensor[s];
+      if (sensor.kind == SensorKind::platform_angle) {
+        CHECK_NEAR(q_e[n + s], pose.theta, 0);
+        continue;
       }
+      const Vec3 point = sensor.origin() + q_e[n + s] * sensor.direction();
+      const Vec3 in_nacelle = pose.R.transpose() * (point - pose.D);
+      CHECK_NEAR(sensor.normal().dot(in_nacelle - sensor.target()), 0, 2e-15);
     }
-  });
-}
-
-TEST("gain and offset make a sensor's reading: gain s(x) - offset") {
-  Robot robot = h4().robot;
-  robot.sensor[0].gain = 4;
-  robot.sensor[0].offset = 0.125;
-  Reading values;
-  CHECK(rkm(robot, Joint{0, 0, -0.4, 0.25}, values));
-  CHECK_NEAR(values[0], 4 * 0.25 - 0.125, 0);
+  }
 }
 
 TEST("rotations: log undoes exp at the identity, near it, at random and near π") {
@@ -154,66 +96,60 @@ TEST("rotations: log undoes exp at the identity, near it, at random and near π"
   CHECK_NEAR((exp_so3(log_so3(half)) - half).norm(), 0, 1e-14);
 }
 
-TEST("difference() undoes moved(), for small steps and large ones") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(5);
-    for (const double size : {0.0, 1e-12, 1e-6, 0.009, 0.011, 0.3, 1.5})
-      for (int k = 0; k < 100; ++k) {
-        const Pose start = to_pose<K>(random_pose(mechanism, random));
-        const Joint step = random_joint(random, size);
-        const Pose end = moved<K>(start, step);
-        const Joint back = difference<K>(end, start);
-        for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(back[i], step[i], 1e-14);
-        CHECK_NEAR((end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
-        CHECK_NEAR(distance<K>(to_pose<K>(to_coordinates<K>(end)), end), 0, 3e-15);
-      }
-  });
+TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones") {
+  check::Random random(5);
+  for (const double size : {0.0, 1e-12, 1e-6, 0.009, 0.011, 0.3, 1.5})
+    for (int k = 0; k < 100; ++k) {
+      const Pose start = to_pose<K>(random_pose(mechanism, random));
+      const Joint step = random_joint(random, size);
+      const Pose end = moved<K>(start, step);
+      const Joint back = difference<K>(end, start);
+      for (int i = 0; i < n; ++i) CHECK_NEAR(back[i], step[i], 1e-14);
+      CHECK_NEAR((end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
+      CHECK_NEAR(distance<K>(to_pose<K>(to_coordinates<K>(end)), end), 0, 3e-15);
+    }
 }
 
-TEST("the quintic starts and ends at rest, and its rate and acceleration are its derivatives") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(6);
-    const Joint from = random_pose(mechanism, random), to = random_pose(mechanism, random);
-    const double T = 0.2, h = 1e-5;
-    for (const double time : {-1.0, 0.0, T, 5.0}) {
-      const Setpoint point = quintic<K>(from, to, T, time);
-      const Joint& expected = time > 0 ? to : from;
-      for (int i = 0; i < kDof<K>; ++i) {
-        CHECK_NEAR(point.x[i], expected[i], 1e-15);
-        CHECK_NEAR(point.rate[i], 0, 0);
-        CHECK_NEAR(point.acceleration[i], 0, 1e-12);
-      }
+TEST_EACH(
+    for_each,
+    "the quintic starts and ends at rest, and its rate and acceleration are its derivatives") {
+  check::Random random(6);
+  const Joint from = random_pose(mechanism, random), to = random_pose(mechanism, random);
+  const double T = 0.2, h = 1e-5;
+  for (const double time : {-1.0, 0.0, T, 5.0}) {
+    const Setpoint point = quintic<K>(from, to, T, time);
+    const Joint& expected = time > 0 ? to : from;
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(point.x[i], expected[i], 1e-15);
+      CHECK_NEAR(point.rate[i], 0, 0);
+      CHECK_NEAR(point.acceleration[i], 0, 1e-12);
     }
-    for (double time = 0.01; time < T; time += 0.01) {
-      const Setpoint before = quintic<K>(from, to, T, time - h), at = quintic<K>(from, to, T, time),
-                     after = quintic<K>(from, to, T, time + h);
-      const Joint step = difference<K>(to_pose<K>(after.x), to_pose<K>(before.x));
-      for (int i = 0; i < kDof<K>; ++i) {
-        CHECK_NEAR(step[i] / (2 * h), at.rate[i], 1e-7);
-        CHECK_NEAR((after.rate[i] - before.rate[i]) / (2 * h), at.acceleration[i], 1e-5);
-      }
+  }
+  for (double time = 0.01; time < T; time += 0.01) {
+    const Setpoint before = quintic<K>(from, to, T, time - h), at = quintic<K>(from, to, T, time),
+                   after = quintic<K>(from, to, T, time + h);
+    const Joint step = difference<K>(to_pose<K>(after.x), to_pose<K>(before.x));
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(step[i] / (2 * h), at.rate[i], 1e-7);
+      CHECK_NEAR((after.rate[i] - before.rate[i]) / (2 * h), at.acceleration[i], 1e-5);
     }
-  });
+  }
 }
 
-TEST("a machine's targets are in its own assembly mode") {
-  for_each([](const Mechanism& mechanism, auto) {
-    Robot robot = mechanism.robot;
-    Joint q{}, same{};
-    CHECK(ikm(robot, robot.home, q) && command(robot, robot.home, same) && same == q);
-    robot.assembly_sign *= -1;  // as if home were in the other
-    CHECK(ikm(robot, robot.home, q));
-    CHECK(command(robot, robot.home, same).status == Status::branch_lost);
-    const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
-    robot.full.sign *= -1;
-    if (full) CHECK(command_full(robot, robot.home, same).status == Status::branch_lost);
-    robot = mechanism.robot;
-    if (full || robot.full.own()) CHECK(command_full(robot, robot.home, same));  // elastic, too
-    robot.chain[0].low = 99;
-    robot.chain[0].high = 100;
-    static_cast<void>(finish(robot));
-    CHECK(command(robot, robot.home, same).status == Status::joint_limit);
-  });
+TEST_EACH(for_each, "a machine's targets are in its own assembly mode") {
+  Robot robot = mechanism.robot;
+  Joint q{}, same{};
+  CHECK(ikm(robot, robot.home, q) && command(robot, robot.home, same) && same == q);
+  robot.assembly_sign *= -1;  // as if home were in the other
+  CHECK(ikm(robot, robot.home, q));
+  CHECK(command(robot, robot.home, same).status == Status::branch_lost);
+  const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
+  robot.full.sign *= -1;
+  if (full) CHECK(command_full(robot, robot.home, same).status == Status::branch_lost);
+  robot = mechanism.robot;
+  if (full || robot.full.own()) CHECK(command_full(robot, robot.home, same));  // elastic, too
+  robot.chain[0].low = 99;
+  robot.chain[0].high = 100;
+  static_cast<void>(finish(robot));
+  CHECK(command(robot, robot.home, same).status == Status::joint_limit);
 }

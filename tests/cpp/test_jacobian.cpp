@@ -1,7 +1,6 @@
 // Jacobians against finite differences, in the tangent space.
 #include "mechanisms.hpp"
 #include "truepose/kinematics/damping.hpp"
-#include "truepose/kinematics/fkm.hpp"
 #include "truepose/sensors/rkm.hpp"
 
 using namespace mechanisms;
@@ -24,89 +23,56 @@ Joint unit(int i, double size) {
 
 }  // namespace
 
-TEST("J is the derivative of the forward model") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(31);
-    for (int k = 0; k < 50; ++k) {
-      const Joint x = random_pose(mechanism, random);
-      const Pose pose = to_pose<K>(x);
-      JointMatrix J{};
-      Closure<K> closure;
-      CHECK(jacobian(mechanism.robot, x, J));
-      CHECK(ikm<K>(mechanism.robot, pose, closure));
-      for (int m = 0; m < kDof<K>; ++m)
-        for (int i = 0; i < kDof<K>; ++i) {
-          const double slope = derivative([&](double h) {
-            Joint q = closure.q();
-            q[m] += h;
-            Pose there = pose;
-            CHECK(fkm<K>(mechanism.robot, q, there));
-            return difference<K>(there, pose)[i];
-          });
-          CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
-        }
-    }
-  });
-}
-
-TEST("the rows of J_x and the entries of J_q are derivatives of the closure (|v|² - L²)/2") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(32);
-    for (int k = 0; k < 50; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      CHECK(ikm<K>(mechanism.robot, pose, closure));
-      CHECK(jacobian<K>(closure, jacobians));
-      for (int i = 0; i < kDof<K>; ++i) {
-        const Chain& chain = mechanism.robot.chain[i];
-        const auto closed = [&](const Pose& at, double q) {
-          const Driven driven = drive(chain, q);
-          const Vec3 v = chain.base() + driven.p - at.D - at.R * chain.pivot() - chain.anchor();
-          return 0.5 * (v.squaredNorm() - driven.rod * driven.rod);
-        };
-        const double q = closure.chain[i].q;
-        CHECK_NEAR(jacobians.jq[i], derivative([&](double h) { return closed(pose, q + h); }),
+TEST_EACH(for_each,
+          "the rows of J_x and the entries of J_q are derivatives of the closure (|v|² - L²)/2") {
+  check::Random random(32);
+  for (int k = 0; k < 50; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    CHECK(ikm<K>(mechanism.robot, pose, closure));
+    CHECK(jacobian<K>(closure, jacobians));
+    for (int i = 0; i < n; ++i) {
+      const Chain& chain = mechanism.robot.chain[i];
+      const auto closed = [&](const Pose& at, double q) {
+        const Driven driven = drive(chain, q);
+        const Vec3 v = chain.base() + driven.p - at.D - at.R * chain.pivot() - chain.anchor();
+        return 0.5 * (v.squaredNorm() - driven.rod * driven.rod);
+      };
+      const double q = closure.chain[i].q;
+      CHECK_NEAR(jacobians.jq[i], derivative([&](double h) { return closed(pose, q + h); }), 1e-10);
+      CHECK_NEAR(jacobians.jq[i], jq_entry(chain, closure.chain[i].v, drive(chain, q)), 1e-14);
+      for (int j = 0; j < n; ++j)  // the closure falls along v when A moves towards B
+        CHECK_NEAR(jacobians.jx[i][j],
+                   -derivative([&](double h) { return closed(moved<K>(pose, unit(j, h)), q); }),
                    1e-10);
-        CHECK_NEAR(jacobians.jq[i], jq_entry(chain, closure.chain[i].v, drive(chain, q)), 1e-14);
-        for (int j = 0; j < kDof<K>; ++j)  // the closure falls along v when A moves towards B
-          CHECK_NEAR(jacobians.jx[i][j],
-                     -derivative([&](double h) { return closed(moved<K>(pose, unit(j, h)), q); }),
-                     1e-10);
-      }
     }
-  });
+  }
 }
 
-TEST("J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    check::Random random(33);
-    for (int k = 0; k < 50; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      CHECK(ikm<K>(mechanism.robot, pose, closure));
-      CHECK(jacobian<K>(closure, jacobians));
-      for (int j = 0; j < n; ++j) {
-        const Joint rate = jacobians.joint_rate(unit(j, 1));
-        for (int i = 0; i < n; ++i) {
-          const double slope = derivative([&](double h) {
-            Closure<K> there;
-            CHECK(ikm<K>(mechanism.robot, moved<K>(pose, unit(j, h)), there));
-            return there.chain[i].q;
-          });
-          CHECK_NEAR(rate[i], slope, 1e-8 * (1 + std::fabs(slope)));
-          double back = 0;  // J J⁻¹
-          for (int m = 0; m < n; ++m) back += jacobians.J[i][m] * rate[m];
-          CHECK_NEAR(back, i == j, 1e-11);
-        }
+TEST_EACH(for_each, "J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
+  check::Random random(33);
+  for (int k = 0; k < 50; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    CHECK(ikm<K>(mechanism.robot, pose, closure));
+    CHECK(jacobian<K>(closure, jacobians));
+    for (int j = 0; j < n; ++j) {
+      const Joint rate = jacobians.joint_rate(unit(j, 1));
+      for (int i = 0; i < n; ++i) {
+        const double slope = derivative([&](double h) {
+          Closure<K> there;
+          CHECK(ikm<K>(mechanism.robot, moved<K>(pose, unit(j, h)), there));
+          return there.chain[i].q;
+        });
+        CHECK_NEAR(rate[i], slope, 1e-8 * (1 + std::fabs(slope)));
+        double back = 0;  // J J⁻¹
+        for (int m = 0; m < n; ++m) back += jacobians.J[i][m] * rate[m];
+        CHECK_NEAR(back, i == j, 1e-11);
       }
     }
-  });
+  }
 }
 
 TEST("the paper's J_q(2,2) has the sign of u_2 = -u_y, not of u_y as printed") {

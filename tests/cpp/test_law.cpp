@@ -3,85 +3,76 @@
 
 using namespace mechanisms;
 
-TEST("for readings that agree, every law sees the joint error to first order") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    robot.sensor[1].weight = 16;
-    check::Random random(62);
-    for (int k = 0; k < 50; ++k) {
-      const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
-      for (const Law law : kLaws) {
-        Prior prior(robot);
-        Reference<K> reference;
-        CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
-        const auto departure = [&](double size) {
-          Joint step{}, joint{}, error{};
-          Pose estimate;
-          for (int i = 0; i < n; ++i) step[i] = size * direction[i];
-          Extended q_e{};
-          CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
-          CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint, estimate));
-          CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate, prior.weighing()));
-          double largest = 0;
-          for (int i = 0; i < n; ++i) {
-            CHECK(std::fabs(joint[i]) < 30 * size);
-            largest = std::max(largest, std::fabs(error[i] - joint[i]));
-          }
-          return largest;
-        };
-        CHECK_NEAR(departure(1e-4), 0, 3e-6);  // second order: 1e-8 times the curvature
-        CHECK(departure(1e-5) < 0.011 * departure(1e-4) + 1e-13);
-      }
+TEST_EACH(for_each, "for readings that agree, every law sees the joint error to first order") {
+  Robot robot = mechanism.robot;
+  robot.r = 2;
+  robot.sensor[1].weight = 16;
+  check::Random random(62);
+  for (int k = 0; k < 50; ++k) {
+    const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
+    for (const Law law : kLaws) {
+      Prior prior(robot);
+      Reference<K> reference;
+      CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
+      const auto departure = [&](double size) {
+        Joint step{}, joint{}, error{};
+        Pose estimate;
+        for (int i = 0; i < n; ++i) step[i] = size * direction[i];
+        Extended q_e{};
+        CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
+        CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint, estimate));
+        CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate, prior.weighing()));
+        double largest = 0;
+        for (int i = 0; i < n; ++i) {
+          CHECK(std::fabs(joint[i]) < 30 * size);
+          largest = std::max(largest, std::fabs(error[i] - joint[i]));
+        }
+        return largest;
+      };
+      CHECK_NEAR(departure(1e-4), 0, 3e-6);  // second order: 1e-8 times the curvature
+      CHECK(departure(1e-5) < 0.011 * departure(1e-4) + 1e-13);
     }
-  });
+  }
 }
 
-TEST("weights that know nothing of the geometry and trust all readings alike are the paper's") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    check::Random random(65);
+TEST_EACH(
+    for_each,
+    "weights that know nothing of the geometry and trust all readings alike are the paper's") {
+  Robot robot = mechanism.robot;
+  robot.r = 2;
+  check::Random random(65);
+  const Joint x = random_pose(mechanism, random);
+  Knowledge known;
+  known.sigma.fill(0.3);
+  std::vector<double> work(estimate_work(robot, 0));
+  Reference<K> paper, weighted;
+  CHECK(refer<K>(robot, Law::tej, x, paper));
+  CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < n + robot.r; ++c) CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
+}
+
+TEST_EACH(for_each,
+          "the Cartesian law takes every sensor: to first order it corrects as the paper's TEJ") {
+  Robot robot = mechanism.robot;
+  robot.r = 2;
+  robot.sensor[1].weight = 16;
+  check::Random random(78);
+  for (int trial = 0; trial < 20; ++trial) {
     const Joint x = random_pose(mechanism, random);
-    Knowledge known;
-    known.sigma.fill(0.3);
-    std::vector<double> work(estimate_work(robot, 0));
-    Reference<K> paper, weighted;
+    Reference<K> paper, reference;
     CHECK(refer<K>(robot, Law::tej, x, paper));
-    CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
-    for (int i = 0; i < kDof<K>; ++i)
-      for (int c = 0; c < kDof<K> + robot.r; ++c)
-        CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
-  });
-}
-
-TEST("the Cartesian law takes every sensor: to first order it corrects as the paper's TEJ") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    robot.sensor[1].weight = 16;
-    check::Random random(78);
-    for (int trial = 0; trial < 20; ++trial) {
-      const Joint x = random_pose(mechanism, random);
-      Reference<K> paper, reference;
-      CHECK(refer<K>(robot, Law::tej, x, paper));
-      CHECK(refer<K>(robot, Law::cartesian, x, reference));
-      for (int c = 0; c < n + robot.r; ++c) {
-        constexpr double kOff = 1e-5;
-        Extended q_e = reference.q_e;
-        q_e[c] -= kOff;
-        Joint error{};
-        Pose found;
-        CHECK(motor_error<K>(robot, Law::cartesian, reference, q_e, error, found));
-        for (int i = 0; i < n; ++i) CHECK_NEAR(error[i] / kOff, paper.tej[i][c], 2e-3);
-      }
+    CHECK(refer<K>(robot, Law::cartesian, x, reference));
+    for (int c = 0; c < n + robot.r; ++c) {
+      constexpr double kOff = 1e-5;
+      Extended q_e = reference.q_e;
+      q_e[c] -= kOff;
+      Joint error{};
+      Pose found;
+      CHECK(motor_error<K>(robot, Law::cartesian, reference, q_e, error, found));
+      for (int i = 0; i < n; ++i) CHECK_NEAR(error[i] / kOff, paper.tej[i][c], 2e-3);
     }
-  });
+  }
 }
 
 TEST("where theta's sensor is the only one the Cartesian law is the paper's closed form") {

@@ -99,24 +99,21 @@ class Scene {
 
 }  // namespace
 
-TEST("a reading that was not taken leaves the others' equations as they are") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Scene<K> scene(mechanism);
-    const int rows = scene.readings(), p = scene.known.count;
-    for (int missing = 0; missing < rows; ++missing) {
-      const double taken = scene.q_e[missing];
-      Eigen::MatrixXd A(rows - 1, kDof<K>), B(rows - 1, p);
-      Eigen::VectorXd e(rows - 1);
-      for (int c = 0, at = 0; c < rows; ++c)
-        if (c != missing) scene.enter(c, at++, A, B, e);
-      scene.q_e[missing] = NAN;
-      const Line line = scene.read();
-      CHECK(line.redundancy() == 1);
-      check_same(says(line), says(A, B, e));
-      scene.q_e[missing] = taken;
-    }
-  });
+TEST_EACH(for_each, "a reading that was not taken leaves the others' equations as they are") {
+  Scene<K> scene(mechanism);
+  const int rows = scene.readings(), p = scene.known.count;
+  for (int missing = 0; missing < rows; ++missing) {
+    const double taken = scene.q_e[missing];
+    Eigen::MatrixXd A(rows - 1, n), B(rows - 1, p);
+    Eigen::VectorXd e(rows - 1);
+    for (int c = 0, at = 0; c < rows; ++c)
+      if (c != missing) scene.enter(c, at++, A, B, e);
+    scene.q_e[missing] = NAN;
+    const Line line = scene.read();
+    CHECK(line.redundancy() == 1);
+    check_same(says(line), says(A, B, e));
+    scene.q_e[missing] = taken;
+  }
 }
 
 TEST("a line with fewer readings than freedoms determines no pose") {
@@ -130,96 +127,68 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   CHECK(outcome.status == Status::singular);
 }
 
-TEST("each coordinate measured from outside counts with its own σ, one that was not does not") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Scene<K> scene(mechanism);
-    const int readings = scene.readings(), p = scene.known.count;
-    // In the base frame, of the nacelle's own coordinates: a step of the pose is one of them.
-    const Joint x = to_coordinates<K>(scene.pose);
-    Joint measured = x, sigma{};
-    for (int i = 0; i < n; ++i) sigma[i] = 1e-5 * (1 + 2 * i);
-    // Rotation vectors have no differences; they are measured as they are.
-    for (int i = 0; i < std::min(n, 4); ++i)
-      if (K != Mobility::spatial || i < 3) measured[i] += (2 - i) * sigma[i];
-    for (const bool all : {true, false}) {
-      if (!all) measured[0] = NAN;
-      const int rows = readings + n - !all;
-      Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, n), B = Eigen::MatrixXd::Zero(rows, p);
-      Eigen::VectorXd e(rows);
-      for (int c = 0; c < readings; ++c) scene.enter(c, c, A, B, e);
-      for (int i = !all, at = readings; i < n; ++i, ++at) {
-        A(at, i) = 1 / sigma[i];
-        e[at] = (measured[i] - x[i]) / sigma[i];
-      }
-      Outside outside;
-      outside.x = measured.data(), outside.sigma = sigma.data();
-      const Line line = scene.read(outside);
-      CHECK(line.redundancy() == rows - n);
-      check_same(says(line), says(A, B, e));
-    }
-  });
-}
-
-TEST("an unknown registration is seen by what was measured, and by nothing else") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Scene<K> scene(mechanism, true);
-    const int readings = scene.readings(), p = scene.known.count, first = scene.parameters();
-    Registration by;
-    by.base = {Vec3(0.5, -0.3, 0.2), exp_so3(Vec3(0.1, -0.2, 0.4))};
-    by.marker.t = Vec3(0.03, -0.02, 0.05);
-    Joint sigma{};
-    for (int i = 0; i < n; ++i) sigma[i] = 1e-4 * (1 + 2 * i);
-    Joint spread = sigma;  // θ's, less certain the nearer the marker's x axis is to the tracker's z
-    const Seen here = seen(K, by, scene.pose);
-    const Vec3 a = here.Q.col(0);
-    if (turns_about_z(K)) spread[n - 1] /= std::hypot(a.x(), a.y());
-    const Joint nothing{};
-    // What the tracker reads at a step of the pose and of the registration, against 0.
-    const auto seen_at = [&](const Joint& step, const std::array<double, kRegistration>& frames) {
-      return innovation(K, seen(K, moved(by, frames.data()), moved<K>(scene.pose, step)),
-                        nothing.data());
-    };
-    const Joint there = seen_at({}, {});
-    Joint measured{};
-    for (int i = 0; i < n; ++i) measured[i] = -there[i];
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(readings + n, n);
-    Eigen::MatrixXd B = Eigen::MatrixXd::Zero(readings + n, p);
-    Eigen::VectorXd e = Eigen::VectorXd::Zero(readings + n);
+TEST_EACH(
+    for_each,
+    "each coordinate measured from outside counts with its own σ, one that was not does not") {
+  Scene<K> scene(mechanism);
+  const int readings = scene.readings(), p = scene.known.count;
+  // In the base frame, of the nacelle's own coordinates: a step of the pose is one of them.
+  const Joint x = to_coordinates<K>(scene.pose);
+  Joint measured = x, sigma{};
+  for (int i = 0; i < n; ++i) sigma[i] = 1e-5 * (1 + 2 * i);
+  // Rotation vectors have no differences; they are measured as they are.
+  for (int i = 0; i < std::min(n, 4); ++i)
+    if (K != Mobility::spatial || i < 3) measured[i] += (2 - i) * sigma[i];
+  for (const bool all : {true, false}) {
+    if (!all) measured[0] = NAN;
+    const int rows = readings + n - !all;
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, n), B = Eigen::MatrixXd::Zero(rows, p);
+    Eigen::VectorXd e(rows);
     for (int c = 0; c < readings; ++c) scene.enter(c, c, A, B, e);
-    if (K == Mobility::spatial) return;  // its rotation vectors have no such differences
-    constexpr double h = 1e-6;
-    for (int j = 0; j < n; ++j) {
-      Joint step{};
-      step[j] = h;
-      const Joint up = seen_at(step, {});
-      step[j] = -h;
-      const Joint down = seen_at(step, {});
-      for (int i = 0; i < n; ++i) {
-        CHECK_NEAR(here.H_x[i][j], (down[i] - up[i]) / (2 * h), 1e-8);
-        A(readings + i, j) = (down[i] - up[i]) / (2 * h * spread[i]);
-      }
-    }
-    for (int j = 0; j < kRegistration; ++j) {
-      std::array<double, kRegistration> frames{};
-      frames[j] = h;
-      const Joint up = seen_at({}, frames);
-      frames[j] = -h;
-      const Joint down = seen_at({}, frames);
-      const double own = scene.known.root[(first + j) * (p + 1)];
-      for (int i = 0; i < n; ++i) {
-        CHECK_NEAR(here.H[i][j], (down[i] - up[i]) / (2 * h), 1e-8);
-        B(readings + i, first + j) = own * (down[i] - up[i]) / (2 * h * spread[i]);
-      }
+    for (int i = !all, at = readings; i < n; ++i, ++at) {
+      A(at, i) = 1 / sigma[i];
+      e[at] = (measured[i] - x[i]) / sigma[i];
     }
     Outside outside;
     outside.x = measured.data(), outside.sigma = sigma.data();
-    outside.registration = &by, outside.first = first;
-    const Says found = says(scene.read(outside)), expected = says(A, B, e);
-    CHECK((found.information - expected.information).norm() < 1e-7 * expected.information.norm());
-    CHECK_NEAR(found.chi2, expected.chi2, 1e-7 * expected.chi2);
-  });
+    const Line line = scene.read(outside);
+    CHECK(line.redundancy() == rows - n);
+    check_same(says(line), says(A, B, e));
+  }
+}
+
+TEST_EACH(for_each, "an unknown registration is seen by what was measured, and by nothing else") {
+  Scene<K> scene(mechanism, true);
+  const int readings = scene.readings(), p = scene.known.count, first = scene.parameters();
+  Registration by;
+  by.base = {Vec3(0.5, -0.3, 0.2), exp_so3(Vec3(0.1, -0.2, 0.4))};
+  by.marker.t = Vec3(0.03, -0.02, 0.05);
+  Joint sigma{};
+  for (int i = 0; i < n; ++i) sigma[i] = 1e-4 * (1 + 2 * i);
+  Joint spread = sigma;  // θ's, less certain the nearer the marker's x axis is to the tracker's z
+  const Seen here = seen(K, by, scene.pose);
+  const Vec3 a = here.Q.col(0);
+  if (turns_about_z(K)) spread[n - 1] /= std::hypot(a.x(), a.y());
+  const Joint nothing{};
+  const Joint there = innovation(K, here, nothing.data());
+  Joint measured{};
+  for (int i = 0; i < n; ++i) measured[i] = -there[i];
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(readings + n, n);
+  Eigen::MatrixXd B = Eigen::MatrixXd::Zero(readings + n, p);
+  Eigen::VectorXd e = Eigen::VectorXd::Zero(readings + n);
+  for (int c = 0; c < readings; ++c) scene.enter(c, c, A, B, e);
+  if (K == Mobility::spatial) return;  // its rotation vectors have no such differences
+  // By test_registration the derivatives are those of finite differences.
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) A(readings + i, j) = here.H_x[i][j] / spread[i];
+    for (int j = 0; j < kRegistration; ++j)
+      B(readings + i, first + j) =
+          scene.known.root[(first + j) * (p + 1)] * here.H[i][j] / spread[i];
+  }
+  Outside outside;
+  outside.x = measured.data(), outside.sigma = sigma.data();
+  outside.registration = &by, outside.first = first;
+  const Says found = says(scene.read(outside)), expected = says(A, B, e);
+  CHECK((found.information - expected.information).norm() < 1e-7 * expected.information.norm());
+  CHECK_NEAR(found.chi2, expected.chi2, 1e-7 * expected.chi2);
 }

@@ -2,7 +2,6 @@
 #include "mechanisms.hpp"
 #include "truepose/control/multirate.hpp"
 #include "truepose/offline/bus.hpp"
-#include "truepose/offline/simulate.hpp"
 
 using namespace mechanisms;
 
@@ -41,112 +40,39 @@ std::uint64_t nanoseconds(double cycles) {
   return static_cast<std::uint64_t>(std::llround(cycles * kPeriod * 1e9));
 }
 
-/// A camera that takes a picture every 10 cycles, which arrives after 8 ± jitter.
-template <Mobility K>
-struct JitteringCamera {
-  static constexpr int kEvery = 10, kAge = 8;
-  int jitter = 5;
-  bool stamps = false;  ///< else its pictures count as kAge cycles old
-  check::Random random{31};
-  Extended picture{}, held{};
-  std::uint64_t taken = 0, arrives = 0;
-
-  /// The readings of the sensors, as of the picture that arrived last.
-  void deliver(std::uint64_t frame, int sensors, Multirate& late, Extended& q_e) {
-    if (frame == 1) held = q_e;
-    if (frame % kEvery == 0) {
-      picture = q_e;
-      taken = frame;
-      arrives = frame + kAge + static_cast<std::uint64_t>(std::lround(jitter * random()));
-      if (arrives % kEvery == 0) --arrives;  // not with the next one
-    }
-    late.arrived = 0;
-    for (int k = 0; k < sensors; ++k) {
-      if (frame == arrives) {
-        held[kDof<K> + k] = picture[kDof<K> + k];
-        late.arrived |= bit(k);
-        if (stamps) CHECK(stamp(late, k, nanoseconds(double(taken)), nanoseconds(double(frame))));
-      }
-      q_e[kDof<K> + k] = held[kDof<K> + k];
-    }
-  }
-};
-
 }  // namespace
 
-TEST("samples with timestamps are carried from their own time, between cycles too") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    if (robot.r == 0) return;
-    for (const bool stamped : {true, false}) {
-      Multirate late;
-      CHECK(start(stamped ? all_stamped(10, 8) : all_late(10, 8), late));
-      check::Random random(30);
-      double farthest = 0, taken = 0.3, arrives = 9;
-      Extended picture = read_at<K>(mechanism, robot, taken), held = picture;
-      const std::uint64_t base = ~std::uint64_t{0} - nanoseconds(200);  // the clock wraps
-      for (int k = 0; k < 600; ++k) {
-        const Extended now = read_at<K>(mechanism, robot, k);
-        late.arrived = 0;
-        if (k >= arrives) {
-          held = picture;
-          for (int s = 0; s < robot.r && !stamped; ++s) late.arrived |= bit(s);
-          for (int s = 0; s < robot.r && stamped; ++s)
-            CHECK(stamp(late, s, base + nanoseconds(taken), base + nanoseconds(k)));
-          taken = k + 0.37;
-          arrives = k + 8 + 6 * random();
-          picture = read_at<K>(mechanism, robot, taken);
-        }
-        Extended q_e = k == 0 ? now : held;
-        std::copy_n(now.begin(), n, q_e.begin());
-        CHECK(compensate_latency<K>(robot, late, q_e));
-        for (int c = n; c < n + robot.r && k > 20; ++c)
-          farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
+TEST_EACH(for_each, "samples with timestamps are carried from their own time, between cycles too") {
+  const Robot& robot = mechanism.robot;
+  if (robot.r == 0) return;
+  for (const bool stamped : {true, false}) {
+    Multirate late;
+    CHECK(start(stamped ? all_stamped(10, 8) : all_late(10, 8), late));
+    check::Random random(30);
+    double farthest = 0, taken = 0.3, arrives = 9;
+    Extended picture = read_at<K>(mechanism, robot, taken), held = picture;
+    const std::uint64_t base = ~std::uint64_t{0} - nanoseconds(200);  // the clock wraps
+    for (int k = 0; k < 600; ++k) {
+      const Extended now = read_at<K>(mechanism, robot, k);
+      late.arrived = 0;
+      if (k >= arrives) {
+        held = picture;
+        for (int s = 0; s < robot.r && !stamped; ++s) late.arrived |= bit(s);
+        for (int s = 0; s < robot.r && stamped; ++s)
+          CHECK(stamp(late, s, base + nanoseconds(taken), base + nanoseconds(k)));
+        taken = k + 0.37;
+        arrives = k + 8 + 6 * random();
+        picture = read_at<K>(mechanism, robot, taken);
       }
-      // At most an eighth of the acceleration in one cycle squared.
-      CHECK(stamped ? farthest < 3e-6 : farthest > 1e-4);
+      Extended q_e = k == 0 ? now : held;
+      std::copy_n(now.begin(), n, q_e.begin());
+      CHECK(compensate_latency<K>(robot, late, q_e));
+      for (int c = n; c < n + robot.r && k > 20; ++c)
+        farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
     }
-  });
-}
-
-TEST("jitter of a camera's latency moves a robot off its way, unless pictures have timestamps") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    ControlSettings settings;
-    settings.law = Law::tej;
-    if (robot.r == 0 || !place_poles(robot, robot.home, 60, 1, settings)) return;
-    std::vector<Pose> way;
-    double apart[3]{};                   // from the robot without jitter
-    for (const int which : {0, 1, 2}) {  // without; with, and timestamps; with, and one fixed age
-      JitteringCamera<K> camera;
-      camera.jitter = which == 0 ? 0 : 5;
-      camera.stamps = which == 1;
-      const int every = camera.kEvery, age = camera.kAge;
-      Multirate late;
-      CHECK(start(camera.stamps ? all_stamped(every, age) : all_late(every, age), late));
-      Plant<K> plant(robot, Effects{}, to_pose<K>(robot.home), 1);
-      CHECK(plant.rest());
-      ControlState state;
-      for (std::uint64_t k = 1; k < 500; ++k) {
-        const double time = kPeriod * std::clamp(static_cast<double>(k) - 100, 0.0, 300.0);
-        const Setpoint setpoint = quintic<K>(robot.home, at(mechanism, 100), 0.3, time);
-        Extended q_e{};
-        Knowledge known;
-        CHECK(plant.measure(q_e));
-        camera.deliver(k, robot.r, late, q_e);
-        static_cast<void>(compensated<K>(robot, {}, late, known, q_e));
-        CHECK(control<K>(robot, settings, setpoint, q_e, state));
-        CHECK(plant.advance(state.torque, kPeriod, 2));
-        if (which == 0) way.push_back(plant.pose());
-        const Coordinates off = difference<K>(plant.pose(), way[k - 1]);
-        for (int i = 0; i < kDof<K>; ++i) apart[which] = std::max(apart[which], std::fabs(off[i]));
-      }
-    }
-    CHECK(apart[1] < 1e-9 && apart[2] > 3e-6);  // rad or m; of the H4 with one age: 1e-3
-  });
+    // At most an eighth of the acceleration in one cycle squared.
+    CHECK(stamped ? farthest < 3e-6 : farthest > 1e-4);
+  }
 }
 
 TEST("a sample that is no newer than the last, from the future or too old counts as not arrived") {
@@ -181,101 +107,93 @@ TEST("a sample that is no newer than the last, from the future or too old counts
   CHECK(valid == longest + 1 + 50);
 }
 
-TEST("late readings of an ideal robot are what it would read now, however old they are") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    for (const auto& [every, age] : {std::pair{10, 8}, {1, 3}, {7, 0}, {30, kOldest}}) {
-      const MultirateSettings settings = all_late(every, age);
-      Multirate late;
-      CHECK(start(settings, late));
-      Bus bus(settings);
-      double farthest = 0, held = 0, calmed = 0;
-      for (int k = 0; k < 2 * kOldest + 100; ++k) {  // the ring passes its end twice
-        const Extended now = read_at<K>(mechanism, robot, k);
-        Extended q_e = now;
-        late.arrived = bus.deliver(n, q_e);
-        for (int i = 0; i < n; ++i) CHECK(q_e[i] == now[i]);
-        for (int c = n; c < n + robot.r; ++c) held = std::max(held, std::fabs(q_e[c] - now[c]));
-        CHECK(compensate_latency<K>(robot, late, q_e));
-        for (int c = n; c < n + robot.r; ++c)
-          farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
-        low_pass(robot, late, q_e);
-        for (int c = n; c < n + robot.r; ++c) calmed = std::max(calmed, std::fabs(q_e[c] - now[c]));
-      }
-      CHECK(farthest < 1e-6);
-      CHECK(calmed < 1e-6);
-      CHECK(held > 1e-5 + 100 * farthest);  // which is not for nothing
-    }
-  });
-}
-
-TEST("what the geometry has wrong is kept, and a reading is doubted by how far it was carried") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    if (robot.r == 0) return;
-    Robot truth = robot;
-    truth.sensor[0].offset += 0.02;
-    MultirateSettings settings = all_late(10, 8);
-    settings.sensitivity[0].fill(0.1);
+TEST_EACH(for_each,
+          "late readings of an ideal robot are what it would read now, however old they are") {
+  const Robot& robot = mechanism.robot;
+  for (const auto& [every, age] : {std::pair{10, 8}, {1, 3}, {7, 0}, {30, kOldest}}) {
+    const MultirateSettings settings = all_late(every, age);
     Multirate late;
     CHECK(start(settings, late));
     Bus bus(settings);
-    for (int k = 0; k < 400; ++k) {
-      const int moving = std::min(k, 200);
-      Extended q_e = read_at<K>(mechanism, truth, moving);
-      const double now = q_e[n];
-      late.arrived = bus.deliver(n, q_e);
-      CHECK(compensate_latency<K>(robot, late, q_e));
-      low_pass(robot, late, q_e);
-      CHECK_NEAR(q_e[n], now, 1e-6);
-      Knowledge known;
-      known.sigma.fill(1e-5);
-      weigh(robot, late, known);
-      for (int i = 0; i < n; ++i) CHECK(known.sigma[i] == 1e-5);
-      const Coordinates x = at(mechanism, moving), since = at(mechanism, std::max(0, moving - 18));
-      double way = 0;
-      for (int i = 0; i < n; ++i) way += (x[i] - since[i]) * (x[i] - since[i]);
-      if (k > 50 && k < 200) CHECK(known.sigma[n] > 0.3 * 0.1 * std::sqrt(way));
-      if (k > 50 && k < 200) CHECK(known.sigma[n] < 0.1 * 10 * std::sqrt(way) + 1e-5);
-      if (k == 399) CHECK(known.sigma[n] < 1.1e-5);  // it has stood still for long
-    }
-  });
-}
-
-TEST("motors without a pose for some cycles, and samples that are none, leave no trace") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    const MultirateSettings settings = all_late(10, 8);
-    Multirate late;
-    CHECK(start(settings, late));
-    Bus bus(settings);
-    Extended nothing{};
-    nothing.fill(NAN);
-    CHECK(!compensate_latency<K>(robot, late, nothing));  // before there is any pose
-    CHECK(late.cycle == 0);
-    for (int k = 0; k < 200; ++k) {
+    double farthest = 0, held = 0, calmed = 0;
+    for (int k = 0; k < 2 * kOldest + 100; ++k) {  // the ring passes its end twice
       const Extended now = read_at<K>(mechanism, robot, k);
       Extended q_e = now;
-      if (k >= 60 && k < 65) q_e.fill(NAN);
       late.arrived = bus.deliver(n, q_e);
-      const bool motors = k < 100 || k >= 103;
-      if (!motors) std::fill_n(q_e.begin(), n, NAN);
+      for (int i = 0; i < n; ++i) CHECK(q_e[i] == now[i]);
+      for (int c = n; c < n + robot.r; ++c) held = std::max(held, std::fabs(q_e[c] - now[c]));
       CHECK(compensate_latency<K>(robot, late, q_e));
-      CHECK(motors == late.placed || k < 100);
-      // The picture of cycle 60 arrives in 68 and is held until 78.
-      const bool blind = (k >= 68 && k < 78);
-      for (int c = n; c < n + robot.r; ++c) {
-        CHECK(blind == std::isnan(q_e[c]) || (k >= 60 && k < 65));
-        if (!blind && !(k >= 60 && k < 78)) CHECK_NEAR(q_e[c], now[c], motors ? 2e-4 : 2e-3);
-      }
+      for (int c = n; c < n + robot.r; ++c)
+        farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
+      low_pass(robot, late, q_e);
+      for (int c = n; c < n + robot.r; ++c) calmed = std::max(calmed, std::fabs(q_e[c] - now[c]));
     }
-  });
+    CHECK(farthest < 1e-6);
+    CHECK(calmed < 1e-6);
+    CHECK(held > 1e-5 + 100 * farthest);  // which is not for nothing
+  }
+}
+
+TEST_EACH(
+    for_each,
+    "what the geometry has wrong is kept, and a reading is doubted by how far it was carried") {
+  const Robot& robot = mechanism.robot;
+  if (robot.r == 0) return;
+  Robot truth = robot;
+  truth.sensor[0].offset += 0.02;
+  MultirateSettings settings = all_late(10, 8);
+  settings.sensitivity[0].fill(0.1);
+  Multirate late;
+  CHECK(start(settings, late));
+  Bus bus(settings);
+  for (int k = 0; k < 400; ++k) {
+    const int moving = std::min(k, 200);
+    Extended q_e = read_at<K>(mechanism, truth, moving);
+    const double now = q_e[n];
+    late.arrived = bus.deliver(n, q_e);
+    CHECK(compensate_latency<K>(robot, late, q_e));
+    low_pass(robot, late, q_e);
+    CHECK_NEAR(q_e[n], now, 1e-6);
+    Knowledge known;
+    known.sigma.fill(1e-5);
+    weigh(robot, late, known);
+    for (int i = 0; i < n; ++i) CHECK(known.sigma[i] == 1e-5);
+    const Coordinates x = at(mechanism, moving), since = at(mechanism, std::max(0, moving - 18));
+    double way = 0;
+    for (int i = 0; i < n; ++i) way += (x[i] - since[i]) * (x[i] - since[i]);
+    if (k > 50 && k < 200) CHECK(known.sigma[n] > 0.3 * 0.1 * std::sqrt(way));
+    if (k > 50 && k < 200) CHECK(known.sigma[n] < 0.1 * 10 * std::sqrt(way) + 1e-5);
+    if (k == 399) CHECK(known.sigma[n] < 1.1e-5);  // it has stood still for long
+  }
+}
+
+TEST_EACH(for_each,
+          "motors without a pose for some cycles, and samples that are none, leave no trace") {
+  const Robot& robot = mechanism.robot;
+  const MultirateSettings settings = all_late(10, 8);
+  Multirate late;
+  CHECK(start(settings, late));
+  Bus bus(settings);
+  Extended nothing{};
+  nothing.fill(NAN);
+  CHECK(!compensate_latency<K>(robot, late, nothing));  // before there is any pose
+  CHECK(late.cycle == 0);
+  for (int k = 0; k < 200; ++k) {
+    const Extended now = read_at<K>(mechanism, robot, k);
+    Extended q_e = now;
+    if (k >= 60 && k < 65) q_e.fill(NAN);
+    late.arrived = bus.deliver(n, q_e);
+    const bool motors = k < 100 || k >= 103;
+    if (!motors) std::fill_n(q_e.begin(), n, NAN);
+    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(motors == late.placed || k < 100);
+    // The picture of cycle 60 arrives in 68 and is held until 78.
+    const bool blind = (k >= 68 && k < 78);
+    for (int c = n; c < n + robot.r; ++c) {
+      CHECK(blind == std::isnan(q_e[c]) || (k >= 60 && k < 65));
+      if (!blind && !(k >= 60 && k < 78)) CHECK_NEAR(q_e[c], now[c], motors ? 2e-4 : 2e-3);
+    }
+  }
 }
 
 TEST("a period or an age that is none, or too long, is refused and named") {
@@ -300,120 +218,75 @@ TEST("a period or an age that is none, or too long, is refused and named") {
   CHECK(compensate_latency<Mobility::spatial>(robot, late, q_e).status == Status::unfinished);
 }
 
-TEST("a robot with late sensors follows as one whose sensors are prompt") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    ControlSettings settings;
-    settings.law = Law::tej;
-    if (!place_poles(robot, robot.home, 60, 1, settings)) return;
-    Run run{robot.home, at(mechanism, 100), 0.2, 0.2};
-    const MultirateSettings slow = all_late(10, 8);
-    Coordinates end[3];
-    double apart[3]{};                   // from x_d, on the way
-    for (const int which : {0, 1, 2}) {  // prompt; late; late, and taken for prompt
-      Extras extras;
-      if (which > 0) extras.bus = &slow;
-      if (which == 1) extras.late = &slow;
-      Loop<K> loop(robot, robot, settings, robot.home, run.seed, extras);
-      const Outcome outcome = loop.move(run, [&](const Sample& sample) {
-        end[which] = sample.x;
-        for (int i = 0; i < n; ++i)
-          apart[which] = std::max(apart[which], std::fabs(sample.x[i] - sample.x_d[i]));
-      });
-      CHECK(outcome || which == 2);
-      if (!outcome) apart[which] = INFINITY;
-    }
-    for (int i = 0; i < n; ++i) CHECK_NEAR(end[1][i], end[0][i], 1e-7);
-    CHECK(apart[1] < apart[0] + 1e-4);
-    CHECK(robot.r == 0 || apart[2] > 3 * apart[1]);
-  });
+TEST_EACH(
+    for_each,
+    "noise of a late sensor is averaged, and a change beyond its counts is followed at once") {
+  Robot robot = mechanism.robot;
+  if (robot.r == 0) return;
+  constexpr double kSigma = 1e-4;
+  constexpr int kEvery = 10, kAge = 8, kCycles = 20000;
+  robot.sensor[0].noise = kSigma;
+  const MultirateSettings settings = all_late(kEvery, kAge);
+  Multirate late;
+  CHECK(start(settings, late));
+  Bus bus(settings);
+  check::Random random(21);
+  const Extended rest = read_at<K>(mechanism, robot, 0);
+  double noise = 0, squares = 0;
+  for (int k = 0; k < kCycles; ++k) {
+    Extended q_e = rest;
+    if (k % kEvery == 0) noise = std::sqrt(3) * kSigma * random();  // uniform, of variance σ²
+    q_e[n] += noise;
+    late.arrived = bus.deliver(n, q_e);
+    CHECK(compensate_latency<K>(robot, late, q_e));
+    low_pass(robot, late, q_e);
+    if (k > 2000) squares += (q_e[n] - rest[n]) * (q_e[n] - rest[n]) / (kCycles - 2000);
+  }
+  // Weight a of a sample: variance a / (2 - a) of one sample's, of an average over about 20.
+  const double a = 1 - std::pow(1 - kCalmest * (1 - std::exp(-1.0 / (kEvery + kAge))), kEvery);
+  const double ratio = squares / (kSigma * kSigma * a / (2 - a));
+  CHECK(ratio > 0.7 && ratio < 1.7);
+
+  Extended q_e{};
+  for (int k = 0; k < 5 * (kEvery + kAge); ++k) {
+    q_e = rest;
+    q_e[n] += 100 * kSigma;
+    late.arrived = bus.deliver(n, q_e);
+    CHECK(compensate_latency<K>(robot, late, q_e));
+    low_pass(robot, late, q_e);
+  }
+  CHECK(q_e[n] - rest[n] > 95 * kSigma);
 }
 
-TEST("noise of a late sensor is averaged, and a change beyond its counts is followed at once") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    if (robot.r == 0) return;
-    constexpr double kSigma = 1e-4;
-    constexpr int kEvery = 10, kAge = 8, kCycles = 20000;
-    robot.sensor[0].noise = kSigma;
-    const MultirateSettings settings = all_late(kEvery, kAge);
+TEST_EACH(for_each,
+          "the stated variance of a late reading is that which the motors' noise gives it") {
+  constexpr int kTrials = 1500;
+  Robot robot = mechanism.robot;
+  if (robot.r == 0) return;
+  constexpr double kSigma = 1e-6;
+  for (int i = 0; i < n; ++i) {
+    robot.chain[i].encoder_noise = kSigma;
+    robot.chain[i].encoder_step = 0;
+  }
+  robot.sensor[0].step = robot.sensor[0].noise = 0;
+  const Extended rest = read_at<K>(mechanism, robot, 0);
+  check::Random random(22);
+  double mean = 0, squares = 0, stated = 0;
+  for (int k = 0; k < kTrials; ++k) {
     Multirate late;
-    CHECK(start(settings, late));
-    Bus bus(settings);
-    check::Random random(21);
-    const Extended rest = read_at<K>(mechanism, robot, 0);
-    double noise = 0, squares = 0;
-    for (int k = 0; k < kCycles; ++k) {
-      Extended q_e = rest;
-      if (k % kEvery == 0) noise = std::sqrt(3) * kSigma * random();  // uniform, of variance σ²
-      q_e[n] += noise;
-      late.arrived = bus.deliver(n, q_e);
-      CHECK(compensate_latency<K>(robot, late, q_e));
-      low_pass(robot, late, q_e);
-      if (k > 2000) squares += (q_e[n] - rest[n]) * (q_e[n] - rest[n]) / (kCycles - 2000);
-    }
-    // Weight a of a sample: variance a / (2 - a) of one sample's, of an average over about 20.
-    const double a = 1 - std::pow(1 - kCalmest * (1 - std::exp(-1.0 / (kEvery + kAge))), kEvery);
-    const double ratio = squares / (kSigma * kSigma * a / (2 - a));
-    CHECK(ratio > 0.7 && ratio < 1.7);
-
-    Extended q_e{};
-    for (int k = 0; k < 5 * (kEvery + kAge); ++k) {
-      q_e = rest;
-      q_e[n] += 100 * kSigma;
-      late.arrived = bus.deliver(n, q_e);
-      CHECK(compensate_latency<K>(robot, late, q_e));
-      low_pass(robot, late, q_e);
-    }
-    CHECK(q_e[n] - rest[n] > 95 * kSigma);
-    const double before = q_e[n];
-    for (int k = 0; k < 5 * (kEvery + kAge);
-         ++k) {  // a motor is lost: what comes late leads nothing
-      q_e = rest;
-      q_e[n] += 200 * kSigma;
-      late.arrived = bus.deliver(n, q_e);
-      CHECK(compensate_latency<K>(robot, late, q_e));
-      low_pass(robot, late, q_e, true);
-    }
-    CHECK_NEAR(q_e[n], before, 1e-9);
-  });
-}
-
-TEST("the stated variance of a late reading is that which the motors' noise gives it") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>, kTrials = 1500;
-    Robot robot = mechanism.robot;
-    if (robot.r == 0) return;
-    constexpr double kSigma = 1e-6;
-    for (int i = 0; i < n; ++i) {
-      robot.chain[i].encoder_noise = kSigma;
-      robot.chain[i].encoder_step = 0;
-    }
-    robot.sensor[0].step = robot.sensor[0].noise = 0;
-    const Extended rest = read_at<K>(mechanism, robot, 0);
-    check::Random random(22);
-    double mean = 0, squares = 0, stated = 0;
-    for (int k = 0; k < kTrials; ++k) {
-      Multirate late;
-      CHECK(start(all_late(10, 8), late));
-      Extended q_e = rest;
-      for (int i = 0; i < n; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
-      CHECK(compensate_latency<K>(robot, late, q_e));
-      const double off = late.expected[0] - rest[n];
-      mean += off / kTrials;
-      squares += off * off / kTrials;
-      Knowledge known;
-      known.sigma.fill(1e-9);
-      low_pass(robot, late, q_e);
-      weigh(robot, late, known);
-      stated += known.sigma[n] * known.sigma[n] / kTrials;
-    }
-    const double ratio = (squares - mean * mean) / stated;
-    CHECK(ratio > 0.85 && ratio < 1.15);  // its own σ is 0.03
-  });
+    CHECK(start(all_late(10, 8), late));
+    Extended q_e = rest;
+    for (int i = 0; i < n; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
+    CHECK(compensate_latency<K>(robot, late, q_e));
+    const double off = late.expected[0] - rest[n];
+    mean += off / kTrials;
+    squares += off * off / kTrials;
+    Knowledge known;
+    known.sigma.fill(1e-9);
+    low_pass(robot, late, q_e);
+    weigh(robot, late, known);
+    stated += known.sigma[n] * known.sigma[n] / kTrials;
+  }
+  const double ratio = (squares - mean * mean) / stated;
+  CHECK(ratio > 0.85 && ratio < 1.15);  // its own σ is 0.03
 }

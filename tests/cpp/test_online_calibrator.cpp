@@ -37,61 +37,41 @@ class Scene {
 
 }  // namespace
 
-TEST("a line counts where a reading has moved since the last one that counted") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    const Extended first = scene.read(mechanism.robot.home);
-    CHECK(scene.learn(first));
-    for (int cycle = 0; cycle < 5; ++cycle) CHECK(scene.learn(first));
-    CHECK(scene.learner.lines == 1);  // at rest nothing is news
-    const double fresh = scene.learner.fresh * scene.sigma();
-    // One motor's reading alone moves: the others may contradict it, and the line is left out.
-    const auto counted = [&] { return scene.learner.lines + scene.learner.left_out; };
-    CHECK(scene.learn(scene.read(mechanism.robot.home, 0.9 * fresh)));
-    CHECK(scene.learner.lines == 1);
-    CHECK(scene.learn(scene.read(mechanism.robot.home, 1.1 * fresh)));
-    CHECK(counted() == 2);
-    // Slow motion adds up: against the line that counted, not against the last cycle's.
-    for (int cycle = 1; cycle <= 10; ++cycle)
-      CHECK(scene.learn(scene.read(mechanism.robot.home, (1.1 + 0.3 * cycle) * fresh)));
-    CHECK(counted() == 2 + 2);
-  });
+TEST_EACH(for_each, "a line counts where a reading has moved since the last one that counted") {
+  Scene<K> scene(mechanism);
+  const Extended first = scene.read(mechanism.robot.home);
+  CHECK(scene.learn(first));
+  for (int cycle = 0; cycle < 5; ++cycle) CHECK(scene.learn(first));
+  CHECK(scene.learner.lines == 1);  // at rest nothing is news
+  const double fresh = scene.learner.fresh * scene.sigma();
+  // One motor's reading alone moves: the others may contradict it, and the line is left out.
+  const auto counted = [&] { return scene.learner.lines + scene.learner.left_out; };
+  CHECK(scene.learn(scene.read(mechanism.robot.home, 0.9 * fresh)));
+  CHECK(scene.learner.lines == 1);
+  CHECK(scene.learn(scene.read(mechanism.robot.home, 1.1 * fresh)));
+  CHECK(counted() == 2);
+  // Slow motion adds up: against the line that counted, not against the last cycle's.
+  for (int cycle = 1; cycle <= 10; ++cycle)
+    CHECK(scene.learn(scene.read(mechanism.robot.home, (1.1 + 0.3 * cycle) * fresh)));
+  CHECK(counted() == 2 + 2);
 }
 
-TEST("what is learnt is what the controller believes in the same cycle") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    check::Random random(71);
-    for (int k = 0; k < 30; ++k) {
-      CHECK(scene.learn(scene.read(random_pose(mechanism, random, 0.5))));
-      std::vector<double> believed(parameter_count(mechanism.robot));
-      CHECK(drawn_parameters(scene.learner.robot, believed.data()));
-      const OnlineState& state = scene.learner.state;
-      bool same = true;
-      for (int i = 0; i < scene.n; ++i) {
-        const int rod = chain_column(i) + static_cast<int>(ChainParameter::rod);
-        same = same && believed[rod] == state.xi[rod];
-      }
-      CHECK(same);
+TEST_EACH(for_each, "what is learnt is what the controller believes in the same cycle") {
+  Scene<K> scene(mechanism);
+  check::Random random(71);
+  for (int k = 0; k < 30; ++k) {
+    CHECK(scene.learn(scene.read(random_pose(mechanism, random, 0.5))));
+    std::vector<double> believed(parameter_count(mechanism.robot));
+    CHECK(drawn_parameters(scene.learner.robot, believed.data()));
+    const OnlineState& state = scene.learner.state;
+    bool same = true;
+    for (int i = 0; i < scene.n; ++i) {
+      const int rod = chain_column(i) + static_cast<int>(ChainParameter::rod);
+      same = same && believed[rod] == state.xi[rod];
     }
-    CHECK(scene.learner.lines == 30);
-  });
-}
-
-TEST("a line that fits no pose is left out, once, and the last pose is kept to start from") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    CHECK(scene.learn(scene.read(mechanism.robot.home)));
-    const Pose before = scene.learner.pose;
-    Extended far = scene.read(mechanism.robot.home);
-    far[scene.n] += 1e3 * scene.learner.state.sigma[scene.n];  // one sensor: nothing explains it
-    const Outcome outcome = scene.learn(far);
-    CHECK(outcome.status == Status::disagree && outcome.chain < 0);
-    CHECK(scene.learner.left_out == 1 && scene.learner.lines == 1);
-    CHECK(scene.learner.pose.D == before.D && scene.learner.pose.R == before.R);
-    CHECK(scene.learn(far));  // the same again is no news, bad as it is
-    CHECK(scene.learner.left_out == 1);
-  });
+    CHECK(same);
+  }
+  CHECK(scene.learner.lines == 30);
 }
 
 TEST("the outcome says that a line is left out, for as long as the robot stands there") {
@@ -114,19 +94,6 @@ TEST("the outcome says that a line is left out, for as long as the robot stands 
     CHECK(scene.learner.lines == 2 + learnt);
   });
   CHECK(left_out > 0);
-}
-
-TEST("readings that are no numbers neither teach nor count as the last line") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
-    const Extended first = scene.read(mechanism.robot.home);
-    CHECK(scene.learn(first));
-    Extended none = first;
-    none[0] = INFINITY;
-    CHECK(scene.learn(none).status == Status::not_finite);
-    CHECK(scene.learner.last == first);
-    CHECK(scene.learn(first) && scene.learner.lines == 1);
-  });
 }
 
 TEST("a robot understood rod by rod is learnt rod by rod") {

@@ -17,19 +17,6 @@ Mechanism geared() {
 
 }  // namespace
 
-TEST("before it has moved, a gear stands in the middle of its play") {
-  const Mechanism mechanism = geared();
-  Effects effects;
-  effects.backlash = 0.01;
-  const Pose home = to_pose<K>(mechanism.robot.home);
-  Plant<K> plant(mechanism.robot, effects, home, 0);
-  CHECK(plant.rest());
-  Extended exact{}, read{};
-  CHECK(extended<K>(mechanism.robot, home, exact));
-  CHECK(plant.measure(read));
-  for (int c = 0; c < 5; ++c) CHECK_NEAR(read[c], exact[c], 1e-12);
-}
-
 TEST("a gear follows half its play behind, on either side, and a direct encoder at once") {
   for (const double gear : {4.0, 1.0}) {
     Mechanism mechanism = geared();

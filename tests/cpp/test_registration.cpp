@@ -264,13 +264,6 @@ TEST("the nearest rotation is a rotation, and none is nearer, whatever the matri
   }
 }
 
-TEST("a robot of a thousandth of the size has the same rotation of its tracker") {
-  Scene scene(Mobility::translation);
-  for (Pose& pose : scene.pose) pose.D *= 1e-3;
-  for (double& value : scene.measured) value *= 1e-3;
-  CHECK((scene.found(false).base.R - scene.truth.base.R).norm() < 1e-6);
-}
-
 TEST("a marker's angle under a slightly tilted tracker is right to the square of its tilt") {
   constexpr double tilt = 0.02;
   const Mobility mobility = Mobility::schoenflies;
@@ -296,29 +289,5 @@ TEST("where a platform hardly turns, all is explained, and noise does not move t
     for (int k = 0; k < scene.rows(); ++k) CHECK(scene.apart(found, k) < 2e-3);
     // Noise, which its place would have to explain, does not move it.
     if (noisy) CHECK(found.marker.t.norm() < 0.02);
-  }
-}
-
-TEST("the marker's orientation is that of its measurements, however little they weigh") {
-  const Mat3 base = exp_so3(Vec3(0.1, -0.2, 0.4));
-  Pose pose;
-  for (const Mobility mobility : {Mobility::spatial, Mobility::schoenflies}) {
-    const bool spatial = mobility == Mobility::spatial;
-    const Mat3 marker = exp_so3(spatial ? Vec3(0.2, -0.1, 0.3) : Vec3(0, 0, 0.3));
-    const Vec3 turn = spatial ? Vec3(0.4, 0.3, -0.2) : Vec3(0, 0, 0.5);  // as measured
-    if (spatial)
-      pose.R = base.transpose() * exp_so3(turn) * marker.transpose();
-    else
-      pose.R = base.transpose() * rotation_z(0.2);
-    std::array<double, 6> measured{0, 0, 0, turn.x(), turn.y(), turn.z()};
-    if (!spatial) measured[3] = turn.z();
-    for (const double weight : {1e-3, 1.0}) {
-      const Mat3 found = registration_detail::marker_turn(
-          mobility, base, Mat3::Identity(), {{{}, {}, 0, weight}}, &pose, measured.data());
-      CHECK((found - marker).norm() < 1e-12);
-    }
-    measured.fill(NAN);
-    CHECK(registration_detail::marker_turn(mobility, base, marker, {{{}, {}, 0, 1}}, &pose,
-                                           measured.data()) == marker);
   }
 }

@@ -226,6 +226,8 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
          r.sensor[0].kind = SensorKind::motor_encoder;
          r.sensor[0].chain = 4;
        }},
+      {"a rod's sensor on no chain", part,
+       [](Robot& r) { r.sensor[0].kind = SensorKind::rod_length; }},
       {"rod of a sensor", part, [](Robot& r) { r.sensor[0].rod = 0; }},
       {"bar of a sensor", part, [](Robot& r) { r.sensor[0].bar = 2; }},
       {"bars' joint", part, [](Robot& r) { r.bar_joint = wild<BarJoint>(2); }},

@@ -2,13 +2,11 @@
 #include "energy.hpp"
 #include "rotational.hpp"
 #include "truepose/control/dynamics.hpp"
-#include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/linearise.hpp"
 #include "truepose/kinematics/angles_of.hpp"
 #include "truepose/kinematics/fkm.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/model/geometry.hpp"
-#include "truepose/offline/assembly.hpp"
 
 using namespace pivots_tested;
 
@@ -20,129 +18,86 @@ double slope_of(F&& f, double h = 1e-4) {
   return (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h);
 }
 
-/// q at x, as the file's model has it: rotations by Eigen's own, one after the other.
-Vec3 anchor_at(const Robot& robot, const Coordinates& x, const Vec3& c) {
-  Vec3 point = c;
-  for (int j = dof(robot.mobility) - 1; j >= 0; --j)
-    point = robot.axis[j].origin() +
-            Eigen::AngleAxisd(x[j], robot.axis[j].direction()).toRotationMatrix() * point;
-  return point;
-}
-
 }  // namespace
 
-TEST("the inverse model closes | B - A | = L with A carried by the axes one after the other") {
-  for_each_pivot([](const Mechanism& mechanism, auto) {
-    const Robot& robot = mechanism.robot;
-    check::Random random(71);
-    for (int k = 0; k < 500; ++k) {
-      const Coordinates x = random_pose(mechanism, random, 0.6);
-      Joint q;
-      CHECK(ikm(robot, x, q));
-      for (int i = 0; i < robot.chains; ++i) {
-        const Chain& chain = robot.chain[i];
-        const Vec3 B = chain.base() + drive(chain, q[i]).p;
-        CHECK_NEAR((B - anchor_at(robot, x, chain.pivot())).norm(), chain.rod, 1e-14);
-      }
+// A few corners of an ankle's box lie beyond its cranks' reach (G1: 3 %): IKM says so.
+TEST_EACH(for_each_pivot, "FKM(IKM(x)) = x from neutral over the whole range, none lost") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(72);
+  double worst = 0;
+  long lost = 0, beyond = 0;
+  const long poses = check::sample_size(20000);
+  for (long k = 0; k < poses; ++k) {
+    const Coordinates x = random_pose(mechanism, random);
+    Joint q;
+    if (!ikm(robot, x, q)) {
+      ++beyond;
+      continue;
     }
-  });
+    Pose found;  // x = 0
+    lost += !fkm<K>(robot, q, found);
+    for (int j = 0; j < n; ++j)
+      worst = std::max(worst, std::fabs(to_coordinates<K>(found)[j] - x[j]));
+  }
+  CHECK(beyond < 0.2 * poses);
+  CHECK(lost == 0);
+  CHECK_NEAR(worst, 0, 1e-12);
 }
 
-TEST("the ankles' motors stand at 0 where their cranks were drawn") {
-  for (const Mechanism& mechanism : {g1_ankle(), x1_ankle()}) {
-    Joint q;
-    CHECK(ikm(mechanism.robot, Coordinates{}, q));
-    for (int i = 0; i < 2; ++i) CHECK_NEAR(q[i], 0, 1e-13);
+TEST_EACH(for_each_pivot,
+          "open loops are as open as their rods say, after small turns and large ones") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(74);
+  for (int k = 0; k < 200; ++k) {
+    std::array<Driven, n> driven;
+    for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], 2 * random());
+    const Loops<K> loops(robot, driven);
+    typename Loops<K>::At from, at;
+    loops.start(to_pose<K>(random_pose(mechanism, random)), from);
+    Coordinates motion{};
+    for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
+    loops.after(from, motion, at);
+    for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
+
+    const Carried<K> carried = carry<K>(robot, at.pose);
+    std::array<Lanes<n>, n> columns;
+    loops.jx(at, columns);
+    const Points<n> rods = loops.rods(at);
+    for (int i = 0; i < n; ++i) {
+      const Chain& chain = robot.chain[i];
+      const Vec3 lever = carried.pose.R * chain.pivot();
+      const Vec3 v = chain.base() + driven[i].p - carried.pose.D - lever;
+      CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
+      CHECK_NEAR((rods[i] - v).norm(), 0, 1e-15);
+      std::array<double, n> row;
+      jx_row<K>(carried, v, lever, row);
+      for (int j = 0; j < n; ++j) CHECK_NEAR(columns[j][i], row[j], 1e-16);
+    }
+    CHECK_NEAR(at.cost, (at.f * at.f).sum(), 1e-30);
   }
 }
 
-// A few corners of an ankle's box lie beyond its cranks' reach (G1: 3 %): IKM says so.
-TEST("FKM(IKM(x)) = x from neutral over the whole range, none lost") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(72);
-    double worst = 0;
-    long lost = 0, beyond = 0;
-    const long poses = check::sample_size(20000);
-    for (long k = 0; k < poses; ++k) {
-      const Coordinates x = random_pose(mechanism, random);
-      Joint q;
-      if (!ikm(robot, x, q)) {
-        ++beyond;
-        continue;
-      }
-      Pose found;  // x = 0
-      lost += !fkm<K>(robot, q, found);
-      for (int j = 0; j < kDof<K>; ++j)
-        worst = std::max(worst, std::fabs(to_coordinates<K>(found)[j] - x[j]));
-    }
-    CHECK(beyond < 0.2 * poses);
-    CHECK(lost == 0);
-    CHECK_NEAR(worst, 0, 1e-12);
-  });
-}
-
-TEST("open loops are as open as their rods say, after small turns and large ones") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    check::Random random(74);
-    for (int k = 0; k < 200; ++k) {
-      std::array<Driven, n> driven;
-      for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], 2 * random());
-      const Loops<K> loops(robot, driven);
-      typename Loops<K>::At from, at;
-      loops.start(to_pose<K>(random_pose(mechanism, random)), from);
-      Coordinates motion{};
-      for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
-      loops.after(from, motion, at);
-      for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
-
-      const Carried<K> carried = carry<K>(robot, at.pose);
-      std::array<Lanes<n>, n> columns;
-      loops.jx(at, columns);
-      const Points<n> rods = loops.rods(at);
+TEST_EACH(for_each_pivot,
+          "J maps rates as the inverse model's slopes do, and torques by its transpose") {
+  check::Random random(73);
+  for (int k = 0; k < 100; ++k) {
+    const Coordinates x = random_pose(mechanism, random, 0.6);
+    JointMatrix J{};
+    CHECK(jacobian(mechanism.robot, x, J));
+    for (int j = 0; j < n; ++j)
       for (int i = 0; i < n; ++i) {
-        const Chain& chain = robot.chain[i];
-        const Vec3 lever = carried.pose.R * chain.pivot();
-        const Vec3 v = chain.base() + driven[i].p - carried.pose.D - lever;
-        CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
-        CHECK_NEAR((rods[i] - v).norm(), 0, 1e-15);
-        std::array<double, n> row;
-        jx_row<K>(carried, v, lever, row);
-        for (int j = 0; j < n; ++j) CHECK_NEAR(columns[j][i], row[j], 1e-16);
+        double product = 0;  // row i of J, ∂q/∂x_j
+        for (int m = 0; m < n; ++m)
+          product += J[i][m] * slope_of([&](double h) {
+                       Coordinates there = x;
+                       there[j] += h;
+                       Joint q;
+                       CHECK(ikm(mechanism.robot, there, q));
+                       return q[m];
+                     });
+        CHECK_NEAR(product, i == j, 1e-8);
       }
-      CHECK_NEAR(at.cost, (at.f * at.f).sum(), 1e-30);
-    }
-  });
-}
-
-TEST("J maps rates as the inverse model's slopes do, and torques by its transpose") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    check::Random random(73);
-    for (int k = 0; k < 100; ++k) {
-      const Coordinates x = random_pose(mechanism, random, 0.6);
-      JointMatrix J{};
-      CHECK(jacobian(mechanism.robot, x, J));
-      for (int j = 0; j < n; ++j)
-        for (int i = 0; i < n; ++i) {
-          double product = 0;  // row i of J, ∂q/∂x_j
-          for (int m = 0; m < n; ++m)
-            product += J[i][m] * slope_of([&](double h) {
-                         Coordinates there = x;
-                         there[j] += h;
-                         Joint q;
-                         CHECK(ikm(mechanism.robot, there, q));
-                         return q[m];
-                       });
-          CHECK_NEAR(product, i == j, 1e-8);
-        }
-    }
-  });
+  }
 }
 
 TEST("a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
@@ -176,83 +131,76 @@ TEST("a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
   for_each_pivot(turns);
 }
 
-TEST("readings change with x and with every parameter as H_x and H_ξ say") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    const int width = parameter_count(robot), rows = n + robot.r;
-    check::Random random(74);
-    std::vector<double> xi(width), H(rows * width);
-    CHECK(drawn_parameters(robot, xi.data()));
-    for (int k = 0; k < 10; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.6));
-      Extended q_e{};
-      Matrix<kMaxReadings, n> H_x;
-      CHECK(linearise<K>(robot, pose, q_e, H_x, H.data()));
-      for (int j = 0; j < n; ++j)
-        for (int m = 0; m < rows; ++m)
-          CHECK_NEAR(H_x[m][j], slope_of([&](double h) {
-                       Coordinates step{};
-                       step[j] = h;
-                       Extended there{};
-                       CHECK(extended<K>(robot, moved<K>(pose, step), there));
-                       return there[m];
-                     }),
-                     1e-7 * (1 + std::fabs(H_x[m][j])));
-      for (int c = 0; c < width; ++c) {
-        const bool arm_winds =
-            c < robot.chains * kChainParameters &&
-            c % kChainParameters == static_cast<int>(ChainParameter::encoder_buildup);
-        if (arm_winds) continue;  // arms do without
-        for (int m = 0; m < rows; ++m) {
-          const double slope = slope_of(
-              [&](double h) {
-                std::vector<double> other = xi;
-                other[c] += h;
-                Robot changed = robot;
-                CHECK(set_parameters(robot, other.data(), changed));
-                Extended there{};
-                CHECK(extended<K>(changed, pose, there));
-                return there[m];
-              },
-              1e-5);
-          CHECK_NEAR(H[m * width + c], slope, 1e-6 * (1 + std::fabs(slope)));
-        }
+TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_x and H_ξ say") {
+  const Robot& robot = mechanism.robot;
+  const int width = parameter_count(robot), rows = n + robot.r;
+  check::Random random(74);
+  std::vector<double> xi(width), H(rows * width);
+  CHECK(drawn_parameters(robot, xi.data()));
+  for (int k = 0; k < 10; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.6));
+    Extended q_e{};
+    Matrix<kMaxReadings, n> H_x;
+    CHECK(linearise<K>(robot, pose, q_e, H_x, H.data()));
+    for (int j = 0; j < n; ++j)
+      for (int m = 0; m < rows; ++m)
+        CHECK_NEAR(H_x[m][j], slope_of([&](double h) {
+                     Coordinates step{};
+                     step[j] = h;
+                     Extended there{};
+                     CHECK(extended<K>(robot, moved<K>(pose, step), there));
+                     return there[m];
+                   }),
+                   1e-7 * (1 + std::fabs(H_x[m][j])));
+    for (int c = 0; c < width; ++c) {
+      const bool arm_winds =
+          c < robot.chains * kChainParameters &&
+          c % kChainParameters == static_cast<int>(ChainParameter::encoder_buildup);
+      if (arm_winds) continue;  // arms do without
+      for (int m = 0; m < rows; ++m) {
+        const double slope = slope_of(
+            [&](double h) {
+              std::vector<double> other = xi;
+              other[c] += h;
+              Robot changed = robot;
+              CHECK(set_parameters(robot, other.data(), changed));
+              Extended there{};
+              CHECK(extended<K>(changed, pose, there));
+              return there[m];
+            },
+            1e-5);
+        CHECK_NEAR(H[m * width + c], slope, 1e-6 * (1 + std::fabs(slope)));
       }
     }
-  });
+  }
 }
 
-TEST("free motion without friction keeps its energy, and the inverse dynamics invert") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    const Robot& robot = mechanism.robot;
-    check::Random random(75);
-    for (int k = 0; k < 50; ++k) {
-      const Coordinates x = random_pose(mechanism, random, 0.6);
-      Coordinates rate{}, acceleration{};
-      for (int j = 0; j < n; ++j) rate[j] = 2 * random();
-      CHECK(forward_dynamics<K>(robot, to_pose<K>(x), rate, Joint{}, acceleration));
-      const double power = slope_of(
-          [&](double h) {  // along the arc with this rate, acceleration
-            Coordinates there = x, then = rate;
-            for (int j = 0; j < n; ++j) {
-              there[j] += h * (rate[j] + 0.5 * h * acceleration[j]);
-              then[j] += h * acceleration[j];
-            }
-            Energy energy_there;
-            CHECK(energy<K>(robot, to_pose<K>(there), then, energy_there));
-            return energy_there.kinetic + energy_there.potential;
-          },
-          1e-4);
-      CHECK_NEAR(power, 0, 1e-8);
-      Joint torque{};
-      CHECK(inverse_dynamics<K>(robot, to_pose<K>(x), rate, acceleration, torque));
-      for (int i = 0; i < n; ++i) CHECK_NEAR(torque[i], 0, 1e-12);
-    }
-  });
+TEST_EACH(for_each_pivot,
+          "free motion without friction keeps its energy, and the inverse dynamics invert") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(75);
+  for (int k = 0; k < 50; ++k) {
+    const Coordinates x = random_pose(mechanism, random, 0.6);
+    Coordinates rate{}, acceleration{};
+    for (int j = 0; j < n; ++j) rate[j] = 2 * random();
+    CHECK(forward_dynamics<K>(robot, to_pose<K>(x), rate, Joint{}, acceleration));
+    const double power = slope_of(
+        [&](double h) {  // along the arc with this rate, acceleration
+          Coordinates there = x, then = rate;
+          for (int j = 0; j < n; ++j) {
+            there[j] += h * (rate[j] + 0.5 * h * acceleration[j]);
+            then[j] += h * acceleration[j];
+          }
+          Energy energy_there;
+          CHECK(energy<K>(robot, to_pose<K>(there), then, energy_there));
+          return energy_there.kinetic + energy_there.potential;
+        },
+        1e-4);
+    CHECK_NEAR(power, 0, 1e-8);
+    Joint torque{};
+    CHECK(inverse_dynamics<K>(robot, to_pose<K>(x), rate, acceleration, torque));
+    for (int i = 0; i < n; ++i) CHECK_NEAR(torque[i], 0, 1e-12);
+  }
 }
 
 TEST("axes that coincide and rods that run through their axis are singular") {
@@ -265,116 +213,13 @@ TEST("axes that coincide and rods that run through their axis are singular") {
   CHECK(finish(through).status == Status::singular);
 }
 
-TEST("torque · rate is the same at the motors as at the joints") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    check::Random random(76);
-    for (int k = 0; k < 200; ++k) {
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      CHECK(ikm<K>(mechanism.robot, to_pose<K>(random_pose(mechanism, random, 0.6)), closure));
-      CHECK(jacobian<K>(closure, jacobians));
-      Coordinates rate{};
-      Joint torque{};
-      for (int j = 0; j < n; ++j) rate[j] = random(), torque[j] = random();
-      const Joint motor_rate = jacobians.joint_rate(rate);
-      double at_motors = 0, at_joints = 0, size = 0;
-      for (int i = 0; i < n; ++i) {
-        at_motors += torque[i] * motor_rate[i];
-        size += std::fabs(torque[i] * motor_rate[i]);
-        double joint = 0;  // J⁻ᵀ τ
-        for (int m = 0; m < n; ++m) joint += jacobians.jx[m][i] / jacobians.jq[m] * torque[m];
-        at_joints += joint * rate[i];
-      }
-      CHECK_NEAR(at_motors, at_joints, 1e-14 * size);
-    }
-  });
-}
-
-TEST("angles are found from the place that the axes carry the nacelle to") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(78);
-    for (int k = 0; k < 500; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Pose found = to_pose<K>(robot.home);
-      angles_of<K>(robot, placed<K>(robot, pose), found);
-      for (int j = 0; j < kDof<K>; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-12);
-    }
-  });
-}
-
-TEST("what a passive joint cannot turn to is refused, by the inverse model alone") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    for (int j = 0; j < kDof<K>; ++j) {
-      Robot robot = mechanism.robot;
-      robot.axis[j].high = robot.home[j] + 0.1;
-      robot.axis[j].low = robot.home[j] - 0.1;
-      CHECK(finish(robot));
-      Coordinates x = robot.home;
-      Joint q;
-      CHECK(ikm(robot, x, q));
-      x[j] -= 0.11;
-      CHECK(ikm(robot, x, q).status == Status::joint_limit);
-      x[j] += 0.22;
-      CHECK(ikm(robot, x, q).status == Status::joint_limit);
-      Coordinates found = robot.home;
-      CHECK(fkm(robot, q, found));  // it may have been pushed there
-      CHECK_NEAR(found[j], x[j], 1e-12);
-      robot.home[j] += 0.2;
-      CHECK(finish(robot).status == Status::joint_limit);
-    }
-  });
-}
-
-TEST("all assembly modes close on the same motors, home's among them") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    Joint q;
-    CHECK(ikm(robot, robot.home, q));
-    std::vector<Pose> found;
-    for (Pose at : random_starts(robot, q, 200, 5)) {
-      if (!closes(search<K>(robot, q, at))) continue;
-      found.push_back(at);
-    }
-    const std::vector<AssemblyMode> modes = distinct_modes(robot, found);
-    CHECK(modes.size() >= 2 && modes.size() <= 40);
-    CHECK(std::fabs(modes[0].pose.D[0] - robot.home[0]) < 1e-9);
-    for (const auto& [pose, seen] : modes) {
-      CHECK(seen >= 1);
-      const Pose there = placed<K>(robot, pose);
-      for (int i = 0; i < kDof<K>; ++i) {
-        const Chain& chain = robot.chain[i];
-        const Vec3 A = there.D + there.R * chain.pivot();
-        CHECK_NEAR((chain.base() + drive(chain, q[i]).p - A).norm(), chain.rod, 1e-12);
-      }
-      for (int j = 0; j < kDof<K>; ++j) CHECK(std::fabs(pose.D[j]) <= std::numbers::pi);
-    }
-  });
-}
-
-TEST("an inclinometer of the foot adds to what the motors say, and an estimate finds x") {
-  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    Prior prior(robot);
-    check::Random random(77);
-    for (int k = 0; k < 20; ++k) {
-      const Coordinates x = random_pose(mechanism, random, 0.5);
-      Extended q_e{};
-      CHECK(extended<K>(robot, to_pose<K>(x), q_e));
-      Pose pose = to_pose<K>(robot.home);
-      const Estimate<K> found =
-          estimate<K, IdealModel>(robot, prior.known(), q_e, pose, prior.weighing().work);
-      CHECK(found.outcome);
-      for (int j = 0; j < kDof<K>; ++j) {
-        CHECK_NEAR(to_coordinates<K>(pose)[j], x[j], 1e-9);
-        CHECK(found.covariance[j][j] > 0 && found.covariance[j][j] < 0.01);
-      }
-    }
-  });
+TEST_EACH(for_each_pivot, "angles are found from the place that the axes carry the nacelle to") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(78);
+  for (int k = 0; k < 500; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Pose found = to_pose<K>(robot.home);
+    angles_of<K>(robot, placed<K>(robot, pose), found);
+    for (int j = 0; j < n; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-12);
+  }
 }

@@ -78,44 +78,40 @@ TEST("a jump forward has dropped frames, unless it makes up for late ones; backw
   for (int k = 0; k < 10; ++k) CHECK(unmarked.advance({}, 1, kAll, 2) == FrameAge::fresh);
 }
 
-TEST("limits of every robot are consistent, and derived as documented") {
-  for_every([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = with_torque(mechanism.robot, 40);
-    SafetyLimits limits;
-    for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
-      const ControlSettings settings = settings_for(robot, Law::joint, gains);
-      CHECK(default_limits(robot, settings, limits));
-      CHECK(consistent(limits, n, n));
-      ControlSettings diagonal = settings_for(robot, Law::joint);
-      for (int i = 0; i < n; ++i) {
-        CHECK(limits.torque[i] == 40);
-        CHECK_NEAR(limits.slew[i], 8000, 1e-9);
-        CHECK_NEAR(limits.tracking[i], 40 / diagonal.kp[i], 1e-9 * limits.tracking[i]);
-        CHECK(limits.deviation[i] == limits.tracking[i]);
-        CHECK_NEAR(limits.kp[i], 1e4, 1e-5);
-        CHECK_NEAR(limits.kd[i], 200, 1e-6);
-      }
-      CHECK_NEAR(limits.saturation, 0.05, 1e-9);
+TEST_EACH(for_every, "limits of every robot are consistent, and derived as documented") {
+  Robot robot = with_torque(mechanism.robot, 40);
+  SafetyLimits limits;
+  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+    const ControlSettings settings = settings_for(robot, Law::joint, gains);
+    CHECK(default_limits(robot, settings, limits));
+    CHECK(consistent(limits, n, n));
+    ControlSettings diagonal = settings_for(robot, Law::joint);
+    for (int i = 0; i < n; ++i) {
+      CHECK(limits.torque[i] == 40);
+      CHECK_NEAR(limits.slew[i], 8000, 1e-9);
+      CHECK_NEAR(limits.tracking[i], 40 / diagonal.kp[i], 1e-9 * limits.tracking[i]);
+      CHECK(limits.deviation[i] == limits.tracking[i]);
+      CHECK_NEAR(limits.kp[i], 1e4, 1e-5);
+      CHECK_NEAR(limits.kd[i], 200, 1e-6);
     }
-    const SafetyLimits joint = limits;
-    CHECK(default_limits(robot, settings_for(robot, Law::tej, Gains::inertia), limits));
-    for (int i = 0; i < n; ++i) CHECK(limits.deviation[i] > joint.deviation[i]);
-    double slow = 0, fast = 0;
-    CHECK(stopping_distance(robot, limits, true, 0.1, slow));
-    CHECK(stopping_distance(robot, limits, true, 0.3, fast));
-    CHECK(slow >= 0.1 * 0.024 && fast > 3 * slow - 0.003);
-    // The speed limit keeps its meaning: faster motors need more room for counts.
-    for (const double share : {0.01, 0.3, 0.9}) {
-      const double step = robot.chain[0].encoder_step = share * joint.tracking[0];
-      CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
-      const double cycles = std::ceil(step / (0.1 * joint.speed[0] * 1e-3));
-      CHECK(limits.window >= std::clamp(cycles, 1.0, 8.0) && limits.window <= cycles + 1);
-      // The law's answer to a count passes the slew limit: it is no fault.
-      CHECK_NEAR(limits.slew[0], std::max(8000.0, 1e3 * std::min(80.0, 2.5 * 40 * share * 31)), 10);
-    }
-  });
+    CHECK_NEAR(limits.saturation, 0.05, 1e-9);
+  }
+  const SafetyLimits joint = limits;
+  CHECK(default_limits(robot, settings_for(robot, Law::tej, Gains::inertia), limits));
+  for (int i = 0; i < n; ++i) CHECK(limits.deviation[i] > joint.deviation[i]);
+  double slow = 0, fast = 0;
+  CHECK(stopping_distance(robot, limits, true, 0.1, slow));
+  CHECK(stopping_distance(robot, limits, true, 0.3, fast));
+  CHECK(slow >= 0.1 * 0.024 && fast > 3 * slow - 0.003);
+  // The speed limit keeps its meaning: faster motors need more room for counts.
+  for (const double share : {0.01, 0.3, 0.9}) {
+    const double step = robot.chain[0].encoder_step = share * joint.tracking[0];
+    CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
+    const double cycles = std::ceil(step / (0.1 * joint.speed[0] * 1e-3));
+    CHECK(limits.window >= std::clamp(cycles, 1.0, 8.0) && limits.window <= cycles + 1);
+    // The law's answer to a count passes the slew limit: it is no fault.
+    CHECK_NEAR(limits.slew[0], std::max(8000.0, 1e3 * std::min(80.0, 2.5 * 40 * share * 31)), 10);
+  }
 }
 
 TEST("the stops are the motors' range, as their encoders read") {
@@ -180,37 +176,4 @@ TEST("contradictory limits are refused, and named") {
   for (const int bad : {0, 9, -1}) refused([&](L& l) { l.window = bad; }, -1);
   for (const int bad : {0, 11, -1}) refused([&](L& l) { l.age = bad; }, -1);
   for (const int bad : {1, 65, -1}) refused([&](L& l) { l.counter_bits = bad; }, -1);
-}
-
-TEST("limits below what a path needs are refused before anything moves") {
-  for_every([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot robot = with_torque(mechanism.robot, 400);
-    SafetyLimits good;
-    CHECK(default_limits(robot, settings_for(robot, Law::joint), good));
-    PathNeeds needs;
-    Coordinates to = robot.home;
-    to[0] += 0.02;
-    for (int k = 0; k <= 300; ++k)
-      CHECK(include(robot, 1e-3, quintic<K>(robot.home, to, 0.3, 1e-3 * k), needs));
-    CHECK(contradiction(robot, good, needs));
-    const auto refused = [&](auto change, int motor) {
-      SafetyLimits limits = good;
-      change(limits);
-      const Outcome outcome = contradiction(robot, limits, needs);
-      CHECK(outcome.status == Status::no_such_value && outcome.chain == motor);
-    };
-    refused([&](SafetyLimits& l) { l.speed[0] = 0.99 * needs.speed[0]; }, 0);
-    refused([&](SafetyLimits& l) { l.torque[0] = 0.99 * needs.torque[0]; }, 0);
-    refused(
-        [&](SafetyLimits& l) {
-          l.box_low = l.box_high = robot.home;
-          l.box_low[0] -= 0.1;
-          l.box_high[0] += 0.019;
-        },
-        -1);
-    refused([&](SafetyLimits& l) { l.period = -1; }, -1);
-    CHECK(needs.speed[0] > 0 && needs.slew[0] > 0 && needs.torque[0] > 0);
-    CHECK(!include(robot, 1e-3, {{NAN}, {}, {}}, needs));
-  });
 }

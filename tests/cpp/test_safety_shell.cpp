@@ -20,23 +20,22 @@ TEST("healthy robots with counts never trip, under every law, in moves of 0.2 s"
   });
 }
 
-TEST("robots at rest with readings that never change do not trip, nor do slow ones") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    for (const FeedForward forward : {FeedForward::full, FeedForward::gravity}) {
-      Bench<mobility()> bench(mechanism, Law::joint, forward);
-      bench.begin();
-      bench.run_for(500);
-      CHECK(bench.healthy());
-      Coordinates near = mechanism.robot.home;
-      near[0] += 0.001;
-      bench.move(near, 0.5);
-      bench.run_for(600);
-      bench.move(mechanism.robot.home, 0.02);
-      bench.run_for(100);
-      CHECK(bench.healthy());
-      if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
-    }
-  });
+TEST_EACH(for_each,
+          "robots at rest with readings that never change do not trip, nor do slow ones") {
+  for (const FeedForward forward : {FeedForward::full, FeedForward::gravity}) {
+    Bench<K> bench(mechanism, Law::joint, forward);
+    bench.begin();
+    bench.run_for(500);
+    CHECK(bench.healthy());
+    Coordinates near = mechanism.robot.home;
+    near[0] += 0.001;
+    bench.move(near, 0.5);
+    bench.run_for(600);
+    bench.move(mechanism.robot.home, 0.02);
+    bench.run_for(100);
+    CHECK(bench.healthy());
+    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+  }
 }
 
 TEST("no false alarm: healthy robots with friction, ripple and wrong lengths, fast and slow") {
@@ -67,219 +66,161 @@ TEST("no false alarm: healthy robots with friction, ripple and wrong lengths, fa
   CHECK(cycles > 10000 * moves);
 }
 
-TEST("a frozen frame of all readings is named within 3 cycles; the robot stops as printed") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    for (const bool counted : {false, true})
-      for (const Law law : {Law::joint, Law::estimated})
-        for (const double speed : {0.02, 0.1, 0.3, 0.6})
-          for (const double share : {0.3, 0.5}) {
-            Bench<K> bench(mechanism, law);
-            bench.begin();
-            Coordinates target = mechanism.robot.home;
-            target[0] += 0.04;
-            bench.move(target, 0.04 * 1.875 / speed);  // the largest speed of a quintic
-            const auto unmarked = [&](Extended&, SafetyCycle& cycle, Setpoint&) {
-              if (!counted) cycle.counter = {};
-            };
-            if (!counted) bench.shell.counter = {};
-            bench.run_for(static_cast<int>(share * bench.duration * 1000), unmarked);
-            const double u = bench.clock.time / bench.duration,
-                         along = 16 * u * u * (1 - u) * (1 - u);
-            Extended frozen{};
-            const Joint wanted = bench.shell.wanted;
-            const Pose since = bench.plant.pose();
-            bool first = true;
-            const auto freeze = [&](Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint) {
-              unmarked(q_e, cycle, setpoint);
-              if (first) frozen = q_e;
-              if (!first && counted) cycle.counter.value = bench.frame = bench.frame - 1;
-              first = false;
-              q_e = frozen;
-            };
-            bench.cycle(freeze);  // the last fresh one
-            CHECK(bench.healthy());
-            double counts = 0;  // of the fastest motor, per cycle
-            for (int i = 0; i < kDof<K>; ++i)
-              counts = std::max(counts, std::fabs(bench.shell.wanted[i] - wanted[i]) /
-                                            bench.robot.chain[i].encoder_step);
-            const int named = bench.cycles(300, [&] { return bench.shell.causes != 0; }, freeze);
-            // Slower motors may stand within a count for longer.
-            const int most_cycles = counted || counts >= 1 ? 3 : 60;
-            CHECK(named > 0 && named <= most_cycles);
-            CHECK(bench.shell.cause == StopCause::stale_frame);
-            CHECK(bench.shell.machine.stop == StopKind::brake);
-            bench.run_for(200, freeze);
-            double most = 0;
-            const double now = along * speed;
-            CHECK(stopping_distance(bench.robot, bench.limits, counted, now, most));
-            const double way = bench.travelled(since);
-            CHECK(way <= 1.2 * most);
-            if (counted && speed <= 0.3) CHECK(way <= 0.010);
-            CHECK(bench.shell.machine.state == SafetyState::fault);
-          }
-  });
+TEST_EACH(for_each,
+          "a frozen frame of all readings is named within 3 cycles; the robot stops as printed") {
+  for (const bool counted : {false, true})
+    for (const Law law : {Law::joint, Law::estimated})
+      for (const double speed : {0.02, 0.1, 0.3, 0.6})
+        for (const double share : {0.3, 0.5}) {
+          Bench<K> bench(mechanism, law);
+          bench.begin();
+          Coordinates target = mechanism.robot.home;
+          target[0] += 0.04;
+          bench.move(target, 0.04 * 1.875 / speed);  // the largest speed of a quintic
+          const auto unmarked = [&](Extended&, SafetyCycle& cycle, Setpoint&) {
+            if (!counted) cycle.counter = {};
+          };
+          if (!counted) bench.shell.counter = {};
+          bench.run_for(static_cast<int>(share * bench.duration * 1000), unmarked);
+          const double u = bench.clock.time / bench.duration,
+                       along = 16 * u * u * (1 - u) * (1 - u);
+          Extended frozen{};
+          const Joint wanted = bench.shell.wanted;
+          const Pose since = bench.plant.pose();
+          bool first = true;
+          const auto freeze = [&](Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint) {
+            unmarked(q_e, cycle, setpoint);
+            if (first) frozen = q_e;
+            if (!first && counted) cycle.counter.value = bench.frame = bench.frame - 1;
+            first = false;
+            q_e = frozen;
+          };
+          bench.cycle(freeze);  // the last fresh one
+          CHECK(bench.healthy());
+          double counts = 0;  // of the fastest motor, per cycle
+          for (int i = 0; i < n; ++i)
+            counts = std::max(counts, std::fabs(bench.shell.wanted[i] - wanted[i]) /
+                                          bench.robot.chain[i].encoder_step);
+          const int named = bench.cycles(300, [&] { return bench.shell.causes != 0; }, freeze);
+          // Slower motors may stand within a count for longer.
+          const int most_cycles = counted || counts >= 1 ? 3 : 60;
+          CHECK(named > 0 && named <= most_cycles);
+          CHECK(bench.shell.cause == StopCause::stale_frame);
+          CHECK(bench.shell.machine.stop == StopKind::brake);
+          bench.run_for(200, freeze);
+          double most = 0;
+          const double now = along * speed;
+          CHECK(stopping_distance(bench.robot, bench.limits, counted, now, most));
+          const double way = bench.travelled(since);
+          CHECK(way <= 1.2 * most);
+          if (counted && speed <= 0.3) CHECK(way <= 0.010);
+          CHECK(bench.shell.machine.state == SafetyState::fault);
+        }
 }
 
-TEST("one motor whose encoder freezes in motion is named before its loop has driven it far") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    for (int motor = 0; motor < kDof<K>; ++motor) {
-      Bench<K> bench(mechanism);
-      bench.begin();
-      Coordinates target = mechanism.robot.home;
-      target[0] += 0.04;
-      bench.move(target, 0.3);
-      bench.run_for(150);
-      Real frozen = NAN;
-      const auto freeze = [&](Extended& q_e, SafetyCycle&, Setpoint&) {
-        if (std::isnan(frozen)) frozen = q_e[motor];
-        q_e[motor] = frozen;
-      };
-      const int named = bench.cycles(100, [&] { return bench.shell.causes != 0; }, freeze);
-      CHECK(named > 0 && named <= 100);  // slow motors take the longest
-      CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
-      const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
-      CHECK(bench.travelled(to_pose<K>(setpoint.x)) < 0.040);
-    }
-  });
-}
-
-TEST("a requested stop follows the path without a corner, then the brakes hold the robot") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
+TEST_EACH(for_each,
+          "one motor whose encoder freezes in motion is named before its loop has driven it far") {
+  for (int motor = 0; motor < n; ++motor) {
     Bench<K> bench(mechanism);
     bench.begin();
     Coordinates target = mechanism.robot.home;
     target[0] += 0.04;
     bench.move(target, 0.3);
-    bench.run_for(120);
-    bench.request.stop = true;
-    double off = 0;
-    CHECK(bench.cycles(200, [&] {
-      const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
-      off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates<K>(bench.plant.pose())[0]));
-      return bench.shell.machine.stop == StopKind::brake;
-    }) >= 150);
-    CHECK(off < 1e-3 && bench.clock.rate == 0);
-    const Pose rests = bench.plant.pose();
-    CHECK(bench.cycles(1000, [&] { return bench.shell.machine.state == SafetyState::stopped; }) >
-          0);
-    bench.run_for(100);
-    CHECK(bench.travelled(rests) < 1e-3);
-    CHECK(bench.shell.cause == StopCause::requested);
-    for (int i = 0; i < kDof<K>; ++i) CHECK(bench.shell.torque[i] == 0);
-  });
-}
-
-TEST("a stop of a robot whose setpoint stands still ends within a brake's time") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Bench<mobility()> bench(mechanism);
-    bench.begin();
-    bench.request.stop = true;
-    const int closed = bench.cycles(30, [&] { return bench.shell.brakes != 0; });
-    CHECK(closed > 20 && closed < 25);
-  });
-}
-
-TEST("lost, late and jittering frames of a healthy robot are no violation until one is too old") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Bench<K> bench(mechanism);
-    bench.begin();
-    check::Random random(8);
-    Extended last{};
-    std::uint64_t mark = 1000;
-    const auto late = [&](Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint) {
-      static_cast<void>(setpoint);
-      const std::uint64_t phase = bench.frame % 20;
-      if (phase == 1 || (phase == 2 && bench.frame % 40 == 2)) {  // the frame of phase 0, again
-        q_e = last;
-        cycle.counter.value = bench.frame - phase;
-      }
-      const double stamp = 1e6 * (static_cast<double>(cycle.counter.value) + 0.2 * random());
-      cycle.time = {true, phase == 1 || (phase == 2 && bench.frame % 40 == 2)
-                              ? mark
-                              : static_cast<std::uint64_t>(1e6 + stamp)};
-      mark = cycle.time.value;
-      last = q_e;
-    };
-    bench.move(random_pose(mechanism, random, 0.5), 0.4);
-    bench.run_for(600, late);
-    CHECK(bench.healthy());
-    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
-    CHECK(bench.shell.counter.jitter >= 1);
-  });
-}
-
-TEST("a motor whose encoder is lost stops the robot by all brakes at once") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    if (mechanism.robot.r == 0) return;
-    Bench<K> bench(mechanism, Law::tej);
-    FaultTolerantSettings settings;
-    settings.monitor.replaceable = 1e-12;  // nothing can stand for a motor
-    settings.monitor.fastest.fill(1e4);
-    prepare(settings.monitor);
-    FaultTolerantState monitor;
-    bench.monitored = {&settings, &monitor, nullptr};
-    bench.begin();
-    Coordinates target = mechanism.robot.home;
-    target[0] += 0.02;
-    bench.move(target, 0.3);
     bench.run_for(150);
-    CHECK(bench.healthy());
-    if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
-    const auto lose = [](Extended& q_e, SafetyCycle&, Setpoint&) { q_e[0] = NAN; };
-    const auto stopped = [&] { return bench.shell.causes != 0; };
-    CHECK(bench.cycles(10, stopped, lose) > 0);
-    CHECK(bench.shell.cause == StopCause::suspected_motor);
-    CHECK(bench.shell.machine.stop == StopKind::brake);
-    CHECK(bench.shell.brakes == bit(kDof<K>) - 1);
-    const Pose since = bench.plant.pose();
-    bench.run_for(300, lose);
-    CHECK(bench.travelled(since) < 0.006);
-    CHECK(bench.shell.machine.state == SafetyState::fault);
-    // Repaired, it needs both acknowledgements.
-    acknowledge(monitor, 0);
-    bench.run_for(60);
-    CHECK(bench.shell.machine.state == SafetyState::fault);
-  });
+    Real frozen = NAN;
+    const auto freeze = [&](Extended& q_e, SafetyCycle&, Setpoint&) {
+      if (std::isnan(frozen)) frozen = q_e[motor];
+      q_e[motor] = frozen;
+    };
+    const int named = bench.cycles(100, [&] { return bench.shell.causes != 0; }, freeze);
+    CHECK(named > 0 && named <= 100);  // slow motors take the longest
+    CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
+    const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
+    CHECK(bench.travelled(to_pose<K>(setpoint.x)) < 0.040);
+  }
 }
 
-TEST("acknowledged and started after a law without an answer, a monitored robot moves again") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    if (mechanism.robot.r == 0) return;
-    Bench<K> bench(mechanism);
-    FaultTolerantSettings settings;
-    prepare(settings.monitor);
-    FaultTolerantState monitor;
-    bench.monitored = {&settings, &monitor, nullptr};
-    bench.begin();
-    const auto none = [](Extended&, SafetyCycle&, Setpoint& setpoint) { setpoint.x[0] = NAN; };
-    CHECK(bench.cycles(12, [&] { return bench.shell.causes != 0; }, none) > 0);
-    CHECK(bench.shell.cause == StopCause::no_answer);
-    bench.run_for(300);
-    bench.begin();
-    Coordinates target = mechanism.robot.home;
-    target[0] += 0.02;
-    bench.move(target, 0.3);
-    bench.run_for(400);
-    CHECK(bench.healthy() && monitor.brakes == 0);
-    CHECK(std::fabs(to_coordinates<K>(bench.plant.pose())[0] - target[0]) < 1e-3);
-  });
+TEST_EACH(for_each,
+          "a requested stop follows the path without a corner, then the brakes hold the robot") {
+  Bench<K> bench(mechanism);
+  bench.begin();
+  Coordinates target = mechanism.robot.home;
+  target[0] += 0.04;
+  bench.move(target, 0.3);
+  bench.run_for(120);
+  bench.request.stop = true;
+  double off = 0;
+  CHECK(bench.cycles(200, [&] {
+    const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
+    off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates<K>(bench.plant.pose())[0]));
+    return bench.shell.machine.stop == StopKind::brake;
+  }) >= 150);
+  CHECK(off < 1e-3 && bench.clock.rate == 0);
+  const Pose rests = bench.plant.pose();
+  CHECK(bench.cycles(1000, [&] { return bench.shell.machine.state == SafetyState::stopped; }) > 0);
+  bench.run_for(100);
+  CHECK(bench.travelled(rests) < 1e-3);
+  CHECK(bench.shell.cause == StopCause::requested);
+  for (int i = 0; i < n; ++i) CHECK(bench.shell.torque[i] == 0);
 }
 
-TEST("a stop request while a motor is suspected is a stop by brake") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Bench<mobility()> bench(mechanism);
-    bench.begin();
-    bench.request.stop = true;
-    bench.cycle([](Extended&, SafetyCycle& cycle, Setpoint&) { cycle.suspected = 2; });
-    CHECK(bench.shell.machine.stop == StopKind::brake);
-    CHECK(bench.shell.cause == StopCause::requested);
-  });
+TEST_EACH(for_each, "a stop of a robot whose setpoint stands still ends within a brake's time") {
+  Bench<K> bench(mechanism);
+  bench.begin();
+  bench.request.stop = true;
+  const int closed = bench.cycles(30, [&] { return bench.shell.brakes != 0; });
+  CHECK(closed > 20 && closed < 25);
+}
+
+TEST_EACH(
+    for_each,
+    "lost, late and jittering frames of a healthy robot are no violation until one is too old") {
+  Bench<K> bench(mechanism);
+  bench.begin();
+  check::Random random(8);
+  Extended last{};
+  std::uint64_t mark = 1000;
+  const auto late = [&](Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint) {
+    static_cast<void>(setpoint);
+    const std::uint64_t phase = bench.frame % 20;
+    if (phase == 1 || (phase == 2 && bench.frame % 40 == 2)) {  // the frame of phase 0, again
+      q_e = last;
+      cycle.counter.value = bench.frame - phase;
+    }
+    const double stamp = 1e6 * (static_cast<double>(cycle.counter.value) + 0.2 * random());
+    cycle.time = {true, phase == 1 || (phase == 2 && bench.frame % 40 == 2)
+                            ? mark
+                            : static_cast<std::uint64_t>(1e6 + stamp)};
+    mark = cycle.time.value;
+    last = q_e;
+  };
+  bench.move(random_pose(mechanism, random, 0.5), 0.4);
+  bench.run_for(600, late);
+  CHECK(bench.healthy());
+  if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
+  CHECK(bench.shell.counter.jitter >= 1);
+}
+
+TEST_EACH(for_each,
+          "acknowledged and started after a law without an answer, a monitored robot moves again") {
+  if (mechanism.robot.r == 0) return;
+  Bench<K> bench(mechanism);
+  FaultTolerantSettings settings;
+  prepare(settings.monitor);
+  FaultTolerantState monitor;
+  bench.monitored = {&settings, &monitor, nullptr};
+  bench.begin();
+  const auto none = [](Extended&, SafetyCycle&, Setpoint& setpoint) { setpoint.x[0] = NAN; };
+  CHECK(bench.cycles(12, [&] { return bench.shell.causes != 0; }, none) > 0);
+  CHECK(bench.shell.cause == StopCause::no_answer);
+  bench.run_for(300);
+  bench.begin();
+  Coordinates target = mechanism.robot.home;
+  target[0] += 0.02;
+  bench.move(target, 0.3);
+  bench.run_for(400);
+  CHECK(bench.healthy() && monitor.brakes == 0);
+  CHECK(std::fabs(to_coordinates<K>(bench.plant.pose())[0] - target[0]) < 1e-3);
 }
 
 TEST("of motors that may be faulty only one that stands still off its setpoint is suspected") {

@@ -111,34 +111,6 @@ TEST("stopped and fault are latched until acknowledged, and healthy in that cycl
   });
 }
 
-TEST("every path from fault to running has an acknowledgement and two healthy checks") {
-  // The product with what has been seen since the fault: nothing, an acknowledgement, a start.
-  struct Seen {
-    SafetyMachine machine;
-    bool acknowledged;
-  };
-  std::vector<Seen> reached{{{SafetyState::fault, StopKind::none, true}, false}};
-  bool runs = false;
-  for (std::size_t k = 0; k < reached.size(); ++k)
-    for (int of = 0; of < kFindings; ++of) {
-      const SafetyFindings found = findings(of);
-      const SafetyMachine after = next(reached[k].machine, found);
-      const bool acknowledged = after.state != SafetyState::fault &&
-                                (reached[k].acknowledged || (found.acknowledge && healthy(found)));
-      if (after.state == SafetyState::running) {
-        CHECK(acknowledged);
-        CHECK(reached[k].machine.state == SafetyState::running || healthy(found));
-        runs = true;
-      }
-      const auto same = [&](const Seen& seen) {
-        return seen.machine == after && seen.acknowledged == acknowledged;
-      };
-      if (std::none_of(reached.begin(), reached.end(), same))
-        reached.push_back({after, acknowledged});
-    }
-  CHECK(runs);  // a fault can be left
-}
-
 TEST("a violation with closed brakes is a fault") {
   for_each_transition([](const auto& before, const auto& found, const auto& after) {
     const bool rests = before.state == SafetyState::ready || before.state == SafetyState::stopped;

@@ -285,25 +285,3 @@ TEST("a kind's reading depends on the vectors of its mounting, on each of them, 
       CHECK(moves[vector] == (((row.mounting | vertical) & 1u << vector) != 0));
   }
 }
-
-TEST("an elbow's in-plane angle counts from the arm, positive as the motor's") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Chain& chain = mechanism.robot.chain[0];
-    if (chain.actuator != Actuator::revolute) return;
-    Closure<K> closure;
-    CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
-    Sensor elbow;
-    elbow.kind = SensorKind::rod_in_plane;
-    elbow.chain = 0;
-    const double angle = sense<K>(mechanism.robot, elbow, closure).value;
-    // Turning the arm about u by that angle lays it along the rod's projection on its plane.
-    const ChainState& state = closure.chain[0];
-    const Vec3 rod = -state.v, flat = rod - rod.dot(chain.axis()) * chain.axis();
-    const Vec3 turned = exp_so3(angle * chain.axis()) * (state.p / chain.arm);
-    CHECK_NEAR((turned - flat.normalized()).norm(), 0, 1e-12);
-    elbow.kind = SensorKind::rod_lateral;
-    CHECK_NEAR(std::sin(sense<K>(mechanism.robot, elbow, closure).value),
-               rod.dot(chain.axis()) / rod.norm(), 1e-12);
-  });
-}

@@ -6,83 +6,25 @@
 
 using namespace mechanisms;
 
-TEST("an ideal robot at rest stays at rest, under every law") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    for (const Law law : kLaws) {
-      const ControlSettings settings = settings_for(robot, law);
-      const Run run{robot.home, robot.home, 0.05, 0.05, 2};
-      double strayed = 0;
-      const Pose home = to_pose<K>(robot.home);
-      Prior prior(robot);
-      CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, Extras{prior.weighing()})
-                .move(run, [&](const Sample& sample) {
-                  strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
-                }));
-      CHECK_NEAR(strayed, 0, 1e-12);
-    }
-  });
-}
-
-TEST("an ideal robot follows a move with full feed-forward, and ends on the spot") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(61);
-    const Joint to = random_pose(mechanism, random);
-    for (const Law law : kLaws) {
-      const Run run{robot.home, to, 0.3, 0.2, 2};
-      double strayed = 0;
-      Sample last{};
-      Prior prior(robot);
-      CHECK(Loop<K>(robot, robot, settings_for(robot, law), robot.home, run.seed,
-                    Extras{prior.weighing()})
-                .move(run, [&](const Sample& sample) {
-                  strayed =
-                      std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
-                  last = sample;
-                }));
-      CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
-      CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
-    }
-  });
-}
-
-TEST(
-    "in the safety shell a healthy run is the same, and after a frozen frame the path stands "
-    "still") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot robot = limited_robot<K>(mechanism);
-    const ControlSettings settings = settings_for(robot, Law::joint);
-    Safety safety;
-    CHECK(default_limits(robot, settings, safety.limits));
-    Coordinates to = robot.home;
-    to[0] += 0.03;
-    const Run run{robot.home, to, 0.2, 0.1, 2};
-    std::vector<Fault> frame(static_cast<std::size_t>(kDof<K> + robot.r));
-    for (std::size_t c = 0; c < frame.size(); ++c) {
-      frame[c] = {FaultKind::stuck, static_cast<int>(c)};
-      frame[c].begin = 0.1;
-      frame[c].frame = true;
-    }
-    FaultyReadings freezes(frame, settings.period);
-    std::array<std::vector<Sample>, 3> logs;  // without a shell, in it, and with a frozen frame
-    for (const std::size_t k : {0, 1, 2}) {
-      Extras extras;
-      if (k > 0) extras.safety = &safety;
-      if (k > 1) extras.faults = &freezes;
-      CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, extras)
-                .move(run, [&](const Sample& sample) { logs[k].push_back(sample); }));
-      CHECK(logs[k].size() == logs[0].size());
-    }
-    for (std::size_t i = 0; i < logs[0].size(); ++i)
-      CHECK(logs[0][i].x == logs[1][i].x && logs[0][i].torque == logs[1][i].torque);
-    const Sample &before = logs[2][104], &last = logs[2].back();
-    CHECK(last.cause == StopCause::stale_frame && last.x_d == before.x_d);
-    CHECK(last.safety == static_cast<int>(SafetyState::fault) && last.brakes == bit(kDof<K>) - 1);
-  });
+TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and ends on the spot") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(61);
+  const Joint to = random_pose(mechanism, random);
+  for (const Law law : kLaws) {
+    const Run run{robot.home, to, 0.3, 0.2, 2};
+    double strayed = 0;
+    Sample last{};
+    Prior prior(robot);
+    CHECK(Loop<K>(robot, robot, settings_for(robot, law), robot.home, run.seed,
+                  Extras{prior.weighing()})
+              .move(run, [&](const Sample& sample) {
+                strayed =
+                    std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
+                last = sample;
+              }));
+    CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
+    CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
+  }
 }
 
 TEST("a run begins however long the brakes of its safety shell take to open") {
@@ -137,23 +79,5 @@ TEST("the velocity filter's lag is no tracking error: a circle stays one, under 
     settings.velocity_bandwidth = 300;
     CHECK(place_poles(robot, robot.home, 40, 1, settings));
     CHECK(contouring(settings) < 5e-5);
-  }
-}
-
-TEST("a leg that stretches reads longer by the force on it over its stiffness") {
-  constexpr Mobility K = Mobility::spatial;
-  constexpr double kStiffness = 2e6;
-  const Robot robot = hexapod("6-UPS", Actuator::telescopic).robot;
-  Effects effects;
-  effects.rod_stiffness = kStiffness;
-  const Pose home = to_pose<K>(robot.home);
-  Plant<K> rigid(robot, {}, home, 1), elastic(robot, effects, home, 1);
-  Extended q{}, stretched{};
-  Joint force{};
-  CHECK(rigid.rest() && elastic.rest() && hold<K>(robot, home, force));
-  CHECK(rigid.measure(q) && elastic.measure(stretched));
-  for (int i = 0; i < robot.motors; ++i) {
-    CHECK(std::fabs(force[i]) > 1);
-    CHECK_NEAR(stretched[i] - q[i], force[i] / kStiffness, 1e-6 * std::fabs(force[i]) / kStiffness);
   }
 }

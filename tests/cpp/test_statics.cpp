@@ -23,60 +23,55 @@ Robot built(const Robot& nominal, check::Random& random) {
 
 }  // namespace
 
-TEST("settle() foretells where the simulation comes to rest, with and without gravity") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(63);
-    for (const bool gravity : {false, true}) {
-      Robot nominal = mechanism.robot;
-      if (!gravity) nominal.gravity = Vec3::Zero();
-      const Robot truth = built<K>(nominal, random);
-      const Joint to = random_pose(mechanism, random, 0.5);
-      for (const Law law : kLaws) {
-        const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
-        const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
-        Joint start{}, end{};
-        Prior prior(nominal);
-        CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
-        CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
-        Sample last{};
-        CHECK(Loop<K>(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
-                  .move(Run{nominal.home, to, 0.2, 0.6, 2},
-                        [&](const Sample& sample) { last = sample; }));
-        CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
-        CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
-      }
+TEST_EACH(for_each,
+          "settle() foretells where the simulation comes to rest, with and without gravity") {
+  check::Random random(63);
+  for (const bool gravity : {false, true}) {
+    Robot nominal = mechanism.robot;
+    if (!gravity) nominal.gravity = Vec3::Zero();
+    const Robot truth = built<K>(nominal, random);
+    const Joint to = random_pose(mechanism, random, 0.5);
+    for (const Law law : kLaws) {
+      const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
+      const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
+      Joint start{}, end{};
+      Prior prior(nominal);
+      CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
+      CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
+      Sample last{};
+      CHECK(Loop<K>(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
+                .move(Run{nominal.home, to, 0.2, 0.6, 2},
+                      [&](const Sample& sample) { last = sample; }));
+      CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
+      CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
     }
-  });
+  }
 }
 
-TEST("an error of one reading leaks into the pose at rest as leakage() says, under every law") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    check::Random random(64);
-    const Joint x = random_pose(mechanism, random);
-    Prior prior(robot);
-    for (const Law law : kLaws) {
-      ExtendedRows leak;
-      CHECK(leakage<K>(robot, law, x, leak, prior.weighing()));
-      for (int c = 0; c < n + robot.r; ++c) {
-        Pose rest[2];
-        for (const double side : {-1.0, 1.0}) {
-          Robot read = robot;  // reading = position - offset
-          (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
-          Joint end{};
-          CHECK(
-              settle<K>(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
-          rest[side > 0] = to_pose<K>(end);
-        }
-        const Joint change = difference<K>(rest[1], rest[0]);
-        for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
+TEST_EACH(
+    for_each,
+    "an error of one reading leaks into the pose at rest as leakage() says, under every law") {
+  Robot robot = mechanism.robot;
+  robot.r = 2;
+  check::Random random(64);
+  const Joint x = random_pose(mechanism, random);
+  Prior prior(robot);
+  for (const Law law : kLaws) {
+    ExtendedRows leak;
+    CHECK(leakage<K>(robot, law, x, leak, prior.weighing()));
+    for (int c = 0; c < n + robot.r; ++c) {
+      Pose rest[2];
+      for (const double side : {-1.0, 1.0}) {
+        Robot read = robot;  // reading = position - offset
+        (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
+        Joint end{};
+        CHECK(settle<K>(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
+        rest[side > 0] = to_pose<K>(end);
       }
+      const Joint change = difference<K>(rest[1], rest[0]);
+      for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
     }
-  });
+  }
 }
 
 TEST("a robot rests under its weight also where gravity holds it more stiffly than a soft PD") {

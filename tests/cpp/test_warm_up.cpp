@@ -83,9 +83,7 @@ TEST("slow growth is a warm-up; the same growth at once, or more of it, is a fau
   CHECK(grown > 0);
 }
 
-TEST("a robot that is switched on warm is warm, and healthy") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    Growing<mobility()> robot(mechanism);
-    CHECK(robot.grows(0.9, 0.9, kSlow));
-  });
+TEST_EACH(for_each, "a robot that is switched on warm is warm, and healthy") {
+  Growing<K> robot(mechanism);
+  CHECK(robot.grows(0.9, 0.9, kSlow));
 }
