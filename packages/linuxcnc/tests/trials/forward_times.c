@@ -1,8 +1,8 @@
 /* Times of LinuxCNC's kinematics of a hexapod: its own module's, and ours. The same poses on
  * straight paths, each asked from the one before; and the inverse. The fastest of some repeats.
  *
- *   cc -O2 -rdynamic packages/linuxcnc/tests/trials/forward_times.c packages/linuxcnc/tests/stub_hal.c
- * -ldl -lm \ -o forward
+ *   cc -O2 -rdynamic packages/linuxcnc/tests/trials/forward_times.c
+ * packages/linuxcnc/tests/stub_hal.c -ldl -lm \ -o forward
  *   ./forward 40 packages/linuxcnc/hal/truepose_kins.so      # tilts up to 40 degrees */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
