@@ -260,7 +260,7 @@ auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows&
   Owned<double> read({count, width});
   for (std::size_t i = 0; i < count; ++i) {
     Extended q_e = row<Extended>(healthy, i);
-    faults.read(time[i], q_e);
+    faults.make_faulty(time[i], q_e);
     std::copy_n(q_e.begin(), width, read[i]);
   }
   return read.release();

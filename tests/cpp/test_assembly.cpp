@@ -47,7 +47,7 @@ TEST_EACH(for_each, "every start is one from which the rods can reach") {
     CHECK(starts[k].D == again[k].D && starts[k].R == again[k].R);
     low = low.cwiseMin(starts[k].D), high = high.cwiseMax(starts[k].D);
     for (int i = 0; i < n; ++i) {
-      const Driven at = drive(robot.chain[i], q[i]);
+      const Driven at = driven_point(robot.chain[i], q[i]);
       const Vec3 apart = starts[k].D - (robot.chain[i].base() + at.p - robot.chain[i].anchor());
       const int axes = dof(robot.mobility) == 2 || robot.mobility == Mobility::planar ? 2 : 3;
       CHECK(apart.head(axes).cwiseAbs().maxCoeff() <=

@@ -204,7 +204,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       Coordinates step;
       Matrix<kMaxReadings, n> H_x;
       CHECK(linearise<K>(scene.robot, kept, expected, H_x, nullptr));
-      CHECK(at.place(scene.robot, H_x) && at.weigh(scene.robot, scene.known(), scene.kept));
+      CHECK(at.set_jacobians(scene.robot, H_x) && at.weigh(scene.robot, scene.known(), scene.kept));
       innovation(scene.robot, q_e, expected, residual);
       const double chi2 = at.step(scene.robot, residual, step);
       const Coordinates moved = difference<K>(kept, fresh);

@@ -123,7 +123,7 @@ TEST_EACH(for_each, "conditioning and pole placement do not depend on how an enc
   for (int i = 0; i < dof(robot.mobility); ++i) {
     CHECK_NEAR(serial[i], again[i], 1e-12);
     // The same torque for the same error of the motor: kp per reading, slope readings per angle.
-    const double slope = drive(robot.chain[i], q[i]).rate;
+    const double slope = driven_point(robot.chain[i], q[i]).rate;
     CHECK_NEAR(other.kp[i] / slope, one.kp[i], 1e-9 * one.kp[i]);
   }
 }

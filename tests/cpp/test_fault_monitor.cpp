@@ -111,7 +111,7 @@ TEST_EACH(for_each,
     Extended q_e{};
     Parity<K> parity;
     if (!extended<K>(robot, at, q_e) ||
-        !parity.place(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
+        !parity.locate(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
       continue;
     for (int k = 0; k < robot.r; ++k)
       CHECK(std::fabs(parity.value[k]) < 1e-6);  // of 1 mm the square
@@ -120,7 +120,7 @@ TEST_EACH(for_each,
       Extended wrong = q_e;
       wrong[c] += step;
       Parity<K> moved;
-      if (!moved.place(robot, at, wrong, Extended{})) continue;
+      if (!moved.locate(robot, at, wrong, Extended{})) continue;
       const Reading g = parity.signature(robot.r, c);
       for (int k = 0; k < robot.r; ++k)
         CHECK(std::fabs(moved.value[k] / step - g[k]) < 1e-3 * (1 + std::fabs(g[k])));

@@ -13,7 +13,7 @@ std::vector<double> read_of(const std::vector<Fault>& faults, double period = 0.
   for (int k = 0; k < 12; ++k) {
     Extended q_e{};
     q_e[2] = k + 0.5, q_e[3] = -k;
-    readings.read(k * period, q_e);
+    readings.make_faulty(k * period, q_e);
     read.push_back(q_e[2]);
   }
   return read;
@@ -37,7 +37,7 @@ TEST("noise has its sigma, and each value of a held reading lasts as long as sta
   constexpr int kCount = 20000;
   for (int k = 0; k < kCount; ++k) {
     Extended q_e{};
-    noisy.read(1e-3 * k, q_e);
+    noisy.make_faulty(1e-3 * k, q_e);
     sum += q_e[2], squares += q_e[2] * q_e[2];
   }
   CHECK(std::fabs(sum / kCount) < 0.1);
@@ -53,7 +53,7 @@ TEST("a loose contact reads 0 for one to three cycles, which begin in 5 % of the
   for (int k = 0; k < 20000; ++k) {
     Extended q_e{};
     q_e[2] = 0.5;
-    loose.read(1e-3 * k, q_e);
+    loose.make_faulty(1e-3 * k, q_e);
     CHECK(q_e[2] == 0 || q_e[2] == 0.5);
     open = q_e[2] == 0 ? open + 1 : 0;
     healthy += open == 0;

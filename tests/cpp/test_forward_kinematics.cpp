@@ -118,7 +118,7 @@ TEST_EACH(for_each, "the residual the FKM reports is the largest gap that is lef
     const FkmResult result = fkm<K>(robot, closure.q(), pose);
     double gap = 0;
     for (int i = 0; i < n; ++i) {
-      const Driven driven = drive(robot.chain[i], closure.chain[i].q);
+      const Driven driven = driven_point(robot.chain[i], closure.chain[i].q);
       const Vec3 A = pose.D + pose.R * robot.chain[i].pivot() + robot.chain[i].anchor();
       gap = std::max(gap, std::fabs((robot.chain[i].base() + driven.p - A).norm() - driven.rod));
     }

@@ -15,7 +15,7 @@ double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
     const Mat3 R = chain.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(pose.psi[chain.bar]));
     for (const double side : {1.0, -1.0}) {
       const double half = 0.5 * side * chain.rod_spacing;
-      const Vec3 B = chain.base() + drive(chain, q[i]).p + half * pair_direction(chain);
+      const Vec3 B = chain.base() + driven_point(chain, q[i]).p + half * pair_direction(chain);
       const Vec3 A =
           pose.D + pose.R * chain.pivot() + R * (chain.anchor() + half * chain.pair_drawn());
       const double length = chain.rod + 0.5 * side * chain.rod_difference;
@@ -78,8 +78,8 @@ template <Mobility K>
 double energy(const Robot& robot, const FullPose& pose, const Joint& q) {
   FullClosure<K> at;
   at.pose = pose;
-  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = drive(robot.chain[i], q[i]);
-  place<K>(robot, at);
+  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = driven_point(robot.chain[i], q[i]);
+  complete_closure<K>(robot, at);
   double sum = 0;
   for (int rod = 0; rod < kRods<K>; ++rod)
     sum += 0.5 * std::pow(at.f[rod] / at.driven[rod / 2].rod, 2);

@@ -40,7 +40,7 @@ TEST("a rod is too short for the nearest point that its motor reaches, too long 
         const Vec3 d = 0.4 * Vec3(random(), random(), random()) * (1 + sample % 4);
         double nearest = INFINITY, farthest = 0;
         for (int k = -10000; k <= 10000; ++k) {  // a turn, or 4 m of a rail
-          const double distance = (d - drive(chain, 2e-4 * std::numbers::pi * k).p).norm();
+          const double distance = (d - driven_point(chain, 2e-4 * std::numbers::pi * k).p).norm();
           nearest = std::min(nearest, distance);
           farthest = std::max(farthest, distance);
         }

@@ -35,13 +35,14 @@ TEST_EACH(for_each,
     for (int i = 0; i < n; ++i) {
       const Chain& chain = mechanism.robot.chain[i];
       const auto closed = [&](const Pose& at, double q) {
-        const Driven driven = drive(chain, q);
+        const Driven driven = driven_point(chain, q);
         const Vec3 v = chain.base() + driven.p - at.D - at.R * chain.pivot() - chain.anchor();
         return 0.5 * (v.squaredNorm() - driven.rod * driven.rod);
       };
       const double q = closure.chain[i].q;
       CHECK_NEAR(jacobians.jq[i], derivative([&](double h) { return closed(pose, q + h); }), 1e-10);
-      CHECK_NEAR(jacobians.jq[i], jq_entry(chain, closure.chain[i].v, drive(chain, q)), 1e-14);
+      CHECK_NEAR(jacobians.jq[i], jq_entry(chain, closure.chain[i].v, driven_point(chain, q)),
+                 1e-14);
       for (int j = 0; j < n; ++j)  // the closure falls along v when A moves towards B
         CHECK_NEAR(jacobians.jx[i][j],
                    -derivative([&](double h) { return closed(moved<K>(pose, unit(j, h)), q); }),
@@ -83,7 +84,7 @@ TEST("the paper's J_q(2,2) has the sign of u_2 = -u_y, not of u_y as printed") {
   const double paper = second.p.cross(second.v).dot(Vec3::UnitY());  // as printed
   CHECK_NEAR(second.jq, -paper, 1e-15);
   const double slope = derivative([&](double h) {
-    return 0.5 * (second.v + drive(robot.chain[1], second.q + h).p - second.p).squaredNorm();
+    return 0.5 * (second.v + driven_point(robot.chain[1], second.q + h).p - second.p).squaredNorm();
   });
   CHECK_NEAR(second.jq, slope, 1e-10);
 }

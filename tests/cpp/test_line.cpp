@@ -73,7 +73,7 @@ class Scene {
   Line read(const Outside& outside = {}) {
     Line line;
     RowMatrix work(2 * readings(), parameter_count(robot));
-    CHECK(truepose::read(kernels<K, IdealModel>(), robot, known, pose, q_e.data(), outside, nullptr,
+    CHECK(linearise_line(kernels<K, IdealModel>(), robot, known, pose, q_e.data(), outside, nullptr,
                          work.data(), line, rest));
     return line;
   }
@@ -122,8 +122,8 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   Line line;
   RowMatrix work(2 * scene.readings(), parameter_count(scene.robot));
   const Outcome outcome =
-      read(kernels<Mobility::planar_translation, IdealModel>(), scene.robot, scene.known,
-           scene.pose, scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
+      linearise_line(kernels<Mobility::planar_translation, IdealModel>(), scene.robot, scene.known,
+                     scene.pose, scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
   CHECK(outcome.status == Status::singular);
 }
 

@@ -60,7 +60,7 @@ class Scene {
     for (int step = 0; step < kMomentumSteps; ++step)
       CHECK(observe_momentum<K>(robot, settings, observer));
     CHECK(control<K>(robot, control_settings, setpoint, q_e, state));
-    carry<K>(robot, settings, setpoint, observer, state.torque);
+    add_payload_torque<K>(robot, settings, setpoint, observer, state.torque);
     CHECK(plant.advance(state.torque, kPeriod, 2));
     time += kPeriod;
   }

@@ -50,7 +50,7 @@ TEST_EACH(for_each_pivot,
   check::Random random(74);
   for (int k = 0; k < 200; ++k) {
     std::array<Driven, n> driven;
-    for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], 2 * random());
+    for (int i = 0; i < n; ++i) driven[i] = driven_point(robot.chain[i], 2 * random());
     const Loops<K> loops(robot, driven);
     typename Loops<K>::At from, at;
     loops.start(to_pose<K>(random_pose(mechanism, random)), from);
@@ -59,7 +59,7 @@ TEST_EACH(for_each_pivot,
     loops.after(from, motion, at);
     for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
 
-    const Carried<K> carried = carry<K>(robot, at.pose);
+    const Carried<K> carried = carried_frames<K>(robot, at.pose);
     std::array<Lanes<n>, n> columns;
     loops.jx(at, columns);
     const Points<n> rods = loops.rods(at);

@@ -17,7 +17,7 @@ void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
   const Outcome outcome = ikm<K>(robot, pose, closure);
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
-    const Driven driven = drive(chain, q[i]);
+    const Driven driven = driven_point(chain, q[i]);
     const Vec3 lever = turned<K>(pose.R, chain.pivot());
     const Vec3 v = chain.base() + driven.p - pose.D - lever - chain.anchor();
     const double size = chain.base().norm() + driven.p.norm() + pose.D.norm() + lever.norm() +

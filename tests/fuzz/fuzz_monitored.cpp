@@ -52,7 +52,7 @@ void spoil(Bytes& bytes, int rows, Extended& q_e) {
 }
 
 template <Mobility K>
-void drive(Bytes& bytes, const Subject& subject) {
+void drive_with_faults(Bytes& bytes, const Subject& subject) {
   constexpr int n = kDof<K>;
   const Robot& robot = subject.robot;
   const int rows = n + robot.r;
@@ -136,6 +136,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Subject subject = decode_robot(bytes);
   if (bytes.one_in(2))
     for (int i = 0; i < dof(subject.robot.mobility); ++i) subject.robot.chain[i].torque_limit = 50;
-  with_mobility(subject.robot.mobility, [&](auto mobility) { drive<mobility()>(bytes, subject); });
+  with_mobility(subject.robot.mobility,
+                [&](auto mobility) { drive_with_faults<mobility()>(bytes, subject); });
   return 0;
 }

@@ -202,7 +202,7 @@ class ControlCycle {
   /// A motor's inertia and its coupling to the others change with the pose: diagonal gains place
   /// the poles at one pose, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
   /// a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a, decoupled at every pose.
-  Outcome drive() {
+  Outcome command_torques() {
     for (int i = 0; i < n && before_.braked; ++i)  // the others do not compensate it
       if (braked(i)) state_.error[i] = state_.error_rate[i] = state_.integral[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
@@ -235,7 +235,7 @@ class ControlCycle {
   }
 
   /// Completes the state after all steps had an answer.
-  void keep() {
+  void complete() {
     state_.started = true;
     state_.switched = false;
     state_.law = settings_.law;
@@ -329,10 +329,10 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     cycle.measure();
     cycle.blend();
     cycle.follow();
-    outcome = cycle.drive();
+    outcome = cycle.command_torques();
   }
   if (outcome)
-    cycle.keep();
+    cycle.complete();
   else
     state = before;
   return outcome ? regular : outcome;

@@ -49,7 +49,7 @@ class Cycle : MonitoredCycle<K> {
     test_readings(0, n);
     if (late_) extrapolate_delayed();
     test_readings(n, rows_);
-    const Outcome placed = place();
+    const Outcome placed = locate();
     if (!placed && first_cycle) return placed;
     if (!placed && monitor_.cycle == monitor_.began) ++monitor_.began;
     if (placed) {
@@ -139,14 +139,14 @@ class Cycle : MonitoredCycle<K> {
     }
   }
 
-  Outcome place() {
+  Outcome locate() {
     Pose near = moved<K>(monitor_.pose, monitor_.motion);
     if (!monitor_.placed) {
       near = to_pose<K>(robot_.home);
       const Outcome found{fkm<K>(robot_, motors_of<K>(believed_), near).status, -1};
       if (!found) return found;
     }
-    return parity_.place(robot_, near, believed_, monitor_.beyond);
+    return parity_.locate(robot_, near, believed_, monitor_.beyond);
   }
 
   /// Takes a reading's error as unknown: with a variance that hides it in every equation.
@@ -174,9 +174,9 @@ class Cycle : MonitoredCycle<K> {
     const Real coasted = 1 + 0.5 * monitor_.disagreed * (1 - kParityPole);
     const Real bend = bending() * coasted * coasted;
     if (!monitor_.undecided && covariance(settings_.together.variance, bend * bend, V))
-      changed = judge<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
+      changed = test_parity<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
     if (monitor_.known && covariance(1, 1, V)) {
-      level = judge<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
+      level = test_parity<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
       monitor_.chi2 = level.chi2;
       monitor_.freedom = level.freedom;
     }
@@ -247,7 +247,7 @@ class Cycle : MonitoredCycle<K> {
   /// Phantom error of a frozen encoder: δ, the motion of its drive's setpoint since the reading
   /// changed last. It drives the motor off that by ∬ kp δ + kd dδ/dt. An error at which a healthy
   /// motor may rest drives nothing and lets it stop.
-  void drive(int c) {
+  void integrate_phantom(int c) {
     MonitoredReading& reading = monitor_.reading[c];
     const Real away = asked(c) - reading.asked;
     const Real bears = settings_.rests[c] + 2 * reading.pushed;
@@ -369,7 +369,7 @@ class Cycle : MonitoredCycle<K> {
       } else if (!wild) {
         if (c >= n && monitor_.placed) reading.told += told(c);
         if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
-        if (c < n && !reading.stands && !reading.noise.noisy()) drive(c);
+        if (c < n && !reading.stands && !reading.noise.noisy()) integrate_phantom(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
           reading.stands = true;
           reading.noise.off = {reading.usual + reading.off, 0};

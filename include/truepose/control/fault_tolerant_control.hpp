@@ -177,7 +177,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     outcome = control<K>(robot, now, setpoint, believed, state, reweigh ? reweighed : weighing);
   }
   if (outcome)
-    carry<K>(robot, fault_settings.momentum, setpoint, fault_state.observer, state.torque);
+    add_payload_torque<K>(robot, fault_settings.momentum, setpoint, fault_state.observer,
+                          state.torque);
   if (outcome) fault_state.q_d = state.q_d;
   fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;

@@ -101,9 +101,10 @@ inline Outcome linearise(const Robot& robot, const Reference<K>& reference, Exte
 /// The same with the weights at that pose: cached, or fresh beyond their validity radius.
 /// @return singular where the motors alone do not determine the pose
 template <Mobility K>
-inline Outcome keep(const Robot& robot, const Weighing& weighing, const Reference<K>& reference,
-                    Extended& q_e, Matrix<kMaxReadings, kDof<K>>& H_x, Parasitic& rest,
-                    CachedFusion<K>& at) {
+inline Outcome linearise_kept(const Robot& robot, const Weighing& weighing,
+                              const Reference<K>& reference, Extended& q_e,
+                              Matrix<kMaxReadings, kDof<K>>& H_x, Parasitic& rest,
+                              CachedFusion<K>& at) {
   constexpr int n = kDof<K>;
   const Knowledge& known = *weighing.known;
   CachedGain& kept = *weighing.kept;
@@ -112,7 +113,7 @@ inline Outcome keep(const Robot& robot, const Weighing& weighing, const Referenc
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
   const Outcome outcome = linearise<K>(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
   if (!outcome) return outcome;
-  if (!at.place(robot, H_x)) return {Status::singular, -1};
+  if (!at.set_jacobians(robot, H_x)) return {Status::singular, -1};
   if (holds) return at.weigh(robot, known, kept);
   return refresh<K>(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
 }
@@ -126,7 +127,8 @@ TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing
   Matrix<kMaxReadings, n> H_x;
   if (weighing.kept) {
     CachedFusion<K> at;
-    const Outcome outcome = keep<K>(robot, weighing, reference, reference.q_e, H_x, rest, at);
+    const Outcome outcome =
+        linearise_kept<K>(robot, weighing, reference, reference.q_e, H_x, rest, at);
     if (outcome) at.tej(robot, H_x, reference.tej);
     if (outcome.status != Status::singular) return outcome;
   }
@@ -223,7 +225,7 @@ inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
   Matrix<kMaxReadings, n> H_x;
   Extended expected = reference.q_e;
   Pose pose = reference.closure.pose;
-  Outcome outcome = keep<K>(robot, weighing, reference, expected, H_x, rest, at);
+  Outcome outcome = linearise_kept<K>(robot, weighing, reference, expected, H_x, rest, at);
   Real last = INFINITY;
   for (int left = kNearIterations; outcome; --left) {
     Extended e{};
@@ -238,7 +240,7 @@ inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
     if (left == 0) break;
     last = size;
     outcome = Model::template linearise<K>(robot, pose, expected, H_x, nullptr, rest);
-    if (outcome && !at.place(robot, H_x)) break;
+    if (outcome && !at.set_jacobians(robot, H_x)) break;
     if (outcome) outcome = at.weigh(robot, known, *weighing.kept);
   }
   found = reference.closure.pose;

@@ -128,7 +128,7 @@ template <Mobility K>
 Closure<K> closed(const Robot& robot, const MomentumObserver& state) {
   Closure<K> closure;
   closure.pose = state.before;
-  closure.carried = carry<K>(robot, state.before);
+  closure.carried = carried_frames<K>(robot, state.before);
   std::copy_n(state.chain.begin(), kDof<K>, closure.chain.begin());
   return closure;
 }
@@ -320,8 +320,8 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
 /// Adds the torques of an identified payload along the setpoint. If the motors cannot hold its
 /// weight and the robot's, nothing is added and `refused` is set.
 template <Mobility K>
-inline void carry(const Robot& robot, const MomentumSettings& settings, const Setpoint& setpoint,
-                  MomentumObserver& state, Joint& torque) {
+inline void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
+                               const Setpoint& setpoint, MomentumObserver& state, Joint& torque) {
   constexpr int n = kDof<K>;
   state.refused = false;
   if (!kObserves || !settings.carry || state.disturbance != Disturbance::payload) return;

@@ -131,7 +131,7 @@ inline bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t
 namespace late_detail {
 /// Motors' pose, and h there. @return no answer: their readings close no pose
 template <Mobility K>
-inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
+inline Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
   constexpr int n = kDof<K>;
   Extended fed{};  // sensors as expected: the parity is minus the change of h
   std::copy_n(q_e.begin(), n, fed.begin());
@@ -143,7 +143,7 @@ inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
     outcome = {fkm<K>(robot, motors_of<K>(fed), near).status, -1};
   }
   Parity<K> parity;
-  if (outcome) outcome = parity.place(robot, near, fed, Extended{});
+  if (outcome) outcome = parity.locate(robot, near, fed, Extended{});
   if (!outcome) return outcome;
   if (late.placed) late.motion = difference<K>(parity.pose, late.pose);
   late.pose = parity.pose;
@@ -173,7 +173,7 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   const bool first = late.cycle == 0;
   for (int k = 0; first && k < robot.r; ++k)  // the initial turn
     late.expected[k] = std::isfinite(q_e[n + k]) ? q_e[n + k] : 0;
-  const Outcome placed = late_detail::place<K>(robot, q_e, late);
+  const Outcome placed = late_detail::locate_motors<K>(robot, q_e, late);
   if (!placed && first) return placed;
   late.placed = bool(placed);
   for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];

@@ -53,7 +53,8 @@ struct Parity {
   }
 
   /// Finds the motors' pose by Newton from a pose nearby, and p there.
-  Outcome place(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond) {
+  Outcome locate(const Robot& robot, const Pose& near, const Extended& q_e,
+                 const Extended& beyond) {
     constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
     pose = near;
     read = q_e;
@@ -127,9 +128,9 @@ struct Verdict {
 /// Tests a parity. @param most  χ² beyond which there is an alarm, by degrees of freedom
 /// @param V  factored @param without  excluded readings; `left_out` of them count in V
 template <Mobility K>
-inline Verdict judge(const Parity<K>& parity, const std::array<Real, kMaxSensors + 1>& most,
-                     const ReadingCovariance& V, const Reading& value, int r, std::uint32_t without,
-                     int left_out) {
+inline Verdict test_parity(const Parity<K>& parity, const std::array<Real, kMaxSensors + 1>& most,
+                           const ReadingCovariance& V, const Reading& value, int r,
+                           std::uint32_t without, int left_out) {
   Verdict verdict;
   Reading y = value;
   V.whiten(r, y.data(), 1);

@@ -57,7 +57,7 @@ struct DrivenWays {
 
   /// One cycle of motor i. An error at which it may rest drives nothing: friction may have held the
   /// opposite one before. @param off  the law's error; 0: unknown @return its way
-  Real drive(const SafetyLimits& limits, int i, Real q_d, Real off, Real rests) {
+  Real advance(const SafetyLimits& limits, int i, Real q_d, Real off, Real rests) {
     Real away = q_d - from[i];
     if (off != 0 && !(off * away >= away * away)) away = off * away > 0 ? off : 0;
     const Real last = error[i];
@@ -180,8 +180,8 @@ struct Step {
 
   void check_frame() {
     const int bits = std::clamp(limits.counter_bits, 1, 64);
-    judge(shell.counter.advance(cycle.counter, 1, ~std::uint64_t{0} >> (64 - bits), limits.age));
-    judge(shell.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
+    note_age(shell.counter.advance(cycle.counter, 1, ~std::uint64_t{0} >> (64 - bits), limits.age));
+    note_age(shell.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
     const Joint& last = past(1);
     const bool same = first([&](int i) { return cycle.q[i] != last[i] || !number(last[i]); }) == n;
     // Marked frames need no such test: motors that rest under friction look alike.
@@ -208,7 +208,8 @@ struct Step {
           shell.pace[i] > kLeastPace * still && (shell.same <= kMostWindow || expected < 3 * still);
       const Real beyond = std::min(asked, expected) - kOneCount * still;
       if (just && beyond > 0) unseen += beyond * beyond / (still * still);
-      const Real way = shell.frame.drive(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
+      const Real way =
+          shell.frame.advance(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
       moved = moved || !(std::fabs(way) <= still);
     }
     moved = moved || unseen > (1 - kOneCount) * (1 - kOneCount);
@@ -227,14 +228,15 @@ struct Step {
       if (!cycle.answer) return false;
       if (!(shell.alike & bit(i))) shell.alone.begin(i, shell.wanted[i]);
       shell.alike |= bit(i);
-      const Real way = shell.alone.drive(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
+      const Real way =
+          shell.alone.advance(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
       return shell.alone.cycles[i] >= kFrozen &&
              !(std::fabs(way) <=
                std::max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
     });
   }
 
-  void judge(FrameAge age) {
+  void note_age(FrameAge age) {
     fresh = fresh && age == FrameAge::fresh;
     if (age <= FrameAge::repeated) return;
     found.add(age == FrameAge::old, StopCause::stale_frame);
@@ -387,7 +389,7 @@ struct Step {
   }
 
   /// Torques and brakes of the state. @return whether all torques are what is wanted
-  bool drive(const Joint& target) {
+  bool set_torques(const Joint& target) {
     const bool within =
         first([&](int i) {  // as usual
           return !(std::fabs(target[i]) <= limits.torque[i] &&
@@ -440,13 +442,13 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
   }
   if (shell.follows) {
     const bool closes = cycle.answer && step.fresh;
-    step.drive(closes ? cycle.torque : cycle.load);
+    step.set_torques(closes ? cycle.torque : cycle.load);
   } else if (runs) {
     // The brakes open once the motors hold the weight, and the law acts once they have opened.
-    if (step.drive(shell.weight)) shell.opening += limits.period;
+    if (step.set_torques(shell.weight)) shell.opening += limits.period;
     shell.follows = shell.opening > limits.brake;
   } else {
-    step.drive(braking ? shell.weight : Joint{});
+    step.set_torques(braking ? shell.weight : Joint{});
   }
   const bool open = shell.follows || (runs && shell.opening > 0);
   shell.brakes = open ? 0 : bit(n) - 1;

@@ -36,7 +36,7 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
     outcome = linearise<K>(robot, pose, at, H_x, H_xi);
   }
   Parity<K> parity;
-  if (outcome) outcome = parity.place(robot, pose, q_e, beyond);
+  if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
   if (!outcome) return INFINITY;
   parity.open(robot, known, H_xi, B);
   Matrix<kMaxSensors, kMaxSensors> geometry{};
@@ -50,6 +50,6 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   std::array<Real, kMaxSensors + 1> none{};
   none.fill(INFINITY);
   pose = parity.pose;
-  return truepose::judge<K>(parity, none, V, parity.value, robot.r, 0, 0).chi2;
+  return truepose::test_parity<K>(parity, none, V, parity.value, robot.r, 0, 0).chi2;
 }
 }  // namespace truepose::start_detail

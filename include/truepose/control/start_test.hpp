@@ -46,7 +46,7 @@ class StartCycle {
   void run(bool known) {
     test_.since += limits_.period;
     if (test_.state < StartState::passed && check(known)) advance();
-    drive();
+    slew_torques();
     test_.brakes = bit(n) - 1;
     if (test_.state == StartState::open) test_.brakes &= ~bit(test_.motor);
   }
@@ -110,7 +110,7 @@ class StartCycle {
       case StartState::load: return load();
       case StartState::open: return open();
       case StartState::close: return close();
-      case StartState::judge: return judge();
+      case StartState::judge: return weigh_hypothesis();
       default: return unload();
     }
   }
@@ -355,7 +355,7 @@ class StartCycle {
       fail(sinks ? StartFinding::no_torque : StartFinding::no_motion, i());
   }
 
-  void judge() {
+  void weigh_hypothesis() {
     const int all = hypotheses(n, e());
     StartGain gain;
     const StartHypothesis by = hypothesis(n, e(), test_.index);
@@ -433,7 +433,7 @@ class StartCycle {
     }
   }
 
-  void drive() {
+  void slew_torques() {
     for (int m = 0; m < n; ++m) {
       const Real now = test_.torque[m], most = limits_.torque[m];
       const Real step = limits_.slew[m] * limits_.period, wanted = m == i() ? target() : 0;

@@ -103,7 +103,7 @@ struct CachedFusion {
   ReadingCovariance V;              ///< factored
 
   /// Computes J and H_r J. @return whether H_q has an inverse
-  bool place(const Robot& robot, const Matrix<kMaxReadings, n>& H_x) {
+  bool set_jacobians(const Robot& robot, const Matrix<kMaxReadings, n>& H_x) {
     std::array<Lanes<n>, n> columns;
     std::array<Real, n> size;
     for (int j = 0; j < n; ++j) {

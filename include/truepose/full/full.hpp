@@ -89,7 +89,7 @@ inline Real rod_length(const Chain& chain, const Driven& driven, Real side) {
 
 /// Fills everything in `at` that follows from its pose and its driven points.
 template <Mobility K>
-TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
+TRUEPOSE_FLATTEN inline void complete_closure(const Robot& robot, FullClosure<K>& at) {
   std::array<Mat3, kMaxBars> bar;
   for (int k = 0; k < kMaxBars; ++k) bar[k] = at.pose.R * rotation_z(at.pose.psi[k]);
   at.cost = at.residual = 0;
@@ -171,8 +171,8 @@ inline Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMa
   if (!outcome) return outcome;
   FullClosure<K> at;
   at.pose = to_full(ideal.pose);
-  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = drive(robot.chain[i], ideal.chain[i].q);
-  place<K>(robot, at);
+  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = driven_point(robot.chain[i], ideal.chain[i].q);
+  complete_closure<K>(robot, at);
   for (int rod = 0; rod < kRods<K>; ++rod) {
     full_row<K>(robot, at, rod, rows[rod]);
     if (together) rows[rod][6] += rows[rod][7];
@@ -231,7 +231,7 @@ inline void relax(const Robot& robot, FullClosure<K>& at) {
 /// Computes the loops to close: f of all rods, or what relax leaves of it.
 template <Mobility K>
 inline void open_loops(const Robot& robot, FullClosure<K>& at) {
-  place<K>(robot, at);
+  complete_closure<K>(robot, at);
   if constexpr (kRods<K> == kMaxUnknowns)
     if (robot.full.kind == FullKind::elastic) relax<K>(robot, at);
 }

@@ -201,7 +201,7 @@ struct Inverse {
   void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
     for (int i = 0; i < n; ++i) {
       trial.q[i] = at.q[i] + step[i];
-      trial.driven[i] = drive(robot.chain[i], trial.q[i]);
+      trial.driven[i] = driven_point(robot.chain[i], trial.q[i]);
     }
     Vec3 omega = Vec3::Zero();
     for (int j = 0; j < tilts; ++j) omega += step[n + j] * turn(at.pose.R, j);
@@ -247,7 +247,7 @@ FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClos
   closure.q = q;
   for (int i = 0; i < kDof<K>; ++i) {
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
-    closure.driven[i] = drive(robot.chain[i], q[i]);
+    closure.driven[i] = driven_point(robot.chain[i], q[i]);
   }
   FullResult result = full_detail::newton<K>(robot, full_detail::Forward<K>{robot}, closure, false,
                                              std::min(kFkmIterations, cap));
@@ -285,7 +285,7 @@ FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closur
     closure.pose = near ? rest->beside(pose) : to_full(pose);
     for (int i = 0; i < kDof<K>; ++i) {
       closure.q[i] = near ? q[i] + rest->q[i] : q[i];
-      closure.driven[i] = drive(robot.chain[i], closure.q[i]);
+      closure.driven[i] = driven_point(robot.chain[i], closure.q[i]);
     }
     result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure, near);
     if (result || !near) break;

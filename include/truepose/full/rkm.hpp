@@ -74,9 +74,9 @@ inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joi
   for (int i = 0; i < kDof<K>; ++i) {
     q_e[i] = motor_reading(robot.chain[i], motor[i]);
     at.q[i] = motor_reading(robot.chain[i], arm[i]);
-    at.driven[i] = drive(robot.chain[i], at.q[i]);
+    at.driven[i] = driven_point(robot.chain[i], at.q[i]);
   }
-  place<K>(robot, at);
+  complete_closure<K>(robot, at);
   [[maybe_unused]] Pose angles = to_pose<K>(robot.home);
   if constexpr (kRotational<K>) angles_of<K>(robot, {pose.D, pose.R, 0}, angles);
   for (int k = 0; k < robot.r; ++k) {

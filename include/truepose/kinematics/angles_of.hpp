@@ -16,7 +16,7 @@ inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
   constexpr int n = kDof<K>;
   const Real unit = (robot.chain[0].base() - robot.axis[0].origin()).norm();
   for (int step = 0; step < kAngleSteps; ++step) {
-    const Carried<K> carried = carry<K>(robot, pose);
+    const Carried<K> carried = carried_frames<K>(robot, pose);
     const Vec3 shift = seen.D - carried.pose.D;
     const Vec3 turn = unit * log_so3(seen.R * carried.pose.R.transpose());
     std::array<std::array<Real, n>, n> N;

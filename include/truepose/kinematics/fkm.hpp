@@ -33,7 +33,7 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   std::array<Driven, n> driven;
   Real scale = 0;  // the longest rod
   for (int i = 0; i < n; ++i) {
-    driven[i] = drive(robot.chain[i], q[i]);
+    driven[i] = driven_point(robot.chain[i], q[i]);
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
     if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
     scale = std::max(scale, driven[i].rod);
@@ -140,7 +140,7 @@ inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& drive
   if (!(residual < kCrawls * scale)) return false;
   Closure<K> closure;
   closure.pose = pose;
-  closure.carried = carry<K>(robot, pose);
+  closure.carried = carried_frames<K>(robot, pose);
   const Pose& placed = closure.placed();
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
@@ -174,7 +174,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
   if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
   const bool open = first.status == Status::not_converged;
   std::array<Driven, kDof<K>> driven;
-  for (int i = 0; i < kDof<K> && open; ++i) driven[i] = drive(robot.chain[i], q[i]);
+  for (int i = 0; i < kDof<K> && open; ++i) driven[i] = driven_point(robot.chain[i], q[i]);
   if (open && no_pose<K>(robot, q, driven)) {
     first.status = Status::unreachable;
     return first;

@@ -27,7 +27,7 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   std::array<Real, n> g;
   Vec3 mean = Vec3::Zero();
   for (int i = 0; i < n; ++i) {
-    const Driven driven = drive(robot.chain[i], q[i]);
+    const Driven driven = driven_point(robot.chain[i], q[i]);
     t[i] = robot.chain[i].base() + driven.p - turned<K>(R, robot.chain[i].pivot()) -
            robot.chain[i].anchor();
     g[i] = driven.rod * driven.rod;

@@ -14,7 +14,7 @@ inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
   if (!robot.finished) return {Status::unfinished, -1};
   return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
     const Pose pose = to_pose<K>(x);
-    const Carried<K> carried = carry<K>(robot, pose);
+    const Carried<K> carried = carried_frames<K>(robot, pose);
     const Mat3& R = placed<K>(pose, carried).R;
     Real sum = 0;  // becomes NaN if any value is
     for (int j = 0; j < kDof<K>; ++j) {

@@ -28,7 +28,7 @@ TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closur
   if (!robot.finished) return {Status::unfinished, -1};
   constexpr int n = kDof<K>;
   closure.pose = pose;
-  closure.carried = carry<K>(robot, pose);
+  closure.carried = carried_frames<K>(robot, pose);
   const Vec3& D = closure.placed().D;
   const auto lever = turned<K>(closure.placed().R,
                                points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); }));

@@ -121,7 +121,7 @@ class RotationalLoops {
   void jx(const At& at, Columns& columns) const { columns = at.columns; }
   const std::array<Real, n>& sizes(const At&) const { return size_; }
   Points<n> rods(const At& at) const {
-    const Pose placed = carry<K>(robot_, at.cosine, at.sine).pose;
+    const Pose placed = carried_frames<K>(robot_, at.cosine, at.sine).pose;
     const auto A =
         turned<K>(placed.R, points<n>([&](int i) -> Vec3 { return robot_.chain[i].pivot(); }));
     return {B_.px - placed.D.x() - A.px, B_.py - placed.D.y() - A.py, B_.pz - placed.D.z() - A.pz};

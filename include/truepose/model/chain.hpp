@@ -66,7 +66,7 @@ struct Driven {
   Real rod;
   Real rate = 1;  ///< ∂position/∂q
 };
-inline Driven drive(const Chain& chain, Real q) {
+inline Driven driven_point(const Chain& chain, Real q) {
   const Real position = motor_position(chain, q);
   const Real rate = chain.encoder_errs ? 1 / encode(chain, position).slope : 1;
   switch (chain.actuator) {

@@ -7,7 +7,8 @@
 
 namespace truepose {
 /// Position D of the platform's reference point and orientation R (platform to base). theta keeps
-/// its turns, unlike R. On passive axes D holds x, their angles; carry() gives the true D and R.
+/// its turns, unlike R. On passive axes D holds x, their angles; carried_frames() gives the true D
+/// and R.
 struct Pose {
   Vec3 D = Vec3::Zero();
   Mat3 R = Mat3::Identity();
@@ -161,9 +162,9 @@ inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
 /// platform is on the last axis, D = p_n. @param cosine, sine  of x_j
 template <Mobility K>
   requires kRotational<K>
-TRUEPOSE_FLATTEN inline Carried<K> carry(const Robot& robot,
-                                         const std::array<Real, kDof<K>>& cosine,
-                                         const std::array<Real, kDof<K>>& sine) {
+TRUEPOSE_FLATTEN inline Carried<K> carried_frames(const Robot& robot,
+                                                  const std::array<Real, kDof<K>>& cosine,
+                                                  const std::array<Real, kDof<K>>& sine) {
   constexpr int n = kDof<K>;
   Carried<K> carried;
   std::array<Vec3, n> centre;
@@ -188,11 +189,12 @@ TRUEPOSE_FLATTEN inline Carried<K> carry(const Robot& robot,
   return carried;
 }
 template <Mobility K>
-inline Carried<K> carry([[maybe_unused]] const Robot& robot, [[maybe_unused]] const Pose& pose) {
+inline Carried<K> carried_frames([[maybe_unused]] const Robot& robot,
+                                 [[maybe_unused]] const Pose& pose) {
   if constexpr (kRotational<K>) {
     std::array<Real, kDof<K>> cosine, sine;
     for (int j = 0; j < kDof<K>; ++j) turn_to(pose.D[j], cosine[j], sine[j]);
-    return carry<K>(robot, cosine, sine);
+    return carried_frames<K>(robot, cosine, sine);
   } else {
     return {};
   }
@@ -208,7 +210,7 @@ inline const Pose& placed(const Pose& pose, [[maybe_unused]] const Carried<K>& c
 }
 template <Mobility K>
 inline Pose placed(const Robot& robot, const Pose& pose) {
-  return placed<K>(pose, carry<K>(robot, pose));
+  return placed<K>(pose, carried_frames<K>(robot, pose));
 }
 
 /// Velocity of D and angular velocity, base frame.

@@ -28,7 +28,7 @@ inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int c
   Vec3 low = Vec3::Constant(-INFINITY), high = Vec3::Constant(INFINITY);
   for (int i = 0; i < dof(mobility); ++i) {
     const Chain& chain = robot.chain[i];
-    const Driven driven = drive(chain, q[i]);
+    const Driven driven = driven_point(chain, q[i]);
     const Vec3 centre = chain.base() + driven.p - chain.anchor();
     const Vec3 reach = Vec3::Constant(driven.rod + chain.pivot().norm());
     low = low.cwiseMax(centre - reach);

@@ -52,8 +52,8 @@ inline Outcome rows_of_visits(
   for (const Visit& visit : visits) {
     Outcome outcome = acting(model, robot, axes, visit.pose, visit.influences, H_xi.data(), D);
     if (outcome)
-      outcome = read(model, robot, raw, visit.pose, nullptr, visit.outside,
-                     D.cols() > 0 ? &D : nullptr, H_xi.data(), line, rest);
+      outcome = linearise_line(model, robot, raw, visit.pose, nullptr, visit.outside,
+                               D.cols() > 0 ? &D : nullptr, H_xi.data(), line, rest);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) {
       all.B.row(row++) = line.B.row(i);

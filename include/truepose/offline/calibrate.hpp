@@ -42,7 +42,7 @@ class Calibrator {
     Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count), no_pull()};
     believe(now.u);
     reach(now);
-    result_.start = result_.registration = place(now);
+    result_.start = result_.registration = initial_registration(now);
     include(now);
     if (counted() == 0) return result_;
     search(now);
@@ -137,7 +137,7 @@ class Calibrator {
   }
 
   /// Initial registration, by the first poses.
-  Registration place(const Iterate& at) const {
+  Registration initial_registration(const Iterate& at) const {
     const int first = settings_.registration;
     if (first < 0 || !log_.measured) return log_.registration;
     // An unknown marker position includes x, an unknown turn the one about the platform's z.
@@ -187,7 +187,7 @@ class Calibrator {
     return -1;
   }
 
-  bool read(Iterate& at, int k) {
+  bool linearise_row(Iterate& at, int k) {
     const bool referenced = k >= log_.count - log_.referenced;
     Outside outside;
     if (log_.measured)
@@ -203,7 +203,7 @@ class Calibrator {
     for (int c = 0; c < readings_; ++c)
       for (int j = 0; j < given.count; ++j)
         q_e[c] -= given.pattern[c * given.count + j] * result_.amount[j];
-    if (!truepose::read(model_, robot_, prior_, at.pose[k], q_e.data(), outside,
+    if (!linearise_line(model_, robot_, prior_, at.pose[k], q_e.data(), outside,
                         acted() ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
       return false;
     for (int i = 0; i < line.rows && m > 0; ++i)
@@ -217,7 +217,7 @@ class Calibrator {
     const Pose pose = at.pose[k];
     const Line line = at.line[k];
     at.pose[k] = to;
-    if (read(at, k) && (none || at.line[k].misfit() < line.misfit())) return true;
+    if (linearise_row(at, k) && (none || at.line[k].misfit() < line.misfit())) return true;
     at.pose[k] = pose;
     at.line[k] = line;
     return false;
@@ -226,7 +226,7 @@ class Calibrator {
   /// Evaluates row k. A pose more than σ from its row's best (readings grossly wrong, one step
   /// overshoots) takes own steps that never worsen the row; else no damping of ξ lowers the cost.
   bool settle(Iterate& at, int k, const Iterate* last) {
-    bool good = read(at, k);
+    bool good = linearise_row(at, k);
     const Line& line = at.line[k];
     if (good && line.away() < 1) return true;
     if (last) good = lower(at, k, last->pose[k], !good) || good;

@@ -87,7 +87,7 @@ class FaultyReadings {
   }
 
   /// Makes the healthy readings faulty. Call it once per sample, in order.
-  void read(double time, Extended& q_e) {
+  void make_faulty(double time, Extended& q_e) {
     for (State& state : state_) lie(time, state, q_e);
   }
 

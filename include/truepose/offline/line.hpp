@@ -82,9 +82,9 @@ inline Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledg
 /// @param known  ξ, then unknowns that no reading depends on, column -1, then η if D is given
 /// @param D      ∂q_e/∂η in units of the readings' σ, from acting; nullptr: no η
 /// @param H_xi   work space, 2 (n + r) × parameter_count. @param rest  as for ikm_full
-inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge& known,
-                    const Pose& pose, const double* q_e, Outside outside, const RowMatrix* D,
-                    double* H_xi, Line& line, Parasitic& rest) {
+inline Outcome linearise_line(const Kernels& kernels, const Robot& robot, const Knowledge& known,
+                              const Pose& pose, const double* q_e, Outside outside,
+                              const RowMatrix* D, double* H_xi, Line& line, Parasitic& rest) {
   const int n = kernels.n, readings = n + robot.r;
   Extended expected, residual{}, values{};
   PoseRows H_x;

@@ -160,7 +160,7 @@ class Loop {
     Extended& q_e = cycle.q_e;
     Outcome outcome = plant.measure(q_e);
     if (!outcome) return outcome;
-    if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
+    if (extras_.faults) extras_.faults->make_faulty(extras_.began + time, q_e);
     const bool slow = extras_.late;
     OnlineCalibrator* const learner = extras_.learner;
     const bool monitored = extras_.fault_settings && !extras_.law;

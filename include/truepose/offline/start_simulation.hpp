@@ -50,7 +50,7 @@ Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettin
     if (!outcome) return outcome;
     const Extended zero = run.incremental ? first : Extended{};
     for (int c = 0; c < rows; ++c) q_e[c] -= zero[c];
-    faults.read(k * limits.period, q_e);
+    faults.make_faulty(k * limits.period, q_e);
     for (int c = 0; c < rows; ++c) q_e[c] += zero[c];
 
     StartTest& test = result.test;

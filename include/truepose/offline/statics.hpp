@@ -117,7 +117,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
     for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
-    if (faults) faults->read(0, q_e);
+    if (faults) faults->make_faulty(0, q_e);
     Joint error{};
     Pose found;
     outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);

@@ -12,7 +12,7 @@ inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& value
                    Matrix<kMaxSensors, kDof<K>>& jr) {
   Real sum = 0;  // a NaN shows in it
   for (int k = 0; k < robot.r; ++k) {
-    sum += values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
+    sum += values[k] = sensor_reading<K>(robot, robot.sensor[k], closure, jr[k].data());
     for (const Real entry : jr[k]) sum += entry;
   }
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};

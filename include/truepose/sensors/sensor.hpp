@@ -122,8 +122,8 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
 
 /// Reading of any sensor at a closed pose, gain s - offset, and its row of J_r (size n).
 template <Mobility K>
-TRUEPOSE_APART inline Real read_any(const Robot& robot, const Sensor& sensor,
-                                    const Closure<K>& closure, Real* row) {
+TRUEPOSE_APART inline Real any_reading(const Robot& robot, const Sensor& sensor,
+                                       const Closure<K>& closure, Real* row) {
   const Sensed s = sense<K>(robot, sensor, closure);
   sensor_row<K>(robot, sensor, closure, s, row);
   for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;
@@ -132,9 +132,10 @@ TRUEPOSE_APART inline Real read_any(const Robot& robot, const Sensor& sensor,
 
 /// The same, with a shortcut for the paper's θ sensor.
 template <Mobility K>
-inline Real read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure, Real* row) {
+inline Real sensor_reading(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+                           Real* row) {
   if (sensor.kind != SensorKind::platform_angle || eccentric(sensor))
-    return read_any<K>(robot, sensor, closure, row);
+    return any_reading<K>(robot, sensor, closure, row);
   free_columns<K>(closure.carried, Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
   return sensor.gain * closure.pose.theta - sensor.offset;
 }
