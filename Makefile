@@ -14,7 +14,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks deploy examples packages \
+CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks examples packages \
          -name '*.[hc]pp' -o -name '*.[hc]')
 
 .DEFAULT_GOAL := help

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -52,14 +52,14 @@ def cells() -> Iterator[tuple[tuple[int, int], tuple[str, str], Cell]]:
             yield (q, s), (quantity, statistic), Cell(label, data)
 
 
-def _entries(name: str, title: str, first: str, columns: dict[str, list[str]]) -> Table:
+def _entries(name: str, title: str, first: str, columns: Mapping[str, Sequence[str]]) -> Table:
     """Return a table of Table 3's entries, one a row, with these columns by name."""
     labels = [label for _, _, label in cells()]
     rows = list(zip(labels, *columns.values(), strict=True))
     return Table(name, title, [first, *columns], rows)
 
 
-def _spread(each: Array, name: str) -> list[str]:
+def _spread(each: Array, name: str) -> list[Cell]:
     """Return median and 5-95 % over the robots, (robots, 5, 4), of every entry of Table 3."""
     column = []
     for at, _, _ in cells():
@@ -75,7 +75,7 @@ def table3(result: Reproduction) -> Table:
     The error is estimated − measured, as printed. The twin is fitted to the printed table; the
     robots are measured exactly.
     """
-    columns: dict[str, list[str]] = {}
+    columns: dict[str, Sequence[str]] = {}
     for (control, law), name in zip(PRINTED.items(), ("usual", "TEJ"), strict=True):
         printed, own = article.table3_as_printed()[law], result.twin_runs[control].table()
         digits = {key: len(text.partition(".")[2]) for key, text in printed.items()}
@@ -184,7 +184,7 @@ def theta_scatter(law: str) -> tuple[float, float]:
 
 def twin_table3(runs: dict[Control, Run], reading: Reading = "estimated") -> Table:
     """Return Table 3 of the twin beside the printed one; a ! marks values out of tolerance."""
-    columns: dict[str, list[str]] = {}
+    columns: dict[str, Sequence[str]] = {}
     for wanted, allowed, law, name in zip(
         *twin.printed(), twin.LAWS, ("usual", "TEJ"), strict=True
     ):
