@@ -226,10 +226,14 @@ def _examine(data: dict) -> tuple[Robot | None, list[Problem]]:
     spec, problems = reading.examine(data)
     if spec is None:
         return None, problems
+    if problems:  # they name sensors and parameters: the mechanism has none
+        spec = spec.model_copy(update={"sensor": (), "sensors": (), "tolerances": {}})
     try:
         robot = Robot(spec)
     except RobotFileError as error:
-        return None, [Problem(("home",), str(error))]
+        return None, [*problems, Problem(("home",), str(error))]
+    if problems:
+        return None, problems
     # Parts other than rod pairs may constrain the orientation (3-UPU).
     if robot.loose and any(chain.actuator != "telescopic" for chain in spec.chain):
         return None, [Problem(("chain",), f"{robot.name}: {robot.full.reason}")]

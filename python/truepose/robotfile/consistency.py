@@ -26,12 +26,16 @@ def taken(name: str) -> bool:
     return _TAKEN.fullmatch(name) is not None
 
 
-def problems(spec: RobotFile) -> Iterator[Problem]:
-    """Yield the inconsistencies of a robot file: sizes, references, then names."""
-    found = [*_sizes(spec), *_references(spec)]
-    yield from found
+def misfits(spec: RobotFile) -> Iterator[Problem]:
+    """Yield sizes and references that do not fit the other parts: there is no such mechanism."""
+    yield from _sizes(spec)
+    yield from _references(spec)
+
+
+def misnamed(spec: RobotFile, fits: bool) -> Iterator[Problem]:
+    """Yield names that are unknown, reserved or used twice; if all parts fit, of parameters too."""
     yield from _names(spec)
-    if not found:
+    if fits:
         yield from _parameters(spec)
 
 

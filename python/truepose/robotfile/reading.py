@@ -1,6 +1,7 @@
 """Reader of robot files; every error is one line."""
 
 import contextlib
+import copy
 import itertools
 import os
 import re
@@ -120,24 +121,59 @@ def table_of(text: str) -> dict:
 def validate(data: dict, where: str) -> RobotFile:
     """Check the contents of a robot file; `where` names it in the message."""
     spec, found = examine(data)
-    if spec is None:
+    if spec is None or found:
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         raise RobotFileError(f"{where}: {shortened(found[0].text, LINE)}{more}")
     return spec
 
 
 def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
-    """Return the checked robot file, or None and everything that is wrong."""
+    """Return the checked robot file, and everything that is wrong with its form and names.
+
+    With problems it is the file without them, or None where they leave no mechanism.
+    """
     try:
         whole, motif, problems = _resolved(data)
     except RobotFileError as error:
         return None, [Problem(*error.args)]
+    guessed, spec = False, None
     try:
         spec = RobotFile.model_validate(whole)
     except ValidationError as error:
-        return None, [*_form_problems(error, data, motif), *problems]
-    problems += itertools.islice(consistency.problems(spec), _TOLD)
-    return (None, problems) if problems else (spec, [])
+        problems = [*_form_problems(error, data, motif), *problems]
+        spec, guessed = _without(whole, error)
+    if spec is None:
+        return None, problems
+    unfit = [*itertools.islice(consistency.misfits(spec), _TOLD)]
+    named = consistency.misnamed(spec, not (unfit or guessed))
+    problems += [*unfit, *itertools.islice(named, _TOLD)]
+    return (None if unfit or guessed else spec), problems
+
+
+def _without(whole: dict, error: ValidationError) -> tuple[RobotFile | None, bool]:
+    """Return a file without the keys whose form is wrong, and whether values had to be guessed."""
+    whole, guessed = copy.deepcopy(whole), False
+    # Left out, then tables that need what was; what is needed: any number, then any direction.
+    for stand_in in (None, None, 1.0, (0.0, 0.0, 1.0)):
+        for problem in error.errors(include_url=False, include_context=False):
+            *path, last = problem["loc"]
+            table: Any = whole
+            with contextlib.suppress(LookupError, TypeError):  # a part of what is already replaced
+                for part in path:  # a sensor's kind is in the location, but no key
+                    table = table if part in SENSORS and part not in table else table[part]
+                if stand_in is None and isinstance(table, dict):
+                    table.pop(last, None)
+                    continue
+                guessed = True
+                if path == ["chain"] and isinstance(table[last], dict):
+                    table[last] = {"arm": 1e-3, "rod": 1.0, "axis": (0.0, 0.0, 1.0)} | table[last]
+                else:
+                    table[last] = stand_in or 1.0
+        try:
+            return RobotFile.model_validate(whole), guessed
+        except ValidationError as left:
+            error = left
+    return None, True
 
 
 def _form_problems(error: ValidationError, data: dict, motif: int) -> list[Problem]:
