@@ -12,7 +12,6 @@ import truepose as tp
 from truepose.robot.parts import COLOURS
 from truepose.robot.workspace import workspace_grid
 from truepose.show.table import as_csv
-from truepose_paper.plotted import plotted
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
@@ -207,6 +206,8 @@ def rounded(record: dict) -> dict:
 
 def main() -> None:
     """Draw them all, with their points as CSV; the same files each time."""
+    from truepose_paper.plotted import plotted  # of packages/paper
+
     mpl.rcParams["svg.hashsalt"] = "truepose"
     PICTURES.mkdir(exist_ok=True)
     for draw in DRAWN_BY:

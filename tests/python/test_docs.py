@@ -93,6 +93,7 @@ def shell(page: Path) -> list[str]:
 
 #: Commands of truepose that are run elsewhere, or that no test can run.
 ELSEWHERE = {
+    r"\btruepose klipper": "packages/printers",
     r"\btruepose workbench": "a server: packages/workbench",
     r"\btruepose reproduce": "minutes: packages/paper",
     r"--install-completion": "changes the user's shell",
@@ -134,11 +135,16 @@ def test_every_documented_target_of_make_exists():
 
 
 def scripts() -> dict[str, str]:
-    """Return the documented Python scripts and modules with options, and those that pages give."""
+    """Return the documented Python scripts and modules with options, and those that pages give.
+
+    Without those of packages, and without the generator of pkm-calibration, which needs MuJoCo.
+    """
     found: dict[str, str] = {}
     for page in pages():
         for line in shell(page):
             of = re.search(r"\bpython (-m pkm\.\w+|\S+\.py)(.*?)(?: #|$)", line)
+            if of and re.match(r"packages/|-m pkm\.generate", of[1]):
+                continue
             if of and (of[1].startswith("-m") or "argparse" in (ROOT / of[1]).read_text("utf-8")):
                 found[of[1]] = found.get(of[1], "") + of[2]
     return found

@@ -153,7 +153,6 @@ def test_a_calibration_and_its_report_are_two_files_of_their_kinds(run, folder, 
     [
         ("plan h4 -o a.txt", "-o a.txt: unknown ending '.txt' (choices: .csv)"),
         ("design h4 --place wire1 -o a.csv", "-o a.csv: unknown ending '.csv' (choices: .toml)"),
-        ("design h4 --price theta=9 --report a.pdf", "unknown ending '.pdf' (choices: .html"),
         ("design h4 --price theta=9 --plot a.gif", "unknown ending '.gif' (choices: .png"),
     ],
 )
