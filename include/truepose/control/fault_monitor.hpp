@@ -174,9 +174,9 @@ class Cycle : MonitoredCycle<K> {
     const Real coasted = 1 + 0.5 * monitor_.disagreed * (1 - kParityPole);
     const Real bend = bending() * coasted * coasted;
     if (!monitor_.undecided && covariance(settings_.together.variance, bend * bend, V))
-      changed = test_parity<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
+      changed = parity_verdict<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
     if (monitor_.known && covariance(1, 1, V)) {
-      level = test_parity<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
+      level = parity_verdict<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
       monitor_.chi2 = level.chi2;
       monitor_.freedom = level.freedom;
     }

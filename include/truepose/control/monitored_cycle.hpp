@@ -275,7 +275,7 @@ struct MonitoredCycle {
     monitor_.updated = monitor_.cycle;
     ReadingCovariance V;
     const auto alarm = [&] {
-      return test_parity<K>(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
+      return parity_verdict<K>(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
     };
     auto total = monitor_.geometry;
     for (int k = 0; k < r_; ++k)

@@ -128,9 +128,10 @@ struct Verdict {
 /// Tests a parity. @param most  χ² beyond which there is an alarm, by degrees of freedom
 /// @param V  factored @param without  excluded readings; `left_out` of them count in V
 template <Mobility K>
-inline Verdict test_parity(const Parity<K>& parity, const std::array<Real, kMaxSensors + 1>& most,
-                           const ReadingCovariance& V, const Reading& value, int r,
-                           std::uint32_t without, int left_out) {
+inline Verdict parity_verdict(const Parity<K>& parity,
+                              const std::array<Real, kMaxSensors + 1>& most,
+                              const ReadingCovariance& V, const Reading& value, int r,
+                              std::uint32_t without, int left_out) {
   Verdict verdict;
   Reading y = value;
   V.whiten(r, y.data(), 1);

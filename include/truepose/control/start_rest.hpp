@@ -50,6 +50,6 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   std::array<Real, kMaxSensors + 1> none{};
   none.fill(INFINITY);
   pose = parity.pose;
-  return truepose::test_parity<K>(parity, none, V, parity.value, robot.r, 0, 0).chi2;
+  return truepose::parity_verdict<K>(parity, none, V, parity.value, robot.r, 0, 0).chi2;
 }
 }  // namespace truepose::start_detail
