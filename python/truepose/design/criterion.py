@@ -85,7 +85,7 @@ class Criterion:
         return float(self.kept(V / T, together))
 
     def kept(self, V: Array, U: Array | None = None) -> Array:
-        """Return the quantile of |e|², e with covariance V (…, m, m), U (…, m, k) its uniform part.
+        """Return the quantile of eᵀe, e with covariance V (…, m, m), U (…, m, k) its uniform part.
 
         By its first three cumulants: Buckley and Eagleson (1988), An approximation to the
         distribution of quadratic forms in normal random variables, Aust. J. Statist. 30A. Those of
