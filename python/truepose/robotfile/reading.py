@@ -158,7 +158,7 @@ def _without(whole: dict, error: ValidationError) -> tuple[RobotFile | None, boo
         for problem in error.errors(include_url=False, include_context=False):
             *path, last = problem["loc"]
             table: Any = whole
-            with contextlib.suppress(LookupError, TypeError):  # a part of what is already replaced
+            with contextlib.suppress(LookupError, TypeError):  # its table is replaced already
                 for part in path:  # a sensor's kind is in the location, but no key
                     table = table if part in SENSORS and part not in table else table[part]
                 if stand_in is None and isinstance(table, dict):
