@@ -4,7 +4,6 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
-#include "truepose/kernels.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/offline/assembly.hpp"
 #include "truepose/offline/stretch.hpp"
@@ -53,7 +52,7 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   std::vector<char> closed(pose.size());
   for_rows(pose.size(), [&](std::size_t i) {
     closed[i] = with_mobility(robot.mobility,
-                              [&](auto K) { return closes(search<K()>(robot, q, pose[i])); });
+                              [&](auto robot.mobility) { return closes(search(robot, q, pose[i])); });
   });
   std::vector<Pose> found;
   for (std::size_t i = 0; i < pose.size(); ++i)
@@ -138,10 +137,10 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> points({n, 4, 3});
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    Closure<mobility()> closure;
-    const Outcome result = ikm<mobility()>(robot, to_pose<mobility()>(x), closure);
+    Closure closure;
+    const Outcome result = ikm(robot, to_pose(robot.mobility, x), closure);
     for (std::size_t i = 0; i < n && result; ++i) {
-      const Vec3 P = robot.chain[i].base(), B = P + closure.chain[i].p, A = B - closure.chain[i].v;
+      const Vec3 P = robot.chain[i].base, B = P + closure.chain[i].p, A = B - closure.chain[i].v;
       const Vec3 C = closure.placed().D + closure.chain[i].lever;
       int k = 0;
       for (const Vec3& point : {P, B, A, C})
@@ -156,12 +155,12 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
 auto rod_rows(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> rows({n, n});
-  const Outcome outcome = with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    Closure<K> closure;
-    const Outcome result = ikm<K>(robot, to_pose<K>(x), closure);
-    std::array<double, kDof<K>> row{};
-    for (int i = 0; i < kDof<K>; ++i) {
-      if (result) jx_row<K>(closure.carried, closure.chain[i].v, closure.chain[i].lever, row);
+  const Outcome outcome = with_mobility(robot.mobility, [&]<Mobility robot.mobility>(Fixed) {
+    Closure closure;
+    const Outcome result = ikm(robot, to_pose(robot.mobility, x), closure);
+    Coordinates row{};
+    for (int i = 0; i < dof(robot.mobility); ++i) {
+      if (result) jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, row);
       std::memcpy(rows[i], row.data(), sizeof row);
     }
     return result;
@@ -187,11 +186,9 @@ auto full_rod_rows(const Robot& robot) {
 }
 
 double rod_shortfall(const Robot& robot, const Coordinates& x, int chain) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    const Pose pose = placed<mobility()>(robot, to_pose<mobility()>(x));
-    const Chain& of = robot.chain.at(chain);
-    return shortfall(of, pose.D + pose.R * of.pivot() + of.anchor() - of.base());
-  });
+  const Pose pose = placed(robot, to_pose(robot.mobility, x));
+  const Chain& of = robot.chain.at(chain);
+  return shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
 }
 }  // namespace
 

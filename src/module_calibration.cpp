@@ -9,7 +9,6 @@
 #include "for_rows.hpp"
 #include "known.hpp"
 #include "online_calibration.hpp"
-#include "truepose/kernels.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 

@@ -12,7 +12,6 @@
 #include "for_rows.hpp"
 #include "known.hpp"
 #include "multirate.hpp"
-#include "truepose/kernels.hpp"
 #include "truepose/offline/statics.hpp"
 
 namespace truepose::python {
@@ -58,7 +57,7 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
         x_d, x_d.shape(1), [&](const Coordinates& at, Coordinates& x, std::size_t i) {
           *by_truth[i] = false;
           FaultyReadings lying(faults, control.period);
-          return settle<mobility()>(nominal, truth, settings, at, x, Weights(nominal, known).view(),
+          return settle(nominal, truth, settings, at, x, Weights(nominal, known).view(),
                                     off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
                                     faults.empty() ? nullptr : &lying);
         });
@@ -69,15 +68,13 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
 /// ∂x/∂q_e of the steady-state pose under a law, (N, n, n + r).
 auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& x) {
   const std::size_t n = x.shape(1), e = n + robot.r;
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    return batch(x.shape(0), {{n, e}}, [&](std::size_t i, auto& out) {
-      const Weights weights(robot, known);
-      PoseColumns leak{};
-      const Outcome outcome =
-          leakage<mobility()>(robot, law, row<Coordinates>(x, i), leak, weights.view());
-      write(leak, n, e, out[0]);
-      return outcome;
-    });
+  return batch(x.shape(0), {{n, e}}, [&](std::size_t i, auto& out) {
+    const Weights weights(robot, known);
+    PoseColumns leak{};
+    const Outcome outcome =
+        leakage(robot, law, row<Coordinates>(x, i), leak, weights.view());
+    write(leak, n, e, out[0]);
+    return outcome;
   });
 }
 }  // namespace

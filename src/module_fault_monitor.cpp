@@ -9,7 +9,6 @@
 #include "fault_tolerant_setup.hpp"
 #include "fields.hpp"
 #include "for_rows.hpp"
-#include "truepose/kernels.hpp"
 #include "truepose/offline/fastest.hpp"
 #include "truepose/offline/momentum_defaults.hpp"
 
@@ -40,7 +39,7 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
       Extended values{};
       late.arrived = arrivals(late.settings, late.cycle);
       outcomes.set(
-          i, monitor_faults<mobility()>(setup.robot, setup.settings.monitor, weights.view(),
+          i, monitor_faults(setup.robot, setup.settings.monitor, weights.view(),
                                         row<Joint>(desired, i), row<Extended>(q_e, i), monitor,
                                         values, setup.late ? &late : nullptr));
       for (std::size_t c = 0; c < e; ++c) {

@@ -20,7 +20,7 @@ auto readings(const Robot& robot, const Vec3& D, const Mat3& R,
   pose.D = D, pose.R = R, pose.psi = psi, pose.theta = theta;
   Extended q_e{};
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    return read_standing<mobility()>(robot, pose, motor, arm, q_e);
+    return read_standing(robot, pose, motor, arm, q_e);
   });
   return nb::make_tuple(q_e, static_cast<int>(outcome.status));
 }
@@ -51,11 +51,11 @@ auto rotation_vectors(const Rows& R) {
 auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   using Frame = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
   Owned<double> all({x.shape(0), 4, 4});
-  with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
+  with_mobility(robot.mobility, [&]<Mobility robot.mobility>(Fixed) {
     for_rows(x.shape(0), [&](std::size_t i) {
-      const Pose pose = placed<K>(robot, to_pose<K>(row<Coordinates>(x, i)));
+      const Pose pose = placed(robot, to_pose(robot.mobility, row<Coordinates>(x, i)));
       Vec3 turn(tilt.data() + 3 * i);
-      if constexpr (kTurnsAboutZ<K>) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
+      if (turns_about_z(robot.mobility)) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
       Eigen::Map<Frame> frame(all[i]);
       frame.setIdentity();
       frame.topLeftCorner<3, 3>() = exp_so3(turn) * pose.R;
@@ -74,12 +74,12 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
       Pose pose;
       pose.D = Vec3(D.data() + 3 * i), pose.R = Rows33(R.data() + 9 * i);
       pose.theta = theta_of(pose.R, 0);
-      if constexpr (kRotational<mobility()>) {
-        Pose angles = to_pose<mobility()>(robot.home);
-        angles_of<mobility()>(robot, pose, angles);
+      if (is_rotational(robot.mobility)) {
+        Pose angles = to_pose(robot.mobility, robot.home);
+        angles_of(robot, pose, angles);
         pose = angles;
       }
-      std::copy_n(to_coordinates<mobility()>(pose).begin(), n, x[i]);
+      std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, x[i]);
     });
   });
   return x.release();
@@ -88,44 +88,36 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
 /// Setpoint at a time of a straight quintic move.
 auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
               double time) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    const Setpoint at = quintic<mobility()>(from, to, duration, time);
-    return nb::make_tuple(at.x, at.rate, at.acceleration);
-  });
+  const Setpoint at = quintic(from, to, duration, time);
+  return nb::make_tuple(at.x, at.rate, at.acceleration);
 }
 
 /// M(x), (N, n, n), of the reduced model.
 auto batch_mass_matrix(const Robot& robot, const Rows& x) {
   const std::size_t n = x.shape(1);
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    return batch(x.shape(0), {{n, n}}, [&](std::size_t i, auto& out) {
-      PoseMatrix mass;
-      const Outcome outcome = mass_matrix<K>(robot, to_pose<K>(row<Coordinates>(x, i)), mass);
-      write(mass, n, n, out[0]);
-      return outcome;
-    });
+  return batch(x.shape(0), {{n, n}}, [&](std::size_t i, auto& out) {
+    PoseMatrix mass;
+    const Outcome outcome = mass_matrix(robot, to_pose(robot.mobility, row<Coordinates>(x, i)), mass);
+    write(mass, n, n, out[0]);
+    return outcome;
   });
 }
 
 /// Torques of a motion, and motion under torques, for poses, twists and their derivatives, (N, n).
 auto batch_inverse_dynamics(const Robot& robot, const Rows& x, const Rows& rate,
                             const Rows& acceleration) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    return map_rows<Coordinates, Joint>(
-        x, x.shape(1), [&](const Coordinates& at, Joint& torque, std::size_t i) {
-          return inverse_dynamics<K>(robot, to_pose<K>(at), row<Coordinates>(rate, i),
-                                     row<Coordinates>(acceleration, i), torque);
-        });
-  });
+  return map_rows<Coordinates, Joint>(
+      x, x.shape(1), [&](const Coordinates& at, Joint& torque, std::size_t i) {
+        return inverse_dynamics(robot, to_pose(robot.mobility, at), row<Coordinates>(rate, i),
+                                   row<Coordinates>(acceleration, i), torque);
+      });
 }
 auto batch_acceleration(const Robot& robot, const Rows& x, const Rows& rate, const Rows& torque) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    return map_rows<Coordinates, Coordinates>(
-        x, x.shape(1), [&](const Coordinates& at, Coordinates& acceleration, std::size_t i) {
-          return forward_dynamics<K>(robot, to_pose<K>(at), row<Coordinates>(rate, i),
-                                     row<Joint>(torque, i), acceleration);
-        });
-  });
+  return map_rows<Coordinates, Coordinates>(
+      x, x.shape(1), [&](const Coordinates& at, Coordinates& acceleration, std::size_t i) {
+        return forward_dynamics(robot, to_pose(robot.mobility, at), row<Coordinates>(rate, i),
+                                   row<Joint>(torque, i), acceleration);
+      });
 }
 
 /// State of the reduced model after a time under constant torques: pose and free twist.
@@ -133,9 +125,9 @@ auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& r
                   const Joint& torque, double duration, int steps) {
   Coordinates end{}, end_rate{};
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    PlantState state{to_pose<mobility()>(x), rate};
-    const Outcome result = advance<mobility()>(robot, torque, duration, steps, state);
-    end = to_coordinates<mobility()>(state.pose);
+    PlantState state{to_pose(robot.mobility, x), rate};
+    const Outcome result = advance(robot, torque, duration, steps, state);
+    end = to_coordinates(robot.mobility, state.pose);
     end_rate = state.rate;
     return result;
   });

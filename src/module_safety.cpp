@@ -59,7 +59,7 @@ struct SafeControl {
     if (!frozen) ++frame;
     cycle.counter = {safety.counted, frame};
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_safely<mobility()>(robot, with, safety.limits, clock.paced(setpoint), q_e,
+      return control_safely(robot, with, safety.limits, clock.paced(setpoint), q_e,
                                         state, shell, cycle, weighing, monitored);
     });
     if (!shell.follows) clock.rate = 0;

@@ -15,7 +15,6 @@
 #include "known.hpp"
 #include "multirate.hpp"
 #include "online_calibration.hpp"
-#include "truepose/kernels.hpp"
 #include "truepose/offline/simulate.hpp"
 
 namespace truepose::python {
@@ -129,7 +128,7 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
     with.extras.law = own_law(of.nominal, torque_of);
     log.reserve(periods + 1);
     outcome = with_mobility(of.nominal.mobility, [&](auto mobility) {
-      Loop<mobility()> loop(of.nominal, of.truth, of.settings, start, seed, with.extras);
+      Loop loop(of.nominal, of.truth, of.settings, start, seed, with.extras);
       return run(loop, [&](const Sample& sample) {
         log.push_back(sample);
         signals();
@@ -218,9 +217,9 @@ auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, i
     nb::gil_scoped_release release;
     Signals signals;
     LoopExtras with(of, seed);
-    with_mobility(of.nominal.mobility, [&]<Mobility K>(Fixed<K>) {
+    with_mobility(of.nominal.mobility, [&]<Mobility robot.mobility>(Fixed) {
       Coordinates from = of.nominal.home, standing = start;
-      std::optional<Loop<K>> loop;
+      std::optional<Loop> loop;
       for (std::size_t i = 0; i < count; ++i) {
         const Coordinates to = row<Coordinates>(x_d, i);
         const double period = of.settings.period, end = duration + hold;

@@ -8,7 +8,6 @@
 #include "arrays.hpp"
 #include "fields.hpp"
 #include "known.hpp"
-#include "truepose/kernels.hpp"
 #include "truepose/offline/start_simulation.hpp"
 
 namespace truepose::python {
@@ -26,7 +25,7 @@ nb::dict simulate_start(const Robot& robot, const Robot& truth, const ControlSet
     outcome = default_limits(robot, control, limits);
     if (outcome)
       outcome = with_mobility(robot.mobility, [&](auto mobility) {
-        return simulate_start<mobility()>(robot, truth, settings, limits, weights.view(), effects,
+        return simulate_start(robot, truth, settings, limits, weights.view(), effects,
                                           {faults, incremental, referenced, start, seed}, run);
       });
   }

@@ -36,9 +36,7 @@ struct Slow {
   /// @param q_e  in and out @return its weighting
   Weighing compensate_latency(const Robot& robot, const Weighing& weighing, Extended& q_e) {
     if (!known_late) return weighing;
-    return with_mobility(robot.mobility, [&](auto mobility) {
-      return compensated<mobility()>(robot, weighing, late, known, q_e);
-    });
+    return compensated(robot, weighing, late, known, q_e);
   }
 };
 }  // namespace truepose::python

@@ -105,7 +105,7 @@ truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    if constexpr (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
+    if (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
     if (cap < 1 || cap > kFkmCap) return {Status::no_such_value, -1};
     auto found = std::bit_cast<AxisState>(*joints);
     const Outcome outcome = joint_state(robot, std::bit_cast<AxisState>(*motors), cap, found);
@@ -120,7 +120,7 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
                                         const truepose_axis_command* joint_command,
                                         truepose_axis_command* motor_command_) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    if constexpr (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
+    if (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
     AxisCommand given;
     const Outcome outcome =
         motor_command(robot, std::bit_cast<AxisState>(*motors), std::bit_cast<AxisState>(*joints),
@@ -232,7 +232,7 @@ truepose_outcome truepose_controller_sensors(truepose_controller* controller,
   made->late = slow ? &slow->late : nullptr;
   made->compensate = [](const Robot& robot, Multirate& late, c::Present& now) {
     now.weighing = with_mobility(robot.mobility, [&](auto mobility) {
-      return compensated<mobility()>(robot, now.weighing, late, now.known, now.q_e);
+      return compensated(robot, now.weighing, late, now.known, now.q_e);
     });
   };
   return c::answer({});
@@ -283,7 +283,7 @@ truepose_outcome truepose_control_fault_tolerant(
     if (!weighs.sound) return weighs.sound;
     if (!c::monitors(*setup, robot, finest)) return c::kUnfinished;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_fault_tolerant<mobility()>(
+      return control_fault_tolerant(
           robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
           c::values<Extended>(q_e), made->state, weighs.weighing, setup->state, made->late);
     });
@@ -307,7 +307,7 @@ truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return monitor_faults<mobility()>(robot, setup->settings.monitor, weighs.weighing,
+      return monitor_faults(robot, setup->settings.monitor, weighs.weighing,
                                         c::values<Joint>(desired), read, setup->state.monitor,
                                         stands);
     });

@@ -25,9 +25,7 @@ Status rotation_status(const Mat3& R) {
 }
 
 Pose place_of(const Robot& robot, const Coordinates& x) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    return placed<mobility()>(robot, to_pose<mobility()>(x));
-  });
+  return placed(robot, to_pose(robot.mobility, x));
 }
 
 /// Converts the pose of a rigid body; its numbers must be finite, its matrix a rotation.
@@ -47,12 +45,12 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
   }
   const Coordinates found = with_mobility(robot.mobility, [&](auto mobility) {
-    if constexpr (kRotational<mobility()>) {
-      Pose angles = to_pose<mobility()>(all_finite(x, robot.motors) ? x : robot.home);
-      angles_of<mobility()>(robot, at, angles);
-      return to_coordinates<mobility()>(angles);
+    if (is_rotational(robot.mobility)) {
+      Pose angles = to_pose(robot.mobility, all_finite(x, robot.motors) ? x : robot.home);
+      angles_of(robot, at, angles);
+      return to_coordinates(robot.mobility, angles);
     } else {
-      return to_coordinates<mobility()>(at);
+      return to_coordinates(robot.mobility, at);
     }
   });
   const Pose again = place_of(robot, found);
@@ -97,7 +95,7 @@ void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
 /// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
 Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
                bool to_joints, truepose_real* to) {
-  if constexpr (!is_rotational(Mobility::rotational_1)) return kNotRotational;
+  if (!is_rotational(Mobility::rotational_1)) return kNotRotational;
   auto given = values<Coordinates>(from);
   const int n = robot.motors;
   if (!all_finite(given, n)) return {Status::not_finite, -1};

@@ -23,7 +23,7 @@ Status status_of(const truepose_chain& c, const Chain& chain) {
   bool good = c.low <= c.high && c.encoder_gain != 0 && c.gear != 0 && c.rod_spacing >= 0;
   good = good && (telescopic || (c.rod > 0 && unit(chain.axis))) &&
          (!revolute || (c.arm > 0 && c.encoder_buildup == 0));
-  if (revolute) good = good && unit(chain.zero) && std::fabs(chain.axis().dot(chain.zero())) < 1e-6;
+  if (revolute) good = good && unit(chain.zero) && std::fabs(chain.axis.dot(chain.zero)) < 1e-6;
   for (const truepose_real number : {c.encoder_step, c.encoder_noise, c.torque_limit,
                                      c.drive_inertia, c.arm_mass, c.rod_mass, c.viscous, c.coulomb})
     good = good && number >= 0;

@@ -57,7 +57,7 @@ truepose_outcome truepose_fault_monitor_observe(const truepose_model* model,
     c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
     if (setup == nullptr) return c::kUnfinished;
     with_mobility(robot.mobility, [&](auto mobility) {
-      observe_forces<mobility()>(robot, setup->settings, setup->settings.monitor.period, true,
+      observe_forces(robot, setup->settings, setup->settings.monitor.period, true,
                                  c::values<Joint>(torque), setup->state);
     });
     return Outcome{};

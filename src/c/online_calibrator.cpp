@@ -17,17 +17,17 @@ std::size_t memory(const Robot& robot, std::int32_t count) {
          static_cast<std::size_t>(online_work(robot, count));
 }
 
-template <class Level, Mobility K>
+template <class Level, Mobility robot.mobility>
 truepose_estimate_result estimated(const Robot& robot, const Knowledge& known,
                                    const truepose_real* q_e, truepose_real* work,
                                    truepose_real* x) {
-  Pose pose = to_pose<K>(values<Coordinates>(x));
-  const Estimate<K> found = estimate<K, Level>(robot, known, values<Extended>(q_e), pose, work);
+  Pose pose = to_pose(robot.mobility, values<Coordinates>(x));
+  const Estimate found = estimate<Level>(robot, known, values<Extended>(q_e), pose, work);
   truepose_estimate_result result{answer(found.outcome), found.iterations, 0, found.chi2, {}};
   if (!found) return result;
-  for (int i = 0; i < kDof<K>; ++i)
-    std::copy_n(found.covariance[i].begin(), kDof<K>, result.covariance + i * kMaxDof);
-  give(to_coordinates<K>(pose), x);
+  for (int i = 0; i < dof(robot.mobility); ++i)
+    std::copy_n(found.covariance[i].begin(), dof(robot.mobility), result.covariance + i * kMaxDof);
+  give(to_coordinates(robot.mobility, pose), x);
   return result;
 }
 
@@ -69,10 +69,8 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
     truepose_estimate_result refused = none;
     refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : weighs.sound);
     if (!weighs.sound || !weighs.weighing) return refused;
-    return with_mobility(robot.mobility, [&](auto mobility) {
-      return with_model<mobility()>(robot, [&](auto model) {
-        return c::estimated<decltype(model), mobility()>(robot, weighs.knowledge, q_e, work, x);
-      });
+    return with_model(robot, [&](auto model) {
+      return c::estimated<decltype(model), mobility()>(robot, weighs.knowledge, q_e, work, x);
     });
   });
 }
@@ -103,9 +101,7 @@ truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* lea
 truepose_outcome truepose_online_calibrator_step(truepose_online_calibrator* learner,
                                                  const truepose_real* q_e) {
   return c::taught(learner, [&](OnlineCalibrator& of) {
-    return with_mobility(of.drawn->mobility, [&](auto mobility) {
-      return calibrate_online<mobility()>(of, c::values<Extended>(q_e));
-    });
+    return calibrate_online(of, c::values<Extended>(q_e));
   });
 }
 

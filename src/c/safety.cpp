@@ -113,7 +113,7 @@ truepose_outcome truepose_control_safely(
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made->late};
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_safely<mobility()>(
+      return control_safely(
           robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
           c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
     });

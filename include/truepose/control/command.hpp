@@ -6,13 +6,12 @@
 
 namespace truepose {
 /// branch_lost if the determinant of all rods' rows has another sign than at home.
-template <Mobility K>
 inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
-  FullClosure<K> closure;
-  FullJacobians<K> jacobians;
-  Outcome outcome = ikm_full<K>(robot, to_pose<K>(x), closure);
-  if (outcome) outcome = jacobian_full<K>(robot, closure, jacobians);
-  if (outcome && full_detail::other_full_mode<K>(robot, closure))
+  FullClosure closure;
+  FullJacobians jacobians;
+  Outcome outcome = ikm_full(robot, to_pose(robot.mobility, x), closure);
+  if (outcome) outcome = jacobian_full(robot, closure, jacobians);
+  if (outcome && full_detail::other_full_mode(robot, closure))
     outcome = {Status::branch_lost, -1};
   return outcome;
 }
@@ -23,18 +22,17 @@ inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
 /// @param conditioning  out unless null: the smallest number of Conditioning
 /// @return branch_lost: in another assembly mode; singular: between two; joint_limit and
 /// unreachable as ikm
-template <Mobility K>
-TRUEPOSE_FLATTEN inline Outcome command(const Robot& robot, const Pose& pose, Joint& q,
+inline Outcome command(const Robot& robot, const Pose& pose, Joint& q,
                                         Real* conditioning = nullptr) {
-  Closure<K> closure;
-  Outcome outcome = ikm<K>(robot, pose, closure);
+  Closure closure;
+  Outcome outcome = ikm(robot, pose, closure);
   if (!outcome) return outcome;
   q = closure.q();
-  outcome = within_limits<K>(robot, pose, q);
+  outcome = within_limits(robot, pose, q);
   if (!outcome) return outcome;
-  const Conditioning<K> at(closure);
+  const Conditioning at(closure);
   outcome = at.outcome();
-  if (outcome && other_mode(robot.assembly_sign, [&] { return at.sign(); }))
+  if (outcome && other_mode(robot.assembly_sign, at.sign()))
     outcome = {Status::branch_lost, -1};
   if (outcome && conditioning) *conditioning = at.least();
   return outcome;
@@ -42,16 +40,14 @@ TRUEPOSE_FLATTEN inline Outcome command(const Robot& robot, const Pose& pose, Jo
 
 /// The same for coordinates x of any mobility.
 inline Outcome command(const Robot& robot, const Coordinates& x, Joint& q) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    return command<mobility()>(robot, to_pose<mobility()>(x), q);
-  });
+  return command(robot, to_pose(robot.mobility, x), q);
 }
 
 inline Outcome command_full(const Robot& robot, const Coordinates& x, Joint& q) {
   const Outcome outcome = ikm_full(robot, x, q);
   if (!outcome) return outcome;
   return full_detail::with_full(
-      robot, [&](auto mobility) -> Outcome { return same_full_mode<mobility()>(robot, x); },
+      robot, [&]() -> Outcome { return same_full_mode(robot, x); },
       [&] { return command(robot, x, q); });
 }
 }  // namespace truepose

@@ -84,13 +84,12 @@ inline void track(const ControlSettings& settings, Real pole, Real reading, Real
 }
 
 /// Maps a motor error's rate to rates of the errors that a law corrects.
-template <Mobility K>
-inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference<K>& reference,
+inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference& reference,
                             int r) {
-  constexpr int n = kDof<K>;
+  const int n = reference.jacobians.n;
   Extended result{};
   std::copy_n(rate.begin(), n, result.begin());
-  const Coordinates twist = pose_rate<K>(reference.jacobians.J, rate);
+  const Coordinates twist = pose_rate(reference.jacobians, rate);
   if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
   if (corrects == Corrects::readings)
     for (int k = 0; k < r; ++k)
@@ -111,10 +110,8 @@ inline Real led_out(Real leaving, Real whole) {
 }
 
 /// The steps of one cycle in order: correct, measure, blend, follow, drive, keep.
-template <Mobility K>
 class ControlCycle {
  public:
-  static constexpr int n = kDof<K>;
 
   ControlCycle(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                const Extended& q_e, const ControlState& before, ControlState& state)
@@ -124,7 +121,8 @@ class ControlCycle {
         q_e_(q_e),
         before_(before),
         state_(state),
-        corrects_(properties(settings.law).corrects) {}
+        corrects_(properties(settings.law).corrects),
+        n(dof(robot.mobility)) {}
 
   /// Whether the inputs that the law uses are finite: the joint law runs without sensors.
   bool finite() const {
@@ -134,11 +132,11 @@ class ControlCycle {
 
   /// ê_q of the law, and J, TEJ at x_d.
   Outcome correct(const Weighing& weighing) {
-    const Outcome regular = refer<K>(robot_, settings_.law, setpoint_.x, reference_,
+    const Outcome regular = refer(robot_, settings_.law, setpoint_.x, reference_,
                                      settings_.damped_below, weighing, &state_.nearby);
     Outcome outcome = regular;
     if (outcome)
-      outcome = motor_error<K>(robot_, settings_.law, reference_, q_e_, state_.error, found_,
+      outcome = motor_error(robot_, settings_.law, reference_, q_e_, state_.error, found_,
                                weighing, state_.nearby);
     return outcome ? regular : outcome;
   }
@@ -150,7 +148,7 @@ class ControlCycle {
     std::copy_n(q_e_.begin(), readings(), measured_.begin());
     joint_rate_ = reference_.jacobians.joint_rate(setpoint_.rate);
     if (!posed()) return;
-    const Coordinates x = to_coordinates<K>(found_);
+    const Coordinates x = to_coordinates(robot_.mobility, found_);
     std::copy_n(x.begin(), n, measured_.begin());
   }
 
@@ -158,7 +156,7 @@ class ControlCycle {
   void blend() {
     if (!before_.started || switches()) state_.position = measured_;
     if (switches()) {
-      state_.rate = in_terms_of<K>(corrects_, before_.error_rate, reference_, robot_.r);
+      state_.rate = in_terms_of(corrects_, before_.error_rate, reference_, robot_.r);
       for (int i = 0; i < n; ++i) state_.held[i] = before_.error[i] - state_.error[i];
       state_.leaving = settings_.lead_out;
     }
@@ -212,18 +210,18 @@ class ControlCycle {
     }
     const bool shaped = settings_.gains == Gains::inertia;
     if (shaped || settings_.feed_forward != FeedForward::none) {
-      DynamicModel<K> model;
+      DynamicModel model;
       const auto& J = reference_.jacobians.J;
       const bool full = settings_.feed_forward == FeedForward::full;
-      const Outcome outcome = dynamic_model<K>(robot_, reference_.closure,
+      const Outcome outcome = dynamic_model(robot_, reference_.closure,
                                                full ? setpoint_.rate : Coordinates{}, model);
       if (!outcome) return outcome;
       if (settings_.feed_forward == FeedForward::none) model.bias.fill(0);
-      torque = inverse_dynamics<K>(model, J, full ? setpoint_.acceleration : Coordinates{});
+      torque = inverse_dynamics(model, J, full ? setpoint_.acceleration : Coordinates{});
       if (shaped) {
         model.bias.fill(0);
-        pd = inverse_dynamics<K>(model, J, pose_rate<K>(J, pd));
-        steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
+        pd = inverse_dynamics(model, J, pose_rate(reference_.jacobians, pd));
+        steps = inverse_dynamics(model, J, pose_rate(reference_.jacobians, steps));
       }
     }
     for (int i = 0; i < n && before_.braked; ++i)
@@ -261,23 +259,23 @@ class ControlCycle {
   /// Rotation vectors do not add: x̂ is tracked in the tangent space at its last pose.
   Pose to_tangent() {
     Pose from;
-    if constexpr (K == Mobility::spatial)
+    if (robot_.mobility == Mobility::spatial)
       if (posed()) {
         Coordinates last{};
         std::copy_n(state_.position.begin(), n, last.begin());
-        from = to_pose<K>(last);
-        const Coordinates step = difference<K>(found_, from);
+        from = to_pose(robot_.mobility, last);
+        const Coordinates step = difference(robot_.mobility, found_, from);
         std::copy_n(step.begin(), n, measured_.begin());
         state_.position.fill(0);
       }
     return from;
   }
   void from_tangent([[maybe_unused]] const Pose& from) {
-    if constexpr (K == Mobility::spatial)
+    if (robot_.mobility == Mobility::spatial)
       if (posed()) {
         Coordinates step{};
         std::copy_n(state_.position.begin(), n, step.begin());
-        const Coordinates x = to_coordinates<K>(moved<K>(from, step));
+        const Coordinates x = to_coordinates(robot_.mobility, moved(robot_.mobility, from, step));
         std::copy_n(x.begin(), n, state_.position.begin());
       }
   }
@@ -302,7 +300,8 @@ class ControlCycle {
   const ControlState& before_;
   ControlState& state_;
   const Corrects corrects_;
-  Reference<K> reference_;
+  const int n;
+  Reference reference_;
   Pose found_;           ///< x̂, of laws of the pose
   Extended measured_{};  ///< readings, or x̂
   Joint joint_rate_{};   ///< of q_d
@@ -315,12 +314,11 @@ class ControlCycle {
 /// @param known  for laws that weigh
 /// @return no answer: the last valid torque is held, nothing else changes; near_singular: the
 /// torque is that of the damped J
-template <Mobility K>
-Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
+inline Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known = {}) {
   if (!robot.finished) return {Status::unfinished, -1};
   const ControlState before = state;
-  ControlCycle<K> cycle(robot, settings, setpoint, q_e, before, state);
+  ControlCycle cycle(robot, settings, setpoint, q_e, before, state);
   if (!cycle.finite()) return {Status::not_finite, -1};
   const Scaled scaled(known, settings.sigma_scale);
   const Outcome regular = cycle.correct(scaled.weighing);
@@ -338,38 +336,28 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   return outcome ? regular : outcome;
 }
 
-inline Outcome control(const Robot& robot, const ControlSettings& settings,
-                       const Setpoint& setpoint, const Extended& q_e, ControlState& state,
-                       const Weighing& weighing = {}) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    return control<mobility()>(robot, settings, setpoint, q_e, state, weighing);
-  });
-}
-
 /// PD gains by pole placement: a second-order response of that natural frequency (rad/s) and
 /// damping ratio. Diagonal gains give it to motor i alone, held at pose x; gains shaped by the
 /// inertia to every motor at every pose, and x must only be valid.
 inline Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
                            ControlSettings& settings) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    constexpr int n = kDof<K>;
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    DynamicModel<K> model;
-    Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
-    if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
-    if (!outcome) return outcome;
-    const auto inertia = joint_inertia<K>(model, jacobians.J);
-    for (int m = 0; m < n; ++m) {
-      // The error is in readings, the torque is the motor's own.
-      const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
-      settings.kp[m] = of * frequency * frequency;
-      settings.kd[m] = 2 * damping * of * frequency;
-    }
-    if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
-      outcome = {Status::not_finite, -1};
-    return outcome;
-  });
+  const int n = dof(robot.mobility);
+  Closure closure;
+  Jacobians jacobians;
+  DynamicModel model;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+  if (!outcome) return outcome;
+  const auto inertia = joint_inertia(model, jacobians.J);
+  for (int m = 0; m < n; ++m) {
+    // The error is in readings, the torque is the motor's own.
+    const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
+    settings.kp[m] = of * frequency * frequency;
+    settings.kd[m] = 2 * damping * of * frequency;
+  }
+  if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
+    outcome = {Status::not_finite, -1};
+  return outcome;
 }
 }  // namespace truepose

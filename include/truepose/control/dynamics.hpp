@@ -11,36 +11,22 @@
 
 namespace truepose {
 /// The reduced dynamics at one pose and velocity.
-template <Mobility K>
 struct DynamicModel {
-  static constexpr int n = kDof<K>;
-  Matrix<kDof<K>, kDof<K>> mass;  ///< M, full symmetric
-  std::array<Real, n> bias;       ///< c: Coriolis, centrifugal and gravity forces; or M ẍ + c
-  Matrix<kDof<K>, kDof<K>> k;     ///< K, rows k_i
-  std::array<Real, n> rate;       ///< q̇
-  std::array<Real, n> slope;      ///< ∂(q as read)/∂(q as the motor turns)
+  int n;
+  Square mass;  ///< M, full symmetric
+  Coordinates bias;       ///< c: Coriolis, centrifugal and gravity forces; or M ẍ + c
+  Square k;     ///< K, rows k_i
+  Coordinates rate;       ///< q̇
+  Coordinates slope;      ///< ∂(q as read)/∂(q as the motor turns)
 };
-
-/// ω × l for the angular velocities that the mobility allows.
-template <Mobility K>
-inline Vec3 turning(const Vec3& omega, const Vec3& l) {
-  if constexpr (K == Mobility::spatial || kRotational<K>)
-    return omega.cross(l);
-  else if constexpr (kTurnsAboutZ<K>)
-    return Vec3(-omega.z() * l.y(), omega.z() * l.x(), 0);
-  else
-    return Vec3::Zero();
-}
 
 /// Ṫ ẋ of a platform on passive axes: how D accelerates and the platform's turn changes at constant
 /// joint rates. The axes before it turn an axis, ȧ_j = ω_{j-1} × a_j; all axes turn its arm.
-template <Mobility K>
-inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
-                      [[maybe_unused]] const Coordinates& rate) {
+inline Twist drifting(const Carried& carried, const Coordinates& rate) {
   Twist drift;
-  if constexpr (kRotational<K>) {
-    constexpr int n = kDof<K>;
-    std::array<Vec3, n> swept;  // velocity of D relative to p_j, by the axes from j on
+  if (is_rotational(carried.mobility)) {
+    const int n = carried.n;
+    std::array<Vec3, kMaxAxes> swept;  // velocity of D relative to p_j, by the axes from j on
     Vec3 after = Vec3::Zero();
     for (int j = n - 1; j >= 0; --j) {
       swept[j] = after + rate[j] * carried.linear[j];
@@ -59,26 +45,24 @@ inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
   return drift;
 }
 
-/// M, c and K at a closed pose moving with the free twist `rate`; without M, at half the cost, M ẍ
-/// + c for a known acceleration.
+/// M, c and K at a closed pose moving with the free twist `rate`; for a known acceleration, at half
+/// the cost, M ẍ + c in place of c, without M.
 /// @return singular (and the chain) where an entry of J_q vanishes; without M, jacobian() tests it
-template <Mobility K, bool M = true>
-TRUEPOSE_FLATTEN inline Outcome dynamic_model(
-    const Robot& robot, const Closure<K>& closure, const Coordinates& rate, DynamicModel<K>& model,
-    [[maybe_unused]] const Coordinates& acceleration = {}) {
-  constexpr int n = kDof<K>;
-  const Carried<K>& twists = closure.carried;
-  const Twist twist = to_twist<K>(twists, rate);
-  Twist drift = drifting<K>(twists, rate);  // acceleration of the platform: at ẍ = 0, or at ẍ
-  constexpr bool drifts = kRotational<K> || !M;
-  if constexpr (!M) {
-    const Twist known = to_twist<K>(twists, acceleration);
+inline Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordinates& rate,
+                             DynamicModel& model, const Coordinates* acceleration = nullptr) {
+  const int n = model.n = dof(robot.mobility);
+  const bool M = acceleration == nullptr;
+  const Carried& twists = closure.carried;
+  const Twist twist = to_twist(twists, rate);
+  Twist drift = drifting(twists, rate);  // acceleration of the platform: at ẍ = 0, or at ẍ
+  if (!M) {
+    const Twist known = to_twist(twists, *acceleration);
     drift.velocity += known.velocity;
     drift.omega += known.omega;
   }
-  const Vec3 g = robot.gravity();
+  const Vec3 g = robot.gravity;
   for (int i = 0; i < n; ++i) {
-    if constexpr (M) model.mass[i].fill(0);
+    if (M) model.mass[i].fill(0);
     model.bias[i] = 0;
   }
 
@@ -88,14 +72,10 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
   Mat3 second = Mat3::Zero();  // Σ m (|l|² - l lᵀ), and the bodies' own inertia
   Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
   const auto hang = [&](Real m, const Vec3& l, const Vec3& f) {
-    if constexpr (M) {
+    if (M) {
       mass += m;
       first += m * l;
-    }
-    if constexpr (M && (K == Mobility::spatial || kRotational<K>)) {
-      second += m * (l.squaredNorm() * Mat3::Identity() - l * l.transpose());
-    } else if constexpr (M && kTurnsAboutZ<K>) {
-      second(2, 2) += m * (l.x() * l.x() + l.y() * l.y());
+      second += m * (l.squaredNorm() * Mat3::Identity() - outer(l, l));
     }
     force += f;
     moment += l.cross(f);
@@ -105,7 +85,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
     const Chain& chain = robot.chain[i];
     const ChainState& at = closure.chain[i];
     auto& k = model.k[i];
-    jx_row<K>(twists, at.v, at.lever, k);
+    jx_row(twists, at.v, at.lever, k.data());
     if (M && !(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
     // The motor's true angle counts here, not an eccentric encoder's reading.
@@ -120,9 +100,9 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
     model.rate[i] = qd;
 
     // Second derivative of the closure: q̈ = k ẍ + h. aA, aB: accelerations of A and B at ẍ = 0.
-    const Vec3 swing = turning<K>(twist.omega, at.lever);
-    Vec3 centripetal = turning<K>(twist.omega, swing);  // acceleration of A at ẍ = 0
-    if constexpr (drifts) centripetal += drift.velocity + turning<K>(drift.omega, at.lever);
+    const Vec3 swing = twist.omega.cross(at.lever);
+    const Vec3 centripetal =  // acceleration of A at ẍ = 0
+        twist.omega.cross(swing) + drift.velocity + drift.omega.cross(at.lever);
     const Vec3 stretch = dB * qd - twist.velocity - swing;  // v̇
     Vec3 aB = Vec3::Zero();
     Real right = at.v.dot(centripetal) - stretch.squaredNorm();
@@ -143,9 +123,9 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
     const Real carried = chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
     const Real own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
     for (int row = 0; row < n; ++row) model.bias[row] += k[row] * own;
-    if constexpr (!M) continue;
-    std::array<Real, n> b;  // J_Aᵀ ∂B/∂q
-    free_columns<K>(twists, dB, at.lever.cross(dB), b.data());
+    if (!M) continue;
+    Coordinates b;  // J_Aᵀ ∂B/∂q
+    free_row(twists, dB, at.lever.cross(dB), b.data());
     const Real kk = chain.drive_inertia + m3 * dB.squaredNorm();
     for (int row = 0; row < n; ++row) {
       const Real kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
@@ -157,30 +137,24 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
   for (int i = 0; i < robot.bodies; ++i) {
     const Body& body = robot.body[i];
     const Mat3& R = closure.placed().R;
-    const Vec3 l = turned<K>(R, body.pivot());
-    Vec3 centripetal = turning<K>(twist.omega, turning<K>(twist.omega, l));
-    if constexpr (drifts) centripetal += drift.velocity + turning<K>(drift.omega, l);
+    const Vec3 l = R * body.pivot;
+    const Vec3 centripetal =
+        twist.omega.cross(twist.omega.cross(l)) + drift.velocity + drift.omega.cross(l);
     hang(body.mass, l, body.mass * (centripetal - g));
-    if constexpr (K == Mobility::spatial || kRotational<K>) {
-      const Mat3 inertia = R * body.inertia() * R.transpose();
-      if constexpr (M) second += inertia;
-      moment += twist.omega.cross(inertia * twist.omega);
-      if constexpr (drifts) moment += inertia * drift.omega;
-    } else if constexpr (kTurnsAboutZ<K>) {
-      if constexpr (M) second(2, 2) += body.inertia()(2, 2);
-      if constexpr (drifts) moment.z() += body.inertia()(2, 2) * drift.omega.z();
-    }
+    const Mat3 inertia = R * body.inertia * R.transpose();
+    if (M) second += inertia;
+    moment += twist.omega.cross(inertia * twist.omega) + inertia * drift.omega;
   }
 
   // [m, -[Σml]×; [Σml]×, second], its free rows and columns.
-  std::array<Real, n> wrench;
-  free_columns<K>(twists, force, moment, wrench.data());
+  Coordinates wrench;
+  free_row(twists, force, moment, wrench.data());
   for (int row = 0; row < n; ++row) model.bias[row] += wrench[row];
-  if constexpr (!M) return {};
-  Mat3 cross;
-  cross << 0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0;
+  if (!M) return {};
+  const Mat3 cross =
+      Mat3::of(0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0);
   for (int row = 0; row < n; ++row) {
-    if constexpr (kRotational<K>) {  // Tᵀ of all this T
+    if (is_rotational(robot.mobility)) {  // Tᵀ of all this T
       const Vec3 &linear = twists.linear[row], &turn = twists.axis[row];
       const Vec3 pushed = mass * linear + turn.cross(first);
       const Vec3 twisted = first.cross(linear) + second * turn;
@@ -190,9 +164,9 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
         model.mass[column][row] = model.mass[row][column];
       }
     } else {
-      const int i = Freedom<K>::columns[row];
+      const int i = free_columns(robot.mobility)[row];
       for (int column = 0; column <= row; ++column) {
-        const int j = Freedom<K>::columns[column];
+        const int j = free_columns(robot.mobility)[column];
         if (i < 3)
           model.mass[row][column] += i == j ? mass : 0;
         else
@@ -205,10 +179,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(
 }
 
 /// Motor torques Jᵀ f of a force of the platform's coordinates.
-template <Mobility K, class Force, class Slope>
-inline Joint motor_torques(const Matrix<kDof<K>, kDof<K>>& J, const Force& force,
-                           const Slope& slope) {
-  constexpr int n = kDof<K>;
+inline Joint motor_torques(int n, const Square& J, const Coordinates& force, const Joint& slope) {
   Joint torque{};
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force[i];
@@ -217,31 +188,28 @@ inline Joint motor_torques(const Matrix<kDof<K>, kDof<K>>& J, const Force& force
 }
 
 /// Motor torques for an acceleration, without friction: τ = Jᵀ (M ẍ + c).
-template <Mobility K>
-inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
+inline Joint inverse_dynamics(const DynamicModel& model, const Square& J,
                               const Coordinates& acceleration) {
-  constexpr int n = kDof<K>;
-  std::array<Real, n> force = model.bias;
+  const int n = model.n;
+  Coordinates force = model.bias;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) force[i] += model.mass[i][j] * acceleration[j];
-  return motor_torques<K>(J, force, model.slope);
+  return motor_torques(n, J, force, model.slope);
 }
 
 /// Twist J v of the platform for rates v of the readings.
-template <Mobility K>
-inline Coordinates pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
+inline Coordinates pose_rate(const Jacobians& at, const Joint& rate) {
   Coordinates result{};
-  for (int i = 0; i < kDof<K>; ++i)
-    for (int j = 0; j < kDof<K>; ++j) result[i] += J[i][j] * rate[j];
+  for (int i = 0; i < at.n; ++i)
+    result[i] = sum_of(at.n, [&](int j) { return at.J[i][j] * rate[j]; });
   return result;
 }
 
 /// Joint inertia JᵀMJ, of the motors' readings.
-template <Mobility K>
-inline Matrix<kDof<K>, kDof<K>> joint_inertia(const DynamicModel<K>& model,
-                                              const Matrix<kDof<K>, kDof<K>>& J) {
-  constexpr int n = kDof<K>;
-  Matrix<n, n> inertia{};
+inline Square joint_inertia(const DynamicModel& model,
+                            const Square& J) {
+  const int n = model.n;
+  Square inertia{};
   for (int m = 0; m < n; ++m)
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j)
@@ -258,27 +226,27 @@ inline Real friction(const Chain& chain, Real rate) {
 }
 
 /// Acceleration ẍ under torques that may depend on the motors' positions and rates.
-/// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it uses q of the closure
+/// @param torque_of  torque_of(closure, model) -> Joint
 /// @return unreachable, singular, not_finite, or ok
-template <Mobility K, bool NeedAngle, class Torque>
+template <class Torque>
 inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                       Torque&& torque_of, Coordinates& acceleration) {
-  constexpr int n = kDof<K>;
-  Closure<K> closure;
-  DynamicModel<K> model;
-  Outcome outcome = ikm<K, NeedAngle>(robot, pose, closure);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
+  const int n = dof(robot.mobility);
+  Closure closure;
+  DynamicModel model;
+  Outcome outcome = ikm(robot, pose, closure);
+  if (outcome) outcome = dynamic_model(robot, closure, rate, model);
   if (!outcome) return outcome;
   const Joint torque = torque_of(closure, model);
-  std::array<Real, n> force;
+  Coordinates force;
   for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
   for (int i = 0; i < n; ++i) {
     const Real net = torque[i] - friction(robot.chain[i], model.rate[i]);
     for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
   }
-  std::array<Real, n> size;
+  Coordinates size;
   for (int j = 0; j < n; ++j) size[j] = model.mass[j][j];
-  const Ldlt<n> factor(model.mass, size);
+  const Ldlt factor(n, model.mass, size);
   if (!factor.regular()) return {Status::singular, -1};
   factor.solve(force);
   for (int j = 0; j < n; ++j) acceleration[j] = force[j];
@@ -286,38 +254,35 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   return outcome;
 }
 
-template <Mobility K>
 inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                 const Joint& torque, Coordinates& acceleration) {
-  return forward_dynamics_under<K, false>(
+  return forward_dynamics_under(
       robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
 }
 
 /// Motor torques for an acceleration, with friction: the inverse of forward_dynamics.
-template <Mobility K>
 inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                 const Coordinates& acceleration, Joint& torque) {
-  Closure<K> closure;
-  Jacobians<K> jacobians;
-  DynamicModel<K> model;
-  Outcome outcome = ikm<K, false>(robot, pose, closure);
-  if (outcome) outcome = jacobian<K>(closure, jacobians);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
+  Closure closure;
+  Jacobians jacobians;
+  DynamicModel model;
+  Outcome outcome = ikm(robot, pose, closure, false);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = dynamic_model(robot, closure, rate, model);
   if (!outcome) return outcome;
-  torque = inverse_dynamics<K>(model, jacobians.J, acceleration);
-  for (int i = 0; i < kDof<K>; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
-  if (!all_finite(torque, kDof<K>)) return {Status::not_finite, -1};
+  torque = inverse_dynamics(model, jacobians.J, acceleration);
+  for (int i = 0; i < dof(robot.mobility); ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
+  if (!all_finite(torque, dof(robot.mobility))) return {Status::not_finite, -1};
   return outcome;
 }
 
 /// M(x), of the free twist.
-template <Mobility K>
 inline Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mass) {
-  constexpr int n = kDof<K>;
-  Closure<K> closure;
-  DynamicModel<K> model;
-  Outcome outcome = ikm<K, false>(robot, pose, closure);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
+  const int n = dof(robot.mobility);
+  Closure closure;
+  DynamicModel model;
+  Outcome outcome = ikm(robot, pose, closure, false);
+  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   Real sum = 0;
   for (int i = 0; i < n; ++i)

@@ -20,9 +20,8 @@
 namespace truepose {
 namespace fault_monitor_detail {
 /// The steps of one cycle, which update the state and the believed readings.
-template <Mobility K>
-class Cycle : MonitoredCycle<K> {
-  using Base = MonitoredCycle<K>;
+class Cycle : MonitoredCycle {
+  using Base = MonitoredCycle;
   using Base::leaves_track, Base::motor_left, Base::model, Base::raw, Base::much, Base::stood;
   using Base::monitor_, Base::believed_, Base::late_, Base::r_, Base::rows_, Base::settled_;
   using Base::n, Base::robot_, Base::settings_, Base::weighing_, Base::desired_, Base::q_e_;
@@ -68,7 +67,7 @@ class Cycle : MonitoredCycle<K> {
       if (without_) substitute();
       monitor_.last = monitor_.motion;
       monitor_.motion =
-          monitor_.placed ? difference<K>(parity_.pose, monitor_.pose) : Coordinates{};
+          monitor_.placed ? difference(robot_.mobility, parity_.pose, monitor_.pose) : Coordinates{};
       monitor_.pose = parity_.pose;
     }
     monitor_.placed = bool(placed);
@@ -84,7 +83,7 @@ class Cycle : MonitoredCycle<K> {
   void extrapolate_delayed() {
     Extended by = q_e_;
     std::copy_n(believed_.begin(), n, by.begin());
-    if (!compensate_latency<K>(robot_, *late_, by)) return;
+    if (!compensate_latency(robot_, *late_, by)) return;
     std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
     const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
     for (int c = 0; c < rows_; ++c) {
@@ -140,10 +139,10 @@ class Cycle : MonitoredCycle<K> {
   }
 
   Outcome locate() {
-    Pose near = moved<K>(monitor_.pose, monitor_.motion);
+    Pose near = moved(robot_.mobility, monitor_.pose, monitor_.motion);
     if (!monitor_.placed) {
-      near = to_pose<K>(robot_.home);
-      const Outcome found{fkm<K>(robot_, motors_of<K>(believed_), near).status, -1};
+      near = to_pose(robot_.mobility, robot_.home);
+      const Outcome found{fkm(robot_, motors_of(robot_, believed_), near).status, -1};
       if (!found) return found;
     }
     return parity_.locate(robot_, near, believed_, monitor_.beyond);
@@ -174,9 +173,9 @@ class Cycle : MonitoredCycle<K> {
     const Real coasted = 1 + 0.5 * monitor_.disagreed * (1 - kParityPole);
     const Real bend = bending() * coasted * coasted;
     if (!monitor_.undecided && covariance(settings_.together.variance, bend * bend, V))
-      changed = parity_verdict<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
+      changed = parity_verdict(parity_, settings_.chi2, V, change, r_, without_, left_out_);
     if (monitor_.known && covariance(1, 1, V)) {
-      level = parity_verdict<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
+      level = parity_verdict(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
       monitor_.chi2 = level.chi2;
       monitor_.freedom = level.freedom;
     }
@@ -338,7 +337,7 @@ class Cycle : MonitoredCycle<K> {
         believed_[c] = parity_.read[c] - parity_.value[c - n];  // as far as the motors determine it
       }
     }
-    parity_.pose = moved<K>(parity_.pose, step);
+    parity_.pose = moved(robot_.mobility, parity_.pose, step);
   }
 
   /// Updates the state of every reading. @return the first that is not valid, or -1
@@ -422,13 +421,12 @@ class Cycle : MonitoredCycle<K> {
 /// @param believed  out: the readings, or their substitutes
 /// @param late      in and out: slow and delayed sensors, extrapolated here; nullptr: none
 /// @return `disagree` and the first reading that is not valid; no answer: the readings give no pose
-template <Mobility K>
-Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
+inline Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
                        const Weighing& weighing, const Joint& desired, const Extended& q_e,
                        FaultMonitor& monitor, Extended& believed, Multirate* late = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (!weighing) return {Status::not_measured, -1};
-  return fault_monitor_detail::Cycle<K>(robot, settings, weighing, desired, q_e, monitor, believed,
+  return fault_monitor_detail::Cycle(robot, settings, weighing, desired, q_e, monitor, believed,
                                         late)
       .run();
 }

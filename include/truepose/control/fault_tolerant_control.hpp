@@ -87,11 +87,10 @@ inline constexpr Real kDisbelieved = 1e4;
 
 /// Observes forces after monitor_faults(), while every motor is read and no brake acts.
 /// @param torque  applied in the last control period
-template <Mobility K>
-void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
+inline void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
                     bool moves, const Joint& torque, FaultTolerantState& state) {
-  if constexpr (!kObserves) return;
-  constexpr int n = kDof<K>;
+  if (!kObserves) return;
+  const int n = dof(robot.mobility);
   FaultMonitor& monitor = state.monitor;
   MomentumObserver& observer = state.observer;
   bool observed = moves && !state.stops;
@@ -109,10 +108,10 @@ void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, R
       for (int i = 0; i < n; ++i) mean[i] = observer.sum[i] / static_cast<Real>(every);
       observer.sum = {};
       observer.waited = 0;
-      sample_momentum<K>(settings.momentum, monitor.pose, mean, observer);
+      sample_momentum(robot, settings.momentum, monitor.pose, mean, observer);
     }
     for (int done = 0; done < kMomentumSteps; done += every)
-      static_cast<void>(observe_momentum<K>(robot, settings.momentum, observer));
+      static_cast<void>(observe_momentum(robot, settings.momentum, observer));
   }
   for (int i = 0; i < n; ++i)
     monitor.pushed[i] = std::fabs(observer.residual[i]) * settings.momentum.give[i];
@@ -126,21 +125,20 @@ void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, R
 /// @param fault_state  in and out; the caller must obey `stops` and `brakes`
 /// @param late   in and out: slow and delayed sensors; nullptr: none
 /// @return as control(); `disagree` and a reading: it is not valid, the robot continues without it
-template <Mobility K>
-Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settings,
+inline Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settings,
                                const FaultTolerantSettings& fault_settings,
                                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
                                const Weighing& weighing, FaultTolerantState& fault_state,
                                Multirate* late = nullptr) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   Extended believed = q_e;
   FaultMonitor& monitor = fault_state.monitor;
-  const Outcome monitored = monitor_faults<K>(
+  const Outcome monitored = monitor_faults(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
-      fault_state.asked ? fault_state.q_d : motors_of<K>(q_e), q_e, monitor, believed, late);
-  observe_forces<K>(robot, fault_settings, settings.period, monitored && state.started,
+      fault_state.asked ? fault_state.q_d : motors_of(robot, q_e), q_e, monitor, believed, late);
+  observe_forces(robot, fault_settings, settings.period, monitored && state.started,
                     state.torque, fault_state);
-  constexpr std::uint32_t all = bit(n) - 1;
+  const std::uint32_t all = bit(n) - 1;
   const bool held = fault_state.brakes == all;
   fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;
   fault_state.brakes |= monitor.lost;
@@ -174,10 +172,10 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     if (failed && !(~failed & (bit(n + robot.r) - bit(n)))) now.law = Law::joint;
     state.switched = state.switched || monitor.changed;
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
-    outcome = control<K>(robot, now, setpoint, believed, state, reweigh ? reweighed : weighing);
+    outcome = control(robot, now, setpoint, believed, state, reweigh ? reweighed : weighing);
   }
   if (outcome)
-    add_payload_torque<K>(robot, fault_settings.momentum, setpoint, fault_state.observer,
+    add_payload_torque(robot, fault_settings.momentum, setpoint, fault_state.observer,
                           state.torque);
   if (outcome) fault_state.q_d = state.q_d;
   fault_state.asked = fault_state.asked || outcome;
@@ -189,7 +187,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (fault_state.stops)
     fault_state.stop = monitor.lost ? fault_settings.stop_lost : fault_settings.stop;
   if (fault_state.brakes == all) {
-    if (!held && (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(fault_state.at), {}, {},
+    if (!held && (!state.started || !inverse_dynamics(robot, to_pose(robot.mobility, fault_state.at), {}, {},
                                                          fault_state.weight)))
       fault_state.weight = {};
     for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], fault_state.weight[i]);

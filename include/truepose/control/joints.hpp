@@ -25,23 +25,21 @@ inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
   Coordinates x = joints.position;
   const Outcome found = fkm(robot, motors.position, x, cap);
   if (!found) return found;
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    constexpr int n = kDof<K>;
-    if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
-      return Outcome{Status::not_finite, -1};
-    Closure<K> closure;
-    Jacobians<K> at;
-    Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
-    if (outcome) outcome = jacobian<K>(closure, at);
-    if (!outcome) return outcome;
-    joints = {x, {}, {}};
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j) {
-        joints.velocity[i] += at.J[i][j] * motors.velocity[j];
-        joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
-      }
-    return outcome;
-  });
+  const int n = dof(robot.mobility);
+  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
+    return Outcome{Status::not_finite, -1};
+  Closure closure;
+  Jacobians at;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
+  if (outcome) outcome = jacobian(closure, at);
+  if (!outcome) return outcome;
+  joints = {x, {}, {}};
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      joints.velocity[i] += at.J[i][j] * motors.velocity[j];
+      joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
+    }
+  return outcome;
 }
 
 /// Motor commands by which the drives together act on the joints as the joint command says: exactly
@@ -50,38 +48,36 @@ inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
 /// @return as command() of the joint command's position
 inline Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,
                              const AxisCommand& wanted, AxisCommand& given) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    constexpr int n = kDof<K>;
-    for (const Coordinates* values :
-         {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
-          &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
-      if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
-    const Pose desired = to_pose<K>(wanted.state.position), now = to_pose<K>(joints.position);
-    Closure<K> closure;
-    Jacobians<K> at;
-    AxisCommand result;
-    Outcome outcome = command<K>(robot, desired, result.state.position);
-    if (outcome) outcome = ikm<K, false>(robot, desired, closure);
-    if (outcome) outcome = jacobian<K>(closure, at);
-    if (outcome) result.state.velocity = at.joint_rate(wanted.state.velocity);
-    if (outcome) outcome = ikm<K, false>(robot, now, closure);
-    if (outcome) outcome = jacobian<K>(closure, at);
-    if (!outcome) return outcome;
-    const Coordinates away = difference<K>(desired, now);
-    for (int j = 0; j < n; ++j) {
-      for (int i = 0; i < n; ++i) {
-        const Real J = at.J[i][j];
-        result.kp[j] += J * J * wanted.kp[i];
-        result.kd[j] += J * J * wanted.kd[i];
-        result.state.torque[j] +=
-            J * (wanted.state.torque[i] + wanted.kp[i] * away[i] +
-                 wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]));
-      }
-      result.state.torque[j] -= result.kp[j] * (result.state.position[j] - motors.position[j]) +
-                                result.kd[j] * (result.state.velocity[j] - motors.velocity[j]);
+  const int n = dof(robot.mobility);
+  for (const Coordinates* values :
+       {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
+        &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
+    if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
+  const Pose desired = to_pose(robot.mobility, wanted.state.position), now = to_pose(robot.mobility, joints.position);
+  Closure closure;
+  Jacobians at;
+  AxisCommand result;
+  Outcome outcome = command(robot, desired, result.state.position);
+  if (outcome) outcome = ikm(robot, desired, closure, false);
+  if (outcome) outcome = jacobian(closure, at);
+  if (outcome) result.state.velocity = at.joint_rate(wanted.state.velocity);
+  if (outcome) outcome = ikm(robot, now, closure, false);
+  if (outcome) outcome = jacobian(closure, at);
+  if (!outcome) return outcome;
+  const Coordinates away = difference(robot.mobility, desired, now);
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) {
+      const Real J = at.J[i][j];
+      result.kp[j] += J * J * wanted.kp[i];
+      result.kd[j] += J * J * wanted.kd[i];
+      result.state.torque[j] +=
+          J * (wanted.state.torque[i] + wanted.kp[i] * away[i] +
+               wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]));
     }
-    given = result;
-    return outcome;
-  });
+    result.state.torque[j] -= result.kp[j] * (result.state.position[j] - motors.position[j]) +
+                              result.kd[j] * (result.state.velocity[j] - motors.velocity[j]);
+  }
+  given = result;
+  return outcome;
 }
 }  // namespace truepose

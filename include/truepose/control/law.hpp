@@ -76,156 +76,141 @@ class Scaled {
 };
 
 /// Inputs of a law that depend on x_d alone: q_de, J, TEJ, q_d.
-template <Mobility K>
 struct Reference {
-  Closure<K> closure;
-  Jacobians<K> jacobians;
+  Closure closure;
+  Jacobians jacobians;
   Extended q_e;  ///< q_de
-  Matrix<kMaxSensors, kDof<K>> jr;
+  SensorRows jr;
   ExtendedColumns M;
   ExtendedRows tej;
   Pose pose;  ///< laws of the pose: x̂ of the readings q_de
 };
 
 /// As linearise(), at the reference's pose.
-template <Mobility K>
-inline Outcome linearise(const Robot& robot, const Reference<K>& reference, Extended& q_e,
-                         Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic& rest) {
+inline Outcome linearise(const Robot& robot, const Reference& reference, Extended& q_e,
+                         PoseRows& H_x, Real* H_xi, Parasitic& rest) {
   if (robot.rod_by_rod())
-    return linearise_full<K>(robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
-  pose_rows<K>(robot, reference.jacobians, reference.jr, H_x);
-  if (H_xi) parameter_jacobian<K>(robot, reference.closure, H_xi);
+    return linearise_full(robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
+  pose_rows(robot, reference.jacobians, reference.jr, H_x);
+  if (H_xi) parameter_jacobian(robot, reference.closure, H_xi);
   return {};
 }
 
 /// The same with the weights at that pose: cached, or fresh beyond their validity radius.
 /// @return singular where the motors alone do not determine the pose
-template <Mobility K>
 inline Outcome linearise_kept(const Robot& robot, const Weighing& weighing,
-                              const Reference<K>& reference, Extended& q_e,
-                              Matrix<kMaxReadings, kDof<K>>& H_x, Parasitic& rest,
-                              CachedFusion<K>& at) {
-  constexpr int n = kDof<K>;
+                              const Reference& reference, Extended& q_e,
+                              PoseRows& H_x, Parasitic& rest,
+                              CachedFusion& at) {
+  const int n = dof(robot.mobility);
   const Knowledge& known = *weighing.known;
   CachedGain& kept = *weighing.kept;
   Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
   const std::uint64_t mark = fingerprint(robot, known);
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
-  const Outcome outcome = linearise<K>(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
+  const Outcome outcome = linearise(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
   if (!outcome) return outcome;
   if (!at.set_jacobians(robot, H_x)) return {Status::singular, -1};
   if (holds) return at.weigh(robot, known, kept);
-  return refresh<K>(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
+  return refresh(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
 }
 
 /// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
-template <Mobility K>
-TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest,
-                                    Reference<K>& reference) {
+inline Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest,
+                                    Reference& reference) {
   if (!weighing) return {Status::not_measured, -1};
-  constexpr int n = kDof<K>;
-  Matrix<kMaxReadings, n> H_x;
+  const int n = dof(robot.mobility);
+  PoseRows H_x;
   if (weighing.kept) {
-    CachedFusion<K> at;
+    CachedFusion at;
     const Outcome outcome =
-        linearise_kept<K>(robot, weighing, reference, reference.q_e, H_x, rest, at);
+        linearise_kept(robot, weighing, reference, reference.q_e, H_x, rest, at);
     if (outcome) at.tej(robot, H_x, reference.tej);
     if (outcome.status != Status::singular) return outcome;
   }
   ReadingCovariance C;
-  Fusion<K> fusion;
+  Fusion fusion;
   Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
-  Outcome outcome = linearise<K>(robot, reference, reference.q_e, H_x, H_xi, rest);
+  Outcome outcome = linearise(robot, reference, reference.q_e, H_x, H_xi, rest);
   if (outcome) outcome = reading_covariance(robot, *weighing.known, H_xi, B, C);
-  if (outcome) outcome = fuse<K>(robot, *weighing.known, C, H_x, fusion);
-  if (outcome) weighted_tej<K>(robot, H_x, fusion, reference.tej);
+  if (outcome) outcome = fuse(robot, *weighing.known, C, H_x, fusion);
+  if (outcome) weighted_tej(robot, H_x, fusion, reference.tej);
   return outcome;
 }
 
 /// q_de with every rod closing its own loop.
-template <Mobility K>
-TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
-                                         Reference<K>& reference) {
-  if constexpr (!kRodByRod<K>) {
-    return {Status::no_full_level, -1};
-  } else {
-    FullClosure<K> closure;
-    std::array<FullRow, kMaxSensors> rows;
-    const Outcome outcome =
-        extended_full<K>(robot, reference.closure.pose, reference.q_e, closure, rows, &rest);
-    return outcome ? within_limits(robot, closure.q) : outcome;
-  }
+inline Outcome refer_full(const Robot& robot, Parasitic& rest,
+                                         Reference& reference) {
+  FullClosure closure;
+  std::array<FullRow, kMaxSensors> rows;
+  const Outcome outcome =
+      extended_full(robot, reference.closure.pose, reference.q_e, closure, rows, &rest);
+  return outcome ? within_limits(robot, closure.q) : outcome;
 }
 
 /// TEJ of a law of all readings.
-template <Mobility K>
 inline Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
-                      Reference<K>& reference) {
-  if constexpr (kLawsWeigh)
-    if (law == Law::weighted) return weigh<K>(robot, weighing, rest, reference);
-  tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
+                      Reference& reference) {
+  if (law == Law::weighted) return weigh(robot, weighing, rest, reference);
+  tej(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
   return {};
 }
 
-template <Mobility K>
-Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
-                   Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
+inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
+                          Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
 
 /// Computes a law's reference at x_d.
 /// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)
 /// @param weighing  for the weighted law
 /// @param nearby    null, or the full level's residual motion at the last x_d, then at this one
-/// @return near_singular: J is damped; not_compiled: laws that weigh are left out; not_measured:
+/// @return near_singular: J is damped; not_measured:
 /// the law needs knowledge, or a redundant sensor in use, and there is none; joint_limit: a motor
 /// would have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the
 /// band, where the modes meet, both are accepted)
-template <Mobility K>
-inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
+inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference,
                      Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
-  if (!kLawsWeigh && properties(law).weighs) return {Status::not_compiled, -1};
   if (robot.r == 0 && properties(law).sensed) return {Status::not_measured, -1};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
-  Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
-  if (outcome) outcome = within_limits<K>(robot, reference.closure.pose, reference.closure.q());
-  if (outcome) outcome = jacobian<K>(reference.closure, band, reference.jacobians);
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x_d), reference.closure);
+  if (outcome) outcome = within_limits(robot, reference.closure.pose, reference.closure.q());
+  if (outcome) outcome = jacobian(reference.closure, band, reference.jacobians);
   const Outcome regular = outcome;
   Reading r;
-  if (outcome) outcome = rkm<K>(robot, reference.closure, r, reference.jr);
+  if (outcome) outcome = rkm(robot, reference.closure, r, reference.jr);
   // The motors would have to pass through a singularity to reach another mode.
   const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
-  if (outcome && !modes_meet && other_mode<K>(robot, reference.jacobians))
+  if (outcome && !modes_meet && other_mode(robot.assembly_sign, reference.jacobians.sign))
     outcome = {Status::branch_lost, -1};
   if (!outcome) return outcome;
-  extend<K>(robot, reference.closure.q(), r, reference.q_e);
+  extend(robot, reference.closure.q(), r, reference.q_e);
   reference.pose = reference.closure.pose;
   if (robot.rod_by_rod()) {
-    outcome = refer_full<K>(robot, rest, reference);
+    outcome = refer_full(robot, rest, reference);
     // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
     if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
-      outcome = found_pose<K>(robot, law, reference.closure.pose, reference.q_e, reference.pose,
+      outcome = found_pose(robot, law, reference.closure.pose, reference.q_e, reference.pose,
                               weighing, rest);
     if (!outcome) return outcome;
   }
   if (properties(law).corrects == Corrects::readings)
-    outcome = map_of<K>(robot, law, weighing, rest, reference);
+    outcome = map_of(robot, law, weighing, rest, reference);
   return outcome ? regular : outcome;
 }
 
 /// x̂ with cached weights: it solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose. Far
 /// from the reference they are computed anew.
-template <Mobility K, class Model>
 inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
-                         const Reference<K>& reference, const Extended& q_e, Pose& found,
+                         const Reference& reference, const Extended& q_e, Pose& found,
                          Parasitic rest) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   if (!weighing) return {Status::not_measured, -1};
   const Knowledge& known = *weighing.known;
-  CachedFusion<K> at;
-  Matrix<kMaxReadings, n> H_x;
+  CachedFusion at;
+  PoseRows H_x;
   Extended expected = reference.q_e;
   Pose pose = reference.closure.pose;
-  Outcome outcome = linearise_kept<K>(robot, weighing, reference, expected, H_x, rest, at);
+  Outcome outcome = linearise_kept(robot, weighing, reference, expected, H_x, rest, at);
   Real last = INFINITY;
   for (int left = kNearIterations; outcome; --left) {
     Extended e{};
@@ -235,49 +220,39 @@ inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
     Real size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
-    found = pose = moved<K>(pose, step);
+    found = pose = moved(robot.mobility, pose, step);
     if (is_last(size, last, chi2, n + robot.r)) return outcome;
     if (left == 0) break;
     last = size;
-    outcome = Model::template linearise<K>(robot, pose, expected, H_x, nullptr, rest);
+    outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, rest);
     if (outcome && !at.set_jacobians(robot, H_x)) break;
     if (outcome) outcome = at.weigh(robot, known, *weighing.kept);
   }
   found = reference.closure.pose;
-  return estimate<K, Model>(robot, known, q_e, found, weighing.work).outcome;
-}
-template <Mobility K>
-TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
-                                        const Reference<K>& reference, const Extended& q_e,
-                                        Pose& found, const Parasitic& rest) {
-  return with_model<K>(robot, [&]<class Model>(Model) {
-    return find_kept<K, Model>(robot, weighing, reference, q_e, found, rest);
-  });
+  return estimate(level_of(robot), robot, known, q_e, found, weighing.work).outcome;
 }
 
 /// x̂ of a law of the pose, near the desired pose. @param nearby  residual motion there
-template <Mobility K>
 inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                           Pose& found, const Weighing& weighing, const Parasitic& nearby) {
-  if (!kLawsWeigh || law == Law::cartesian)
-    return redundant_fkm<K>(robot, q_e, desired, nearby, found);
+  if (law == Law::cartesian)
+    return redundant_fkm(robot, q_e, desired, nearby, found);
   if (!weighing) return {Status::not_measured, -1};
-  return find<K>(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
+  return find(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
 }
 
 /// Motor error under a law. @param found  out, laws of the pose only: x̂
-template <Mobility K>
-inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
+inline Outcome motor_error(const Robot& robot, Law law, const Reference& reference,
                            const Extended& q_e, Joint& error, Pose& found,
                            const Weighing& weighing = {}, const Parasitic& nearby = {}) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
     const Outcome outcome =
-        kLawsWeigh && properties(law).weighs && weighing.kept
-            ? find_kept<K>(robot, weighing, reference, q_e, found, nearby)
-            : found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
-    if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
+        properties(law).weighs && weighing.kept
+            ? find_kept(robot, weighing, reference, q_e, found, nearby)
+            : found_pose(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
+    if (outcome) error = reference.jacobians.joint_rate(difference(robot.mobility, reference.pose, found));
     return outcome;
   }
   std::array<Real, kMaxReadings> e_qe;
@@ -310,33 +285,31 @@ struct ServoCycle {
 inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
                            Joint& error, Real band = 0, const Weighing& weighing = {},
                            Parasitic* kept = nullptr, ServoCycle* cycle = nullptr) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    constexpr int n = kDof<K>;
-    const bool alone = properties(law).corrects == Corrects::motors;
-    if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
-      return Outcome{Status::not_finite, -1};
-    Reference<K> reference;
-    Parasitic unknown;
-    Parasitic& nearby = kept ? *kept : unknown;
-    const Outcome regular = refer<K>(robot, law, x_d, reference, band, weighing, &nearby);
-    if (!regular) return regular;
-    Pose found;
-    Joint e{};
-    Outcome outcome = motor_error<K>(robot, law, reference, q_e, e, found, weighing, nearby);
-    if (outcome && !all_finite(e, n)) outcome = {Status::not_finite, -1};
-    if (!outcome) return outcome;
-    error = e;
-    if (cycle == nullptr) return regular;
-    const Corrects corrects = properties(law).corrects;
-    *cycle = {};
-    cycle->x = corrects == Corrects::pose ? to_coordinates<K>(found) : x_d;
-    for (int i = 0; i < n; ++i) {
-      cycle->q_d[i] = reference.q_e[i];
-      std::copy_n(reference.jacobians.J[i].begin(), n, cycle->J[i].begin());
-      if (corrects == Corrects::readings)
-        std::copy_n(reference.tej[i].begin(), n + robot.r, cycle->tej[i].begin());
-    }
-    return regular;
-  });
+  const int n = dof(robot.mobility);
+  const bool alone = properties(law).corrects == Corrects::motors;
+  if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
+    return Outcome{Status::not_finite, -1};
+  Reference reference;
+  Parasitic unknown;
+  Parasitic& nearby = kept ? *kept : unknown;
+  const Outcome regular = refer(robot, law, x_d, reference, band, weighing, &nearby);
+  if (!regular) return regular;
+  Pose found;
+  Joint e{};
+  Outcome outcome = motor_error(robot, law, reference, q_e, e, found, weighing, nearby);
+  if (outcome && !all_finite(e, n)) outcome = {Status::not_finite, -1};
+  if (!outcome) return outcome;
+  error = e;
+  if (cycle == nullptr) return regular;
+  const Corrects corrects = properties(law).corrects;
+  *cycle = {};
+  cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
+  for (int i = 0; i < n; ++i) {
+    cycle->q_d[i] = reference.q_e[i];
+    std::copy_n(reference.jacobians.J[i].begin(), n, cycle->J[i].begin());
+    if (corrects == Corrects::readings)
+      std::copy_n(reference.tej[i].begin(), n + robot.r, cycle->tej[i].begin());
+  }
+  return regular;
 }
 }  // namespace truepose

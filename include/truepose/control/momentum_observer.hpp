@@ -113,41 +113,38 @@ inline void filter(Real gain, const Joint& input, Joint& once, Joint& twice) {
 }
 
 /// Force of the platform's coordinates for a mass of 1 kg at D. @param acceleration  ẍ
-template <Mobility K>
-inline std::array<Real, kDof<K>> carried(const Robot& robot, const Closure<K>& closure,
+inline Coordinates carried(const Robot& robot, const Closure& closure,
                                          const Coordinates& rate, const Coordinates& acceleration) {
-  const Twist twist = to_twist<K>(closure.carried, acceleration);
-  const Vec3 force = twist.velocity + drifting<K>(closure.carried, rate).velocity - robot.gravity();
-  std::array<Real, kDof<K>> columns;
-  free_columns<K>(closure.carried, force, Vec3::Zero(), columns.data());
+  const Twist twist = to_twist(closure.carried, acceleration);
+  const Vec3 force = twist.velocity + drifting(closure.carried, rate).velocity - robot.gravity;
+  Coordinates columns;
+  free_row(closure.carried, force, Vec3::Zero(), columns.data());
   return columns;
 }
 
 /// The sample's closed chains.
-template <Mobility K>
-Closure<K> closed(const Robot& robot, const MomentumObserver& state) {
-  Closure<K> closure;
+inline Closure closed(const Robot& robot, const MomentumObserver& state) {
+  Closure closure;
   closure.pose = state.before;
-  closure.carried = carried_frames<K>(robot, state.before);
-  std::copy_n(state.chain.begin(), kDof<K>, closure.chain.begin());
+  closure.carried = carried_frames(robot, state.before);
+  std::copy_n(state.chain.begin(), dof(robot.mobility), closure.chain.begin());
   return closure;
 }
 
 /// ρ and the force f, filtered; φ.
-template <Mobility K>
-TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
+inline Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
                                        MomentumObserver& state) {
-  constexpr int n = kDof<K>;
-  const Closure<K> closure = closed<K>(robot, state);
-  Jacobians<K> jacobians;
-  const Outcome outcome = jacobian<K>(closure, jacobians);
+  const int n = dof(robot.mobility);
+  const Closure closure = closed(robot, state);
+  Jacobians jacobians;
+  const Outcome outcome = jacobian(closure, jacobians);
   if (!outcome) return outcome;
   const Joint rate = jacobians.joint_rate(state.rate);
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
   const Real slow = settings.period * settings.bandwidth * 0.1;
   Joint slope{};
   for (int i = 0; i < n; ++i) slope[i] = 1 / closure.chain[i].rate;
-  Joint residual = motor_torques<K>(jacobians.J, state.needed, slope);
+  Joint residual = motor_torques(n, jacobians.J, state.needed, slope);
   for (int i = 0; i < n; ++i) {
     const Real turns = rate[i] * closure.chain[i].rate;
     residual[i] += friction(robot.chain[i], turns) - state.held[i];
@@ -155,8 +152,8 @@ TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSetting
   }
   if (!all_finite(residual, n)) return {Status::not_finite, -1};
   for (int i = 0; i < n; ++i) slope[i] = -slope[i];
-  state.mass[0] = motor_torques<K>(
-      jacobians.J, carried<K>(robot, closure, state.rate, state.acceleration), slope);
+  state.mass[0] = motor_torques(
+      n, jacobians.J, carried(robot, closure, state.rate, state.acceleration), slope);
   filter(gain, residual, state.once, state.residual);
   state.force = {};
   for (int i = 0; i < n; ++i) {
@@ -167,8 +164,7 @@ TRUEPOSE_APART Outcome update_residual(const Robot& robot, const MomentumSetting
 }
 
 /// Filters φ and names the disturbance, from its start until it is over.
-template <int n>
-TRUEPOSE_APART void name(const MomentumSettings& settings, MomentumObserver& state) {
+inline void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
   filter(gain, state.mass[0], state.mass[1], state.mass[2]);
   filter(gain, state.sign[0], state.sign[1], state.sign[2]);
@@ -267,18 +263,17 @@ TRUEPOSE_APART void name(const MomentumSettings& settings, MomentumObserver& sta
 /// Takes a sample, after whose steps the report is of the sample before it.
 /// @param pose    given by the believed motors
 /// @param torque  applied since the last sample, mean
-template <Mobility K>
-inline void sample_momentum(const MomentumSettings& settings, const Pose& pose, const Joint& torque,
-                            MomentumObserver& state) {
+inline void sample_momentum(const Robot& robot, const MomentumSettings& settings, const Pose& pose,
+                            const Joint& torque, MomentumObserver& state) {
   if (!kObserves || !(settings.period > 0 && settings.sigma[0] > 0)) return;
-  const Coordinates motion = state.cycles > 0 ? difference<K>(pose, state.pose) : Coordinates{};
+  const Coordinates motion = state.cycles > 0 ? difference(robot.mobility, pose, state.pose) : Coordinates{};
   if (state.cycles < 2) {
     ++state.cycles;
   } else {
     state.step = 1;
     state.before = state.pose;
     const Real per = 1 / settings.period;
-    for (int i = 0; i < kDof<K>; ++i) {
+    for (int i = 0; i < dof(robot.mobility); ++i) {
       state.rate[i] = 0.5 * per * (motion[i] + state.motion[i]);
       state.acceleration[i] = per * per * (motion[i] - state.motion[i]);
       state.held[i] = 0.5 * (state.torque[i] + torque[i]);
@@ -291,27 +286,26 @@ inline void sample_momentum(const MomentumSettings& settings, const Pose& pose, 
 
 /// Does the next step of the work on a sample, if any is left. Bounded; a failure changes nothing
 /// but the start.
-template <Mobility K>
 inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
                                 MomentumObserver& state) {
   Outcome outcome;
   if (!kObserves || state.step == 0) return outcome;
   switch (state.step++) {
     case 1: {
-      Closure<K> closure;
-      outcome = ikm<K, false>(robot, state.before, closure);
-      std::copy_n(closure.chain.begin(), kDof<K>, state.chain.begin());
+      Closure closure;
+      outcome = ikm(robot, state.before, closure, false);
+      std::copy_n(closure.chain.begin(), dof(robot.mobility), state.chain.begin());
       break;
     }
     case 2: {
-      DynamicModel<K> model;
-      const Closure<K> closure = momentum_detail::closed<K>(robot, state);
-      outcome = dynamic_model<K, false>(robot, closure, state.rate, model, state.acceleration);
-      std::copy_n(model.bias.begin(), kDof<K>, state.needed.begin());
+      DynamicModel model;
+      const Closure closure = momentum_detail::closed(robot, state);
+      outcome = dynamic_model(robot, closure, state.rate, model, &state.acceleration);
+      std::copy_n(model.bias.begin(), dof(robot.mobility), state.needed.begin());
       break;
     }
-    case 3: outcome = momentum_detail::update_residual<K>(robot, settings, state); break;
-    default: state.step = 0; momentum_detail::name<kDof<K>>(settings, state);
+    case 3: outcome = momentum_detail::update_residual(robot, settings, state); break;
+    default: state.step = 0; momentum_detail::name(dof(robot.mobility), settings, state);
   }
   if (!outcome) state.cycles = state.step = 0;
   return outcome;
@@ -319,23 +313,22 @@ inline Outcome observe_momentum(const Robot& robot, const MomentumSettings& sett
 
 /// Adds the torques of an identified payload along the setpoint. If the motors cannot hold its
 /// weight and the robot's, nothing is added and `refused` is set.
-template <Mobility K>
 inline void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
                                const Setpoint& setpoint, MomentumObserver& state, Joint& torque) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   state.refused = false;
   if (!kObserves || !settings.carry || state.disturbance != Disturbance::payload) return;
-  Closure<K> closure;
-  Jacobians<K> jacobians;
-  DynamicModel<K> model;
-  Outcome outcome = ikm<K, false>(robot, to_pose<K>(setpoint.x), closure);
-  if (outcome) outcome = jacobian<K>(closure, jacobians);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
+  Closure closure;
+  Jacobians jacobians;
+  DynamicModel model;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, setpoint.x), closure, false);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return;
-  const Joint own = inverse_dynamics<K>(model, jacobians.J, Coordinates{});
+  const Joint own = inverse_dynamics(model, jacobians.J, Coordinates{});
   const auto torques = [&](const Coordinates& rate, const Coordinates& acceleration) {
-    return motor_torques<K>(
-        jacobians.J, momentum_detail::carried<K>(robot, closure, rate, acceleration), model.slope);
+    return motor_torques(
+        n, jacobians.J, momentum_detail::carried(robot, closure, rate, acceleration), model.slope);
   };
   const Joint held = torques({}, {});
   const Joint more = torques(setpoint.rate, setpoint.acceleration);

@@ -8,10 +8,7 @@
 
 namespace truepose::fault_monitor_detail {
 /// Inputs, intermediate results and tests of one cycle.
-template <Mobility K>
 struct MonitoredCycle {
-  static constexpr int n = kDof<K>;
-
   const Robot& robot_;
   const FaultMonitorSettings& settings_;
   const Weighing& weighing_;
@@ -21,9 +18,9 @@ struct MonitoredCycle {
   Extended& believed_;
   Multirate* late_;  ///< slow and delayed sensors; nullptr: none
 
-  int r_ = robot_.r, rows_ = n + r_;
+  const int n = dof(robot_.mobility), r_ = robot_.r, rows_ = n + r_;
   bool settled_ = monitor_.cycle - monitor_.began > kSettling;
-  Parity<K> parity_;
+  Parity parity_;
   Extended noise_{};               ///< variances of the readings' own errors
   Extended unknown_{};             ///< of unknown errors
   int left_out_ = 0;               ///< their number
@@ -270,12 +267,12 @@ struct MonitoredCycle {
     WarmUp& warm_up = monitor_.warm_up;
     const Growths& growth = settings_.growth;
     if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
-    const GrowthRows M = growth_rows<K>(robot_, parity_, H_xi, growth);
+    const GrowthRows M = growth_rows(robot_, parity_, H_xi, growth);
     const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
     monitor_.updated = monitor_.cycle;
     ReadingCovariance V;
     const auto alarm = [&] {
-      return parity_verdict<K>(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
+      return parity_verdict(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
     };
     auto total = monitor_.geometry;
     for (int k = 0; k < r_; ++k)
@@ -293,20 +290,19 @@ struct MonitoredCycle {
   }
 
   /// Updates the geometry's covariance and the full level's addition at the present pose.
-  TRUEPOSE_APART void refresh() {
+  void refresh() {
     const Knowledge& known = *weighing_.known;
     Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
     Extended q_e, beyond{};
-    Matrix<kMaxReadings, n> H_x;
+    PoseRows H_x;
     Outcome outcome;
     if (robot_.rod_by_rod()) {
-      Parasitic rest;
-      outcome = FullModel::linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi, rest);
       Extended ideal;
-      if (outcome) outcome = extended<K>(robot_, monitor_.pose, ideal);
+      outcome = linearise_full(robot_, monitor_.pose, q_e, H_x, H_xi);
+      if (outcome) outcome = extended(robot_, monitor_.pose, ideal);
       for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
     } else {
-      outcome = linearise<K>(robot_, monitor_.pose, q_e, H_x, H_xi);
+      outcome = linearise(robot_, monitor_.pose, q_e, H_x, H_xi);
     }
     monitor_.known = bool(outcome);
     if (!outcome) return;

@@ -130,22 +130,21 @@ inline bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t
 
 namespace late_detail {
 /// Motors' pose, and h there. @return no answer: their readings close no pose
-template <Mobility K>
 inline Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   Extended fed{};  // sensors as expected: the parity is minus the change of h
   std::copy_n(q_e.begin(), n, fed.begin());
   std::copy_n(late.expected.begin(), robot.r, fed.begin() + n);
-  Pose near = moved<K>(late.pose, late.motion);
+  Pose near = moved(robot.mobility, late.pose, late.motion);
   Outcome outcome;
   if (!late.placed) {
-    near = to_pose<K>(robot.home);
-    outcome = {fkm<K>(robot, motors_of<K>(fed), near).status, -1};
+    near = to_pose(robot.mobility, robot.home);
+    outcome = {fkm(robot, motors_of(robot, fed), near).status, -1};
   }
-  Parity<K> parity;
+  Parity parity;
   if (outcome) outcome = parity.locate(robot, near, fed, Extended{});
   if (!outcome) return outcome;
-  if (late.placed) late.motion = difference<K>(parity.pose, late.pose);
+  if (late.placed) late.motion = difference(robot.mobility, parity.pose, late.pose);
   late.pose = parity.pose;
   for (int k = 0; k < robot.r; ++k) {
     late.change[k] = -parity.value[k];
@@ -166,14 +165,13 @@ inline Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate&
 /// @param robot  finished, with the sensors of `late`
 /// @param q_e    in: readings; out: slow and delayed ones as of now, NaN after a NaN sample
 /// @return no answer: the first cycle has no pose, and does not count
-template <Mobility K>
-Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
-  constexpr int n = kDof<K>;
+inline Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
+  const int n = dof(robot.mobility);
   if (!robot.finished) return {Status::unfinished, -1};
   const bool first = late.cycle == 0;
   for (int k = 0; first && k < robot.r; ++k)  // the initial turn
     late.expected[k] = std::isfinite(q_e[n + k]) ? q_e[n + k] : 0;
-  const Outcome placed = late_detail::locate_motors<K>(robot, q_e, late);
+  const Outcome placed = late_detail::locate_motors(robot, q_e, late);
   if (!placed && first) return placed;
   late.placed = bool(placed);
   for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
@@ -265,10 +263,9 @@ inline void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
 /// @param q_e    in and out
 /// @param known  out: the readings' knowledge with their present σ
 /// @return their weighting
-template <Mobility K>
-Weighing compensated(const Robot& robot, const Weighing& weighing, Multirate& late,
+inline Weighing compensated(const Robot& robot, const Weighing& weighing, Multirate& late,
                      Knowledge& known, Extended& q_e) {
-  if (!compensate_latency<K>(robot, late, q_e)) return weighing;
+  if (!compensate_latency(robot, late, q_e)) return weighing;
   low_pass(robot, late, q_e);
   if (!weighing) return weighing;
   known = *weighing.known;

@@ -16,13 +16,12 @@ namespace truepose {
 constexpr std::uint32_t bit(int reading) { return std::uint32_t{1} << reading; }
 
 /// Readings at the pose that the motors give.
-template <Mobility K>
 struct Parity {
-  static constexpr int n = kDof<K>;
+  int n = 0;
   Extended expected;  ///< h
   Extended read;      ///< q_e
-  Jacobians<K> jacobians;
-  Matrix<kMaxSensors, n> g;  ///< J_r J
+  Jacobians jacobians;
+  SensorRows g;  ///< J_r J
   Reading value{};           ///< p
   Pose pose;
 
@@ -35,14 +34,15 @@ struct Parity {
 
   /// h, J and J_r J at a pose. @param beyond  the full level's addition to h
   Outcome look(const Robot& robot, const Pose& from, const Extended& beyond) {
-    Closure<K> closure;
+    n = dof(robot.mobility);
+    Closure closure;
     Reading values;
-    Matrix<kMaxSensors, n> jr;
-    Outcome outcome = ikm<K>(robot, from, closure);
-    if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+    SensorRows jr;
+    Outcome outcome = ikm(robot, from, closure);
+    if (outcome) outcome = jacobian(closure, jacobians);
+    if (outcome) outcome = rkm(robot, closure, values, jr);
     if (!outcome) return outcome;
-    extend<K>(robot, closure.q(), values, expected);
+    extend(robot, closure.q(), values, expected);
     for (int c = 0; c < n + robot.r; ++c) expected[c] += beyond[c];
     for (int k = 0; k < robot.r; ++k)
       for (int j = 0; j < n; ++j) {
@@ -55,6 +55,7 @@ struct Parity {
   /// Finds the motors' pose by Newton from a pose nearby, and p there.
   Outcome locate(const Robot& robot, const Pose& near, const Extended& q_e,
                  const Extended& beyond) {
+    n = dof(robot.mobility);
     constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
     pose = near;
     read = q_e;
@@ -69,14 +70,14 @@ struct Parity {
         farthest = std::max(farthest, std::fabs(error[j]));
         for (int i = 0; i < n; ++i) step[i] += jacobians.J[i][j] * error[j];
       }
-      pose = moved<K>(pose, step);
+      pose = moved(robot.mobility, pose, step);
       if (farthest < kNear) break;
     }
     for (int k = 0; k < robot.r; ++k) {
       value[k] = error[n + k];
       for (int j = 0; j < n; ++j) value[k] -= g[k][j] * error[j];
     }
-    const bool finite = all_finite(to_coordinates<K>(pose), n) && all_finite(value, robot.r);
+    const bool finite = all_finite(to_coordinates(robot.mobility, pose), n) && all_finite(value, robot.r);
     return {finite ? Status::ok : Status::not_finite, -1};
   }
 
@@ -127,8 +128,7 @@ struct Verdict {
 
 /// Tests a parity. @param most  χ² beyond which there is an alarm, by degrees of freedom
 /// @param V  factored @param without  excluded readings; `left_out` of them count in V
-template <Mobility K>
-inline Verdict parity_verdict(const Parity<K>& parity,
+inline Verdict parity_verdict(const Parity& parity,
                               const std::array<Real, kMaxSensors + 1>& most,
                               const ReadingCovariance& V, const Reading& value, int r,
                               std::uint32_t without, int left_out) {
@@ -141,7 +141,7 @@ inline Verdict parity_verdict(const Parity<K>& parity,
   verdict.alarm = at > 0 && !(verdict.chi2 <= most[at]);
   if (!verdict.alarm) return verdict;
   verdict.by.fill(0);
-  for (int c = 0; c < kDof<K> + r; ++c) {
+  for (int c = 0; c < parity.n + r; ++c) {
     if (without & bit(c)) continue;
     Reading g = parity.signature(r, c);
     V.whiten(r, g.data(), 1);

@@ -1,36 +1,31 @@
 // The redundant forward kinematic model: the pose of all readings, near a known one.
 #pragma once
 
-#include "truepose/full/linearise.hpp"
-#include "truepose/kinematics/fkm_closed.hpp"
+#include "truepose/estimation/estimate.hpp"
 
 namespace truepose {
 /// Whether the closed-form redundant FKM uses every reading: a robot that turns about z has no
 /// sensor but θ's, or one that cannot turn has none.
-template <Mobility K>
 inline bool in_closed_form(const Robot& robot) {
-  if (K == Mobility::schoenflies) return robot.r == 1 && properties(robot.sensor[0].kind).is_theta;
-  return K == Mobility::translation && robot.r == 0;
+  if (robot.mobility == Mobility::schoenflies) return robot.r == 1 && properties(robot.sensor[0].kind).is_theta;
+  return robot.mobility == Mobility::translation && robot.r == 0;
 }
 
 /// Redundant FKM in closed form, as in the paper: orientation from its sensor (or fixed by the
 /// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
-template <Mobility K>
-Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
+inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
   if (!robot.finished) return {Status::unfinished, -1};
-  if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
-    pose = Pose{};
-    if constexpr (K == Mobility::schoenflies) {
-      int k = 0;
-      while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
-      if (k == robot.r) return {Status::not_measured, -1};
-      pose.theta = measured(robot.sensor[k], q_e[kDof<K> + k]);
-      pose.R = rotation_z(pose.theta);
-    }
-    return fkm_closed<K>(robot, motors_of<K>(q_e), pose.R, near_side, pose.D);
-  } else {
-    return {Status::not_measured, -1};
+  const bool turns = robot.mobility == Mobility::schoenflies;
+  if (!turns && robot.mobility != Mobility::translation) return {Status::not_measured, -1};
+  pose = Pose{};
+  if (turns) {
+    int k = 0;
+    while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
+    if (k == robot.r) return {Status::not_measured, -1};
+    pose.theta = measured(robot.sensor[k], q_e[dof(robot.mobility) + k]);
+    pose.R = rotation_z(pose.theta);
   }
+  return fkm_closed(robot, motors_of(robot, q_e), pose.R, near_side, pose.D);
 }
 
 /// Steps from x_d after which the search restarts at the motors' pose.
@@ -38,17 +33,14 @@ inline constexpr int kNearIterations = 5;
 
 /// x̂ of all readings, searched from the desired pose with the weights there.
 /// @param work, rest  as of `estimate`
-template <Mobility K>
-TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, Real* work,
+inline Outcome find(const Robot& robot, const Knowledge& known, Real* work,
                                    const Pose& desired, const Extended& q_e, Pose& found,
                                    Parasitic rest) {
-  return with_model<K>(robot, [&]<class Model>(Model) {
-    found = desired;
-    Outcome outcome =
-        estimate_from<K, Model>(robot, known, q_e, found, work, rest, kNearIterations).outcome;
-    if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, work).outcome;
-    return outcome;
-  });
+  const Level level = level_of(robot);
+  found = desired;
+  const Outcome outcome =
+      estimate_from(level, robot, known, q_e, found, work, rest, kNearIterations).outcome;
+  return outcome ? outcome : estimate(level, robot, known, q_e, found, work).outcome;
 }
 
 /// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
@@ -56,31 +48,24 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, R
 /// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
 /// @param near    start of the least squares; its D is on the platform's side of the spheres
 /// @param nearby  residual motion there
-template <Mobility K>
 inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
                              const Parasitic& nearby, Pose& pose) {
-  if (in_closed_form<K>(robot)) return redundant_fkm<K>(robot, q_e, near.D, pose);
+  if (in_closed_form(robot)) return redundant_fkm(robot, q_e, near.D, pose);
   if (robot.r == 0) return {Status::not_measured, -1};
-  if constexpr (!kLawsWeigh) {
-    return {Status::not_compiled, -1};
-  } else {
-    constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
-    Knowledge alike;
-    alike.sigma.fill(kSigma);
-    for (int k = 0; k < robot.r; ++k)
-      alike.sigma[kDof<K> + k] = kSigma / std::sqrt(robot.sensor[k].weight);
-    return find<K>(robot, alike, nullptr, near, q_e, pose, nearby);
-  }
+  constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
+  Knowledge alike;
+  alike.sigma.fill(kSigma);
+  for (int k = 0; k < robot.r; ++k)
+    alike.sigma[dof(robot.mobility) + k] = kSigma / std::sqrt(robot.sensor[k].weight);
+  return find(robot, alike, nullptr, near, q_e, pose, nearby);
 }
 
 /// The same for coordinates x of any mobility, from the robot's home.
 inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    if (!robot.finished) return Outcome{Status::unfinished, -1};
-    Pose pose;
-    const Outcome outcome = redundant_fkm<K>(robot, q_e, to_pose<K>(robot.home), {}, pose);
-    if (outcome) x = to_coordinates<K>(pose);
-    return outcome;
-  });
+  if (!robot.finished) return Outcome{Status::unfinished, -1};
+  Pose pose;
+  const Outcome outcome = redundant_fkm(robot, q_e, to_pose(robot.mobility, robot.home), {}, pose);
+  if (outcome) x = to_coordinates(robot.mobility, pose);
+  return outcome;
 }
 }  // namespace truepose

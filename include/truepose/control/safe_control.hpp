@@ -15,9 +15,7 @@ struct Monitored {
 /// Fills in what the fault monitor has found about the motors. A candidate for a fault is
 /// plausible, within the shell's limits, unless its reading stands still beside an error that
 /// drives it.
-template <Mobility K>
-void note_monitor(const FaultMonitor& monitor, SafetyCycle& cycle) {
-  constexpr int n = kDof<K>;
+inline void note_monitor(int n, const FaultMonitor& monitor, SafetyCycle& cycle) {
   std::uint32_t stuck = 0;
   for (int i = 0; i < n; ++i) {
     const MonitoredReading& motor = monitor.reading[i];
@@ -37,27 +35,26 @@ void note_monitor(const FaultMonitor& monitor, SafetyCycle& cycle) {
 /// @param cycle  counter, timestamp, requests, and whether the pose is known, fresh in each cycle;
 /// the rest is filled in
 /// @return of the law
-template <Mobility K>
-Outcome control_safely(const Robot& robot, const ControlSettings& settings,
+inline Outcome control_safely(const Robot& robot, const ControlSettings& settings,
                        const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
                        ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
                        const Weighing& weighing = {}, const Monitored& monitored = {}) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   if (!shell.follows) {  // a stopped robot starts anew; what stops it is the shell's to latch
     state = {};
     if (monitored.state) release(*monitored.state);
   }
   Outcome outcome;
   if (monitored.state) {
-    outcome = control_fault_tolerant<K>(robot, settings, *monitored.settings, setpoint, q_e, state,
+    outcome = control_fault_tolerant(robot, settings, *monitored.settings, setpoint, q_e, state,
                                         weighing, *monitored.state, monitored.late);
-    note_monitor<K>(monitored.state->monitor, cycle);
+    note_monitor(n, monitored.state->monitor, cycle);
   } else {
     Knowledge known;
     Extended now = q_e;
     const Weighing by =
-        monitored.late ? compensated<K>(robot, weighing, *monitored.late, known, now) : weighing;
-    outcome = control<K>(robot, settings, setpoint, now, state, by);
+        monitored.late ? compensated(robot, weighing, *monitored.late, known, now) : weighing;
+    outcome = control(robot, settings, setpoint, now, state, by);
   }
   cycle.x = setpoint.x;
   cycle.q_d = state.q_d;
@@ -66,7 +63,7 @@ Outcome control_safely(const Robot& robot, const ControlSettings& settings,
   cycle.torque = state.torque;
   cycle.load = state.load;
   cycle.error = state.error;
-  guard<K>(robot, limits, cycle, shell);
+  guard(robot, limits, cycle, shell);
   return outcome;
 }
 }  // namespace truepose

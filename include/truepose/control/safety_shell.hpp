@@ -132,8 +132,8 @@ inline void hold_time(bool holds, Real period, Real& time) {
 }
 
 /// The steps of one cycle of a robot with n motors: frame, readings, law, machine, torques.
-template <int n>
 struct Step {
+  int n;
   const SafetyLimits& limits;
   const SafetyCycle& cycle;
   SafetyShell& shell;
@@ -148,14 +148,14 @@ struct Step {
   }
   /// The motors for which a condition holds, as bits.
   template <class Condition>
-  static std::uint32_t motors(Condition&& condition) {
+  std::uint32_t motors(Condition&& condition) const {
     std::uint32_t bits = 0;
     for (int i = 0; i < n; ++i) bits |= static_cast<std::uint32_t>(condition(i)) << i;
     return bits;
   }
   /// The first motor for which a condition holds; n: none.
   template <class Condition>
-  static int first(Condition&& condition) {
+  int first(Condition&& condition) const {
     for (int i = 0; i < n; ++i)
       if (condition(i)) return i;
     return n;
@@ -418,11 +418,10 @@ struct Step {
 /// One cycle, after the law's: `shell.torque` goes to the motors, `shell.brakes` to the brakes.
 /// Usually it costs about 200 instructions per motor; where a stop or a run begins, inverse
 /// dynamics at one pose in addition.
-template <Mobility K>
-void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
+inline void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
            SafetyShell& shell) {
-  constexpr int n = kDof<K>;
-  safety_detail::Step<n> step{limits, cycle, shell};
+  const int n = dof(robot.mobility);
+  safety_detail::Step step{n, limits, cycle, shell};
   ++shell.cycle;
   step.check_frame();
   step.check_stuck();
@@ -437,7 +436,7 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
   if (cycle.answer && step.fresh && (shell.follows || runs)) shell.at = cycle.x;
   if (began && (runs || braking)) {
     Joint weight{};
-    if (inverse_dynamics<K>(robot, to_pose<K>(shell.at), {}, {}, weight)) shell.weight = weight;
+    if (inverse_dynamics(robot, to_pose(robot.mobility, shell.at), {}, {}, weight)) shell.weight = weight;
     shell.opening = 0;
   }
   if (shell.follows) {
@@ -453,11 +452,5 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
   const bool open = shell.follows || (runs && shell.opening > 0);
   shell.brakes = open ? 0 : bit(n) - 1;
   shell.path_stop = machine.stop == StopKind::path ? limits.stop : 0;
-}
-
-inline void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
-                  SafetyShell& shell) {
-  with_mobility(robot.mobility,
-                [&](auto mobility) { guard<mobility()>(robot, limits, cycle, shell); });
 }
 }  // namespace truepose

@@ -8,34 +8,32 @@
 namespace truepose::start_detail {
 /// χ² of the readings at rest, against geometry, counts and noise; infinite beyond a stop, or
 /// without a pose. 0 where nothing weighs it.
-template <Mobility K>
-Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& weighing,
+inline Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& weighing,
                 const Extended& q_e, Pose& pose, int& outside) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   const int e = n + robot.r;
   for (int c = 0; c < n; ++c)
     if (limits.low[c] < limits.high[c] && !(q_e[c] >= limits.low[c] && q_e[c] <= limits.high[c])) {
       outside = c;
       return INFINITY;
     }
-  pose = to_pose<K>(robot.home);
-  if (fkm<K>(robot, motors_of<K>(q_e), pose).status > Status::ok) return INFINITY;
+  pose = to_pose(robot.mobility, robot.home);
+  if (fkm(robot, motors_of(robot, q_e), pose).status > Status::ok) return INFINITY;
   if (robot.r == 0 || !weighing) return 0;
   const Knowledge& known = *weighing.known;
   Real *H_xi = weighing.work, *B = H_xi + e * parameter_count(robot);
   Extended at, beyond{}, noise{};
-  Matrix<kMaxReadings, n> H_x;
+  PoseRows H_x;
   Outcome outcome;
   if (robot.rod_by_rod()) {
-    Parasitic parasitic;
     Extended ideal;
-    outcome = FullModel::linearise<K>(robot, pose, at, H_x, H_xi, parasitic);
-    if (outcome) outcome = extended<K>(robot, pose, ideal);
+    outcome = linearise_full(robot, pose, at, H_x, H_xi);
+    if (outcome) outcome = extended(robot, pose, ideal);
     for (int c = 0; c < e && outcome; ++c) beyond[c] = at[c] - ideal[c];
   } else {
-    outcome = linearise<K>(robot, pose, at, H_x, H_xi);
+    outcome = linearise(robot, pose, at, H_x, H_xi);
   }
-  Parity<K> parity;
+  Parity parity;
   if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
   if (!outcome) return INFINITY;
   parity.open(robot, known, H_xi, B);
@@ -50,6 +48,6 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   std::array<Real, kMaxSensors + 1> none{};
   none.fill(INFINITY);
   pose = parity.pose;
-  return truepose::parity_verdict<K>(parity, none, V, parity.value, robot.r, 0, 0).chi2;
+  return truepose::parity_verdict(parity, none, V, parity.value, robot.r, 0, 0).chi2;
 }
 }  // namespace truepose::start_detail

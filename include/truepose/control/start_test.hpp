@@ -29,11 +29,8 @@ inline constexpr Real kRung = 0.15;   ///< than this: compliant arms ring after 
 inline constexpr Real kMost = 1e9;    ///< rad or m: larger readings are missing
 
 /// One cycle of a robot's test.
-template <Mobility K>
 class StartCycle {
  public:
-  static constexpr int n = kDof<K>;
-
   StartCycle(const Robot& robot, const StartSettings& settings, const SafetyLimits& limits,
              const Extended& q_e, const Weighing& weighing, StartTest& test)
       : robot_(robot),
@@ -146,7 +143,7 @@ class StartCycle {
     int outside = -1;
     test_.misfit.fill(INFINITY);
     Pose pose;
-    test_.misfit[0] = rest_level<K>(robot_, limits_, weighing_, test_.begin, pose, outside);
+    test_.misfit[0] = rest_level(robot_, limits_, weighing_, test_.begin, pose, outside);
     if (test_.misfit[0] <= most(robot_.r))
       return settings_.pairs > 0 ? start(pose) : go(StartState::passed);
     if (robot_.r > 0 && weighing_) return go(StartState::explain);
@@ -168,7 +165,7 @@ class StartCycle {
       Pose pose;
       int outside;
       if (by.kind == StartFinding::scale || same_unit(robot_, by.a, by.b))
-        test_.misfit[test_.index] = rest_level<K>(robot_, limits_, weighing_, q_e, pose, outside);
+        test_.misfit[test_.index] = rest_level(robot_, limits_, weighing_, q_e, pose, outside);
       return;
     }
     StartHypothesis by = verdict(test_, robot_, most(robot_.r), test_.candidates);
@@ -178,20 +175,20 @@ class StartCycle {
 
   /// Pushes and opening times of all motors at the pose at rest.
   void start(const Pose& pose) {
-    Closure<K> closure;
-    DynamicModel<K> model;
-    Parity<K> parity;
+    Closure closure;
+    DynamicModel model;
+    Parity parity;
     Outcome outcome = parity.look(robot_, pose, {});
-    if (outcome) outcome = ikm<K>(robot_, pose, closure);
-    if (outcome) outcome = dynamic_model<K>(robot_, closure, {}, model);
+    if (outcome) outcome = ikm(robot_, pose, closure);
+    if (outcome) outcome = dynamic_model(robot_, closure, {}, model);
     if (!outcome) return fail(StartFinding::unknown_pose);
     const auto& J = parity.jacobians.J;
-    const Matrix<n, n> inertia = joint_inertia<K>(model, J);
-    test_.weight = inverse_dynamics<K>(model, J, {});
+    const Square inertia = joint_inertia(model, J);
+    test_.weight = inverse_dynamics(model, J, {});
     for (int m = 0; m < n; ++m) {
       Real sum = 0;
       for (int j = 0; j < n; ++j) {
-        const Real radius = j < kPositions<K> && !kRotational<K> ? 1 : settings_.radius;
+        const Real radius = j < positions_of(robot_.mobility) && !is_rotational(robot_.mobility) ? 1 : settings_.radius;
         sum += radius * radius * J[j][m] * J[j][m];
       }
       test_.lever[m] = std::sqrt(sum);
@@ -443,6 +440,7 @@ class StartCycle {
   }
 
   const Robot& robot_;
+  const int n = dof(robot_.mobility);
   const StartSettings& settings_;
   const SafetyLimits& limits_;
   const Extended& q_e_;
@@ -455,9 +453,8 @@ class StartCycle {
 /// in every cycle until test.state is `passed` or `failed` and the torques are 0.
 /// @param known  the motors are referenced
 /// @param weighing  tolerances of the geometry, for the consistency at rest; empty: not tested
-template <Mobility K>
-void start_test(const Robot& robot, const StartSettings& settings, const SafetyLimits& limits,
+inline void start_test(const Robot& robot, const StartSettings& settings, const SafetyLimits& limits,
                 const Extended& q_e, bool known, StartTest& test, const Weighing& weighing = {}) {
-  start_detail::StartCycle<K>(robot, settings, limits, q_e, weighing, test).run(known);
+  start_detail::StartCycle(robot, settings, limits, q_e, weighing, test).run(known);
 }
 }  // namespace truepose

@@ -14,15 +14,14 @@ using ExtendedRows = Matrix<kMaxMotors, kMaxReadings>;     ///< M⁺
 /// as [I], whose motor columns are C = (MᵀWM)⁻¹, and each sensor, g its row of J_r J, adds
 ///
 ///     k = C gᵀ w / (1 + w g C gᵀ),     M⁺ ← [M⁺ - k (g M⁺), k]
-template <Mobility K>
-inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
-                const Matrix<kMaxSensors, kDof<K>>& jr, ExtendedColumns& M, ExtendedRows& M_plus) {
-  constexpr int n = kDof<K>;
+inline void tej(const Robot& robot, const Jacobians& jacobians,
+                const SensorRows& jr, ExtendedColumns& M, ExtendedRows& M_plus) {
+  const int n = dof(robot.mobility);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;
   for (int s = 0; s < robot.r; ++s) {
     const Real weight = robot.sensor[s].weight;
-    std::array<Real, n> g{}, gain{};
+    Coordinates g{}, gain{};
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) g[j] += jr[s][i] * jacobians.J[i][j];
     Real gCg = 0;
@@ -32,7 +31,7 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
       M[n + s][i] = g[i];
     }
     const Real scale = weight / (1 + weight * gCg);
-    for (Real& entry : gain) entry *= scale;
+    for (int i = 0; i < n; ++i) gain[i] *= scale;
     for (int c = 0; c < n + s; ++c) {
       Real seen = 0;  // g M⁺, entry c
       for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
@@ -46,21 +45,19 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
 /// @return near_singular where it is damped
 inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
                    ExtendedRows& M_plus, Real band = 0) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
-    if (outcome) outcome = jacobian<K>(closure, band, jacobians);
-    const Outcome regular = outcome;
-    Reading values;
-    Matrix<kMaxSensors, kDof<K>> jr;
-    if (outcome) outcome = rkm<K>(robot, closure, values, jr);
-    if (!outcome) return outcome;
-    tej<K>(robot, jacobians, jr, M, M_plus);
-    Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
-    for (int c = kDof<K>; c < kDof<K> + robot.r; ++c)
-      for (int i = 0; i < kDof<K>; ++i) sum += M[c][i] + M_plus[i][c];
-    return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
-  });
+  Closure closure;
+  Jacobians jacobians;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
+  if (outcome) outcome = jacobian(closure, band, jacobians);
+  const Outcome regular = outcome;
+  Reading values;
+  SensorRows jr;
+  if (outcome) outcome = rkm(robot, closure, values, jr);
+  if (!outcome) return outcome;
+  tej(robot, jacobians, jr, M, M_plus);
+  Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
+  for (int c = dof(robot.mobility); c < dof(robot.mobility) + robot.r; ++c)
+    for (int i = 0; i < dof(robot.mobility); ++i) sum += M[c][i] + M_plus[i][c];
+  return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
 }
 }  // namespace truepose

@@ -13,40 +13,38 @@ struct Setpoint {
 
 /// Interpolates two setpoints of a path that is followed more slowly. @param share  0 to 1
 inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, Real share) {
-  return with_mobility(mobility, [&](auto K) {
-    const Pose start = to_pose<K()>(a.x);
-    Coordinates step = difference<K()>(to_pose<K()>(b.x), start);
-    Setpoint setpoint;
-    for (std::size_t i = 0; i < step.size(); ++i) {
-      step[i] *= share;
-      setpoint.rate[i] = a.rate[i] + share * (b.rate[i] - a.rate[i]);
-      setpoint.acceleration[i] =
-          a.acceleration[i] + share * (b.acceleration[i] - a.acceleration[i]);
-    }
-    setpoint.x = to_coordinates<K()>(moved<K()>(start, step));
-    return setpoint;
-  });
+  const Pose start = to_pose(mobility, a.x);
+  Coordinates step = difference(mobility, to_pose(mobility, b.x), start);
+  Setpoint setpoint;
+  for (std::size_t i = 0; i < step.size(); ++i) {
+    step[i] *= share;
+    setpoint.rate[i] = a.rate[i] + share * (b.rate[i] - a.rate[i]);
+    setpoint.acceleration[i] =
+        a.acceleration[i] + share * (b.acceleration[i] - a.acceleration[i]);
+  }
+  setpoint.x = to_coordinates(mobility, moved(mobility, start, step));
+  return setpoint;
 }
 
 /// Quintic move from `from` to `to` in `duration` seconds, at rest at both ends, constant outside:
 /// s = 10u³ - 15u⁴ + 6u⁵, with zero velocity and acceleration at the ends. Rotations turn about one
 /// fixed axis, so the twist is exactly s' times a constant.
-template <Mobility K>
-inline Setpoint quintic(const Coordinates& from, const Coordinates& to, Real duration, Real time) {
+inline Setpoint quintic(Mobility mobility, const Coordinates& from, const Coordinates& to,
+                        Real duration, Real time) {
   const Real u = std::clamp(time / duration, 0.0, 1.0);
   const Real s = u * u * u * (10 + u * (6 * u - 15));
   const Real s1 = 30 * u * u * (1 + u * (u - 2)) / duration;
   const Real s2 = 60 * u * (1 + u * (2 * u - 3)) / (duration * duration);
-  const Pose start = to_pose<K>(from);
-  const Coordinates whole = difference<K>(to_pose<K>(to), start);
+  const Pose start = to_pose(mobility, from);
+  const Coordinates whole = difference(mobility, to_pose(mobility, to), start);
   Setpoint setpoint;
   Coordinates part{};
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(mobility); ++i) {
     part[i] = s * whole[i];
     setpoint.rate[i] = s1 * whole[i];
     setpoint.acceleration[i] = s2 * whole[i];
   }
-  setpoint.x = to_coordinates<K>(moved<K>(start, part));
+  setpoint.x = to_coordinates(mobility, moved(mobility, start, part));
   return setpoint;
 }
 }  // namespace truepose

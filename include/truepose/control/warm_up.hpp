@@ -21,8 +21,7 @@ using Growths = std::array<Real, kGrowths>;
 using GrowthRows = Matrix<kMaxSensors, kGrowths>;
 
 /// M at the parity's pose. @param growth  largest shares of the sizes
-template <Mobility K>
-GrowthRows growth_rows(const Robot& robot, const Parity<K>& parity, const Real* H_xi,
+inline GrowthRows growth_rows(const Robot& robot, const Parity& parity, const Real* H_xi,
                        const Growths& growth) {
   GrowthRows M{};
   for (int i = 0; i < robot.chains; ++i) {
@@ -32,9 +31,9 @@ GrowthRows growth_rows(const Robot& robot, const Parity<K>& parity, const Real* 
         M[k][kind] += growth[kind] / kMostGrowth * size * parity.by(robot, H_xi, k, column);
     };
     const Chain& chain = robot.chain[i];
-    grows(0, ChainParameter::base_x, chain.base()[0]);
-    grows(0, ChainParameter::base_y, chain.base()[1]);
-    grows(0, ChainParameter::base_z, chain.base()[2]);
+    grows(0, ChainParameter::base_x, chain.base[0]);
+    grows(0, ChainParameter::base_y, chain.base[1]);
+    grows(0, ChainParameter::base_z, chain.base[2]);
     grows(1, ChainParameter::arm, chain.arm);
     grows(2, ChainParameter::rod, chain.rod);
   }
@@ -75,7 +74,7 @@ struct WarmUp {
     auto precision = information;
     Growths size, tau = score;
     for (int m = 0; m < kGrowths; ++m) size[m] = precision[m][m] += 1;
-    const Ldlt<kGrowths> factored(precision, size);
+    const Ldlt factored(kGrowths, precision, size);
     if (!factored.regular()) return {};
     factored.solve(tau);
     Reading offset{};

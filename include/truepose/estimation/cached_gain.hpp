@@ -60,7 +60,7 @@ inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   const auto word = [&](std::uint64_t value) { mark = (mark ^ value) * 1099511628211ULL; };
   const auto number = [&](Real value) { word(std::bit_cast<std::uint64_t>(double(value))); };
   const auto vectors = [&](auto... vector) {
-    (std::for_each(vector->number.begin(), vector->number.end(), number), ...);
+    (std::for_each_n(vector->data(), 3, number), ...);
   };
   const auto encoder = [&](const Eccentricity& of) {
     number(of.gear);
@@ -92,25 +92,25 @@ inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
 }
 
 /// Generalised least squares at a pose, with cached weights.
-template <Mobility K>
 struct CachedFusion {
-  static constexpr int n = kDof<K>;
-  Matrix<n, n> J;                   ///< H_q⁻¹
-  Matrix<kMaxSensors, n> g;         ///< H_r J
-  Matrix<n, kMaxSensors> whitened;  ///< K L, V = L Lᵀ
-  Matrix<n, kMaxSensors> gain;      ///< K
-  std::array<Real, n> variance;     ///< diagonal of P
+  int n;
+  Square J;                   ///< H_q⁻¹
+  SensorRows g;         ///< H_r J
+  Matrix<kMaxDof, kMaxSensors> whitened;  ///< K L, V = L Lᵀ
+  Matrix<kMaxDof, kMaxSensors> gain;      ///< K
+  Coordinates variance;     ///< diagonal of P
   ReadingCovariance V;              ///< factored
 
   /// Computes J and H_r J. @return whether H_q has an inverse
-  bool set_jacobians(const Robot& robot, const Matrix<kMaxReadings, n>& H_x) {
-    std::array<Lanes<n>, n> columns;
-    std::array<Real, n> size;
+  bool set_jacobians(const Robot& robot, const PoseRows& H_x) {
+    n = dof(robot.mobility);
+    Square H_q;
+    Unknowns size;
     for (int j = 0; j < n; ++j) {
-      columns[j] = lanes<n>([&](int i) { return H_x[i][j]; });
-      size[j] = (columns[j] * columns[j]).sum();
+      for (int i = 0; i < n; ++i) H_q[i][j] = H_x[i][j];
+      size[j] = sum_of(n, [&](int i) { return H_q[i][j] * H_q[i][j]; });
     }
-    if (!invert<n>(columns, size, Lanes<n>::Ones(), 0, J)) return false;
+    if (!invert(n, H_q, size, 0, J)) return false;
     for (int k = 0; k < robot.r; ++k)
       for (int j = 0; j < n; ++j)
         g[k][j] = sum_of(n, [&](int i) { return H_x[n + k][i] * J[i][j]; });
@@ -121,7 +121,7 @@ struct CachedFusion {
   Outcome weigh(const Robot& robot, const Knowledge& known, const CachedGain& kept) {
     const int r = robot.r;
     const auto& C = kept.C;
-    Matrix<kMaxSensors, n> noisy;  // H_r J Σ_q
+    SensorRows noisy;  // H_r J Σ_q
     std::array<Real, kMaxReadings> own;
     for (int c = 0; c < n + r; ++c) own[c] = known.sigma[c] * known.sigma[c];
     for (int k = 0; k < r; ++k) {
@@ -163,7 +163,7 @@ struct CachedFusion {
   }
 
   /// TEJ: H_q times the gain, [I + K' g, -K'] with K' = H_q K.
-  void tej(const Robot& robot, const Matrix<kMaxReadings, n>& H_x, ExtendedRows& M_plus) const {
+  void tej(const Robot& robot, const PoseRows& H_x, ExtendedRows& M_plus) const {
     for (int i = 0; i < n; ++i) {
       for (int c = 0; c < n; ++c) M_plus[i][c] = i == c;
       for (int k = 0; k < robot.r; ++k) {
@@ -178,13 +178,12 @@ struct CachedFusion {
 /// Refreshes the cache at a pose, and measures the error of the old one.
 /// @param at  in: placed; out: weighed @param B  work space, (n + r)×count
 /// @return not_finite where some σ is not a positive number
-template <Mobility K>
-TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
-                               const Extended& q_e, const Matrix<kMaxReadings, kDof<K>>& H_x,
-                               const Real* H_xi, Real* B, CachedGain& kept, CachedFusion<K>& at) {
-  constexpr int n = kDof<K>;
+inline Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
+                               const Extended& q_e, const PoseRows& H_x,
+                               const Real* H_xi, Real* B, CachedGain& kept, CachedFusion& at) {
+  const int n = dof(robot.mobility);
   const int rows = n + robot.r, p = known.count;
-  Matrix<n, kMaxSensors> before{};  // K of the cached gain
+  Matrix<kMaxDof, kMaxSensors> before{};  // K of the cached gain
   const Real way = kept.way(n, q_e);
   const bool compares = kept.of == mark && way > 0 && way < kTooFar && at.weigh(robot, known, kept);
   if (compares) before = at.gain;
@@ -194,7 +193,7 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
   gather(robot, geometry, H_xi, rows, B);
   times_root(geometry, rows, B);
   for (int m = 0; m < p; ++m) {
-    std::array<Real, n> e_x;
+    Coordinates e_x;
     for (int i = 0; i < n; ++i)
       e_x[i] = sum_of(n, [&](int j) { return at.J[i][j] * B[j * p + m]; });
     for (int i = 0; i < n; ++i) B[i * p + m] = e_x[i];

@@ -8,9 +8,7 @@
 
 #include "truepose/control/tej.hpp"
 #include "truepose/estimation/knowledge.hpp"
-#include "truepose/estimation/linearise.hpp"
-#include "truepose/full/full.hpp"
-#include "truepose/kinematics/fkm.hpp"
+#include "truepose/full/linearise.hpp"
 
 namespace truepose {
 inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose where readings agree
@@ -41,20 +39,6 @@ inline bool is_last(Real size, Real last, Real chi2, int rows) {
       kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
   return size < enough || (size < 1e-6 && size > 0.25 * last);
 }
-
-/// Model of an estimate: one rod per chain (full/linearise.hpp has every rod, and `rest` starts its
-/// solution and takes the result).
-struct IdealModel {
-  template <Mobility K>
-  static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic&) {
-    return truepose::linearise<K>(robot, pose, q_e, H_x, H_xi);
-  }
-  template <Mobility K>
-  static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic&) {
-    return truepose::fkm<K>(robot, q, pose, kFkmStart).status;
-  }
-};
 
 /// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
@@ -151,81 +135,77 @@ inline void innovation(const Robot& robot, const Extended& q_e, const Extended& 
 }
 
 /// Generalised least squares at a pose: δx = gain (q_e - h(x)), and δx's covariance.
-template <Mobility K>
 struct Fusion {
-  std::array<std::array<Real, kMaxReadings>, kDof<K>> gain;
-  Matrix<kDof<K>, kDof<K>> covariance;
+  PoseColumns gain;
+  PoseMatrix covariance;
 };
 
 /// (HᵀC⁻¹H)⁻¹HᵀC⁻¹ and (HᵀC⁻¹H)⁻¹ by LDLᵀ on the whitened rows.
 /// @return singular where the readings do not determine the pose
-template <Mobility K>
-Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-             const Matrix<kMaxReadings, kDof<K>>& H_x, Fusion<K>& fusion) {
-  constexpr int n = kDof<K>;
+inline Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const PoseRows& H_x, Fusion& fusion) {
+  const int n = dof(robot.mobility);
   const int rows = n + robot.r;
-  Matrix<kMaxReadings, n> A = H_x;
+  PoseRows A = H_x;
   for (int i = 0; i < rows; ++i)
-    for (Real& entry : A[i]) entry /= known.sigma[i];
-  for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], n);
-  Matrix<n, n> normal{};
-  std::array<Real, n> size;
+    for (int j = 0; j < n; ++j) A[i][j] /= known.sigma[i];
+  for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], kMaxDof);
+  Square normal{};
+  Coordinates size;
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j <= i; ++j)
       for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
     size[i] = normal[i][i];
   }
-  const Ldlt<n> factor(normal, size);
+  const Ldlt factor(n, normal, size);
   if (!factor.regular()) return {Status::singular, -1};
   for (int j = 0; j < n; ++j) {
-    std::array<Real, n> unit{};
+    Coordinates unit{};
     unit[j] = 1;
     factor.solve(unit);
     for (int i = 0; i < n; ++i) fusion.covariance[i][j] = unit[i];
   }
   for (int c = 0; c < rows; ++c) {
-    std::array<Real, n> column = A[c];
+    Coordinates column = A[c];
     factor.solve(column);
     for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
   }
-  for (auto& row : fusion.gain)  // times L⁻¹, from the right
+  for (int i = 0; i < n; ++i) {  // times L⁻¹, from the right
+    auto& row = fusion.gain[i];
     for (int c = rows - 1; c >= 0; --c) {
       for (int k = c + 1; k < rows; ++k) row[c] -= row[k] * C.L[k][c];
       row[c] /= C.L[c][c];
     }
-  for (auto& row : fusion.gain)
     for (int c = 0; c < rows; ++c) row[c] /= known.sigma[c];
+  }
   return {};
 }
 
 /// Result of a pose estimate.
-template <Mobility K>
 struct Estimate {
   Outcome outcome;
   int iterations = 0;
-  Matrix<kDof<K>, kDof<K>> covariance{};  ///< of the free twist at the pose
+  PoseMatrix covariance{};  ///< of the free twist at the pose
   Real chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
   explicit operator bool() const { return bool(outcome); }
 };
 
 namespace estimate_detail {
 /// Gauss-Newton steps to the pose of all readings, with the weights at the start.
-template <Mobility K>
 struct Search {
-  static constexpr int n = kDof<K>;
   const Robot& robot;
   const Knowledge& known;
-  const int rows;
+  const int n, rows;
   Pose at, base;  ///< present pose; the last one that lowered the cost
   Extended expected, residual{};
-  Matrix<kMaxReadings, n> H_x;
+  PoseRows H_x;
   ReadingCovariance C;
-  Fusion<K> fusion;
+  Fusion fusion;
   Coordinates step{};  ///< from the base
   Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
 
   Search(const Robot& of, const Knowledge& about, const Pose& start)
-      : robot(of), known(about), rows(n + of.r), at(start) {}
+      : robot(of), known(about), n(dof(of.mobility)), rows(n + of.r), at(start) {}
 
   /// χ² of a difference of readings.
   Real chi2(Extended difference) const {
@@ -253,7 +233,7 @@ struct Search {
   /// the cost that it promises. Curvature may also make successive steps shrink by a constant
   /// ratio: the secant then goes to where they vanish, or ahead where they grow.
   Outcome turn(Real next) {
-    const Outcome outcome = fuse<K>(robot, known, C, H_x, fusion);
+    const Outcome outcome = fuse(robot, known, C, H_x, fusion);
     if (!outcome) return outcome;
     base = at;
     cost = next;
@@ -280,10 +260,10 @@ struct Search {
   }
 
   /// The result at the base after `part` of the step.
-  Estimate<K> found(int iterations, Real part, Pose& pose) const {
+  Estimate found(int iterations, Real part, Pose& pose) const {
     Coordinates whole = step;
     for (Real& entry : whole) entry *= part;
-    pose = moved<K>(base, whole);
+    pose = moved(robot.mobility, base, whole);
     return {{}, iterations, fusion.covariance, cost};
   }
 };
@@ -296,14 +276,12 @@ struct Search {
 /// @param rest   as of ikm_full, for the full level
 /// @param cap    steps
 /// @return not_converged, singular or unreachable where no pose is found; `pose` is then the start
-template <Mobility K, class Level>
-Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
-                          Pose& pose, Real* work, Parasitic& rest, int cap) {
-  estimate_detail::Search<K> search(robot, known, pose);
+inline Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known,
+                              const Extended& q_e, Pose& pose, Real* work, Parasitic& rest, int cap) {
+  estimate_detail::Search search(robot, known, pose);
   Real *H_xi = work, *B = work ? work + search.rows * parameter_count(robot) : nullptr;
   const auto linearised = [&](Real* by_geometry) {
-    return Level::template linearise<K>(robot, search.at, search.expected, search.H_x, by_geometry,
-                                        rest);
+    return linearise(level, robot, search.at, search.expected, search.H_x, by_geometry, rest);
   };
   Outcome outcome = linearised(H_xi);
   if (outcome) outcome = reading_covariance(robot, known, H_xi, B, search.C);
@@ -322,7 +300,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     if (iterations == kEstimateIterations && std::max(search.promised, search.size) < kFlat)
       return search.found(iterations, 0, pose);
     search.found(iterations, search.length, search.at);
-    const bool goes_on = all_finite(search.step, kDof<K>) && iterations < cap;
+    const bool goes_on = all_finite(search.step, dof(robot.mobility)) && iterations < cap;
     outcome = goes_on ? linearised(nullptr) : Outcome{Status::not_converged, -1};
     if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings
       outcome = {Status::not_converged, -1};
@@ -333,28 +311,26 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
 /// Estimates the pose, starting at the motors' pose.
 /// @param pose   in: a guess of that; out: x̂
 /// @param rest   nullptr: nothing is known beforehand
-template <Mobility K, class Level = IdealModel>
-Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
+inline Estimate estimate(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
                      Real* work, Parasitic* rest = nullptr) {
   if (!robot.finished) return {{Status::unfinished, -1}};
-  if (!all_finite(q_e, kDof<K> + robot.r)) return {{Status::not_finite, -1}};
+  if (!all_finite(q_e, dof(robot.mobility) + robot.r)) return {{Status::not_finite, -1}};
   Pose at = pose;
   Parasitic own;
   if (!rest) rest = &own;
-  const Status motors = Level::template fkm<K>(robot, motors_of<K>(q_e), at, *rest);
+  const Status motors = motors_pose(level, robot, motors_of(robot, q_e), at, *rest);
   if (motors != Status::ok && motors != Status::not_converged) at = pose;
-  const Estimate<K> result =
-      estimate_from<K, Level>(robot, known, q_e, at, work, *rest, kEstimateIterations);
+  const Estimate result =
+      estimate_from(level, robot, known, q_e, at, work, *rest, kEstimateIterations);
   if (result) pose = at;
   return result;
 }
 
 /// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ with M = H_x J, hence J⁻¹ times the gain.
-template <Mobility K>
-inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
-                         const Fusion<K>& fusion, ExtendedRows& M_plus) {
-  for (int i = 0; i < kDof<K>; ++i)
-    for (int c = 0; c < kDof<K> + robot.r; ++c)
-      M_plus[i][c] = sum_of(kDof<K>, [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
+inline void weighted_tej(const Robot& robot, const PoseRows& H_x,
+                         const Fusion& fusion, ExtendedRows& M_plus) {
+  for (int i = 0; i < dof(robot.mobility); ++i)
+    for (int c = 0; c < dof(robot.mobility) + robot.r; ++c)
+      M_plus[i][c] = sum_of(dof(robot.mobility), [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
 }
 }  // namespace truepose

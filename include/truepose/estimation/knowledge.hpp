@@ -1,6 +1,9 @@
 // Covariances of the geometry and of the readings: Σ_ξ and Σ_s.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+
 #include "truepose/model/parameters.hpp"
 
 namespace truepose {

@@ -5,10 +5,9 @@
 
 namespace truepose {
 /// H_x of a closed pose: J⁻¹ = J_q⁻¹ J_x, and below it J_r.
-template <Mobility K>
-inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
-                      const Matrix<kMaxSensors, kDof<K>>& jr, Matrix<kMaxReadings, kDof<K>>& H_x) {
-  constexpr int n = kDof<K>;
+inline void pose_rows(const Robot& robot, const Jacobians& jacobians,
+                      const SensorRows& jr, PoseRows& H_x) {
+  const int n = dof(robot.mobility);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
   for (int k = 0; k < robot.r; ++k) H_x[n + k] = jr[k];
@@ -20,25 +19,24 @@ inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
 /// @param H_xi  out unless null: along ξ at fixed pose, (n + r)×parameter_count(robot) numbers
 /// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where a
 /// sensor has no reading or one of the derivatives is not finite
-template <Mobility K>
-Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                  Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi) {
-  constexpr int n = kDof<K>;
-  Closure<K> closure;
-  Jacobians<K> jacobians;
+inline Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
+                  PoseRows& H_x, Real* H_xi) {
+  const int n = dof(robot.mobility);
+  Closure closure;
+  Jacobians jacobians;
   Reading values;
-  Matrix<kMaxSensors, n> jr;
-  Outcome outcome = ikm<K>(robot, pose, closure);
-  if (outcome) outcome = jacobian<K>(closure, jacobians);
-  if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+  SensorRows jr;
+  Outcome outcome = ikm(robot, pose, closure);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = rkm(robot, closure, values, jr);
   if (!outcome) return outcome;
-  extend<K>(robot, closure.q(), values, q_e);
-  pose_rows<K>(robot, jacobians, jr, H_x);
+  extend(robot, closure.q(), values, q_e);
+  pose_rows(robot, jacobians, jr, H_x);
   Real sum = 0;  // a NaN shows in it
   for (int c = 0; c < n + robot.r; ++c)
-    for (const Real entry : H_x[c]) sum += entry;
+    for (int j = 0; j < n; ++j) sum += H_x[c][j];
   if (H_xi) {
-    parameter_jacobian<K>(robot, closure, H_xi);
+    parameter_jacobian(robot, closure, H_xi);
     const Real* end = H_xi + (n + robot.r) * parameter_count(robot);
     for (const Real* entry = H_xi; entry != end; ++entry) sum += *entry;
   }

@@ -126,19 +126,18 @@ inline Outcome innovate(const OnlineSettings& settings, const OnlineState& state
 
 /// r independent equations about ξ, by linearising about a pose of all readings.
 /// @param without  excluded reading, or -1
-template <Mobility K, class Model>
-inline Outcome understand(const Robot& robot, const OnlineSettings& settings, const Extended& q_e,
+inline Outcome understand(Level level, const Robot& robot, const OnlineSettings& settings, const Extended& q_e,
                           const OnlineState& state, const Pose& guess, int without,
                           const Work& work, Line& line) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   const int rows = n + robot.r, p = state.count;
   const Knowledge known{p, state.column, state.root, state.sigma};
-  const Joint q = motors_of<K>(q_e);
+  const Joint q = motors_of(robot, q_e);
   Parasitic rest;
   Status status = Status::ok;
-  for (const Pose& from : {guess, to_pose<K>(robot.home)}) {
+  for (const Pose& from : {guess, to_pose(robot.mobility, robot.home)}) {
     line.pose = from;
-    status = Model::template fkm<K>(robot, q, line.pose, rest);
+    status = motors_pose(level, robot, q, line.pose, rest);
     if (status == Status::ok) break;
   }
   if (status != Status::ok) return {status, -1};
@@ -148,9 +147,9 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   for (int steps = without < 0 ? 2 : 5; steps > 0; --steps) {
     const bool last = steps == 1;
     Extended expected, residual;
-    Matrix<kMaxReadings, n> H_x;
-    const Outcome outcome = Model::template linearise<K>(robot, line.pose, expected, H_x,
-                                                         last ? work.H_xi : nullptr, rest);
+    PoseRows H_x;
+    const Outcome outcome = linearise(level, robot, line.pose, expected, H_x,
+                                     last ? work.H_xi : nullptr, rest);
     if (!outcome) return outcome;
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) {
@@ -166,7 +165,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     for (int i = 0; i < n; ++i) step[i] = e[i];
     back_substitute(n, A, step);
     if (!all_finite(step, n)) return {Status::not_finite, -1};
-    line.pose = moved<K>(line.pose, step);
+    line.pose = moved(robot.mobility, line.pose, step);
   }
   const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + rows);
   return innovate(settings, state, robot.r, e.data() + n, kCurvature * coarsest, work,
@@ -232,10 +231,9 @@ inline void update(const OnlineSettings& settings, const Innovations& made, cons
 /// @return `disagree`: no update, or none by the reading named; `stopped`: no update now or later,
 /// and ξ̂ and S are back at their last good values. Both come with a pose. Without an answer ξ̂ and
 /// S are unchanged, unless a row without a pose stops the filter.
-template <Mobility K, class Model = IdealModel>
-Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
+inline Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
                 OnlineState& state, Robot& robot, Pose& pose, Real* memory) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   if (!drawn.finished) return {Status::unfinished, -1};
   const int r = drawn.r, rows = n + r, p = state.count;
   if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
@@ -248,7 +246,7 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
   if (!outcome) return outcome;
   online_detail::Line line;
   const auto understand = [&](int without) {
-    return online_detail::understand<K, Model>(robot, settings, q_e, state, pose, without, work,
+    return online_detail::understand(level, robot, settings, q_e, state, pose, without, work,
                                                line);
   };
   outcome = understand(-1);

@@ -30,17 +30,16 @@ struct OnlineCalibrator {
 /// Runs one cycle. Bounded work, no allocation, no exception.
 /// @return outcome of this row or, if it is no information, of the last one: only `ok` means that
 /// all of it was used. `stopped` from the cycle in which the filter stops, with the last good robot
-template <Mobility K, class Model>
-inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
+inline Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended& q_e) {
   if (!learner.drawn->finished) return {Status::unfinished, -1};
-  const int rows = kDof<K> + learner.drawn->r;
+  const int rows = dof(learner.drawn->mobility) + learner.drawn->r;
   bool news = learner.lines + learner.left_out == 0;
   for (int c = 0; c < rows; ++c)
     news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * learner.state.sigma[c];
   if (learner.state.doubt.stopped) return {Status::stopped, -1};
   if (!news) return learner.made;
   const Pose before = learner.pose;
-  const Outcome outcome = observe<K, Model>(*learner.drawn, learner.settings, q_e, learner.state,
+  const Outcome outcome = observe(level, *learner.drawn, learner.settings, q_e, learner.state,
                                             learner.robot, learner.pose, learner.work);
   const Outcome believed = set_parameters(*learner.drawn, learner.state.xi, learner.robot);
   if (!believed) return believed;
@@ -54,11 +53,8 @@ inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) 
 }
 
 /// The same at the robot's own level.
-template <Mobility K>
-Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
-  return with_model<K>(*learner.drawn, [&](auto model) {
-    return calibrate_online<K, decltype(model)>(learner, q_e);
-  });
+inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
+  return calibrate_online(level_of(*learner.drawn), learner, q_e);
 }
 
 /// Rolls back to before the latest rows (online_calibration.hpp saves that state, with a gate), for

@@ -48,36 +48,31 @@ struct Parasitic {
   }
 };
 
-/// Rods of a robot whose every chain is a spatial parallelogram; the sizes of its full level.
-template <Mobility K>
-inline constexpr int kRods = 2 * kDof<K>;
+/// Rods of a robot whose every chain is a spatial parallelogram; the size of its full level.
+inline int rods_of(const Robot& robot) { return 2 * dof(robot.mobility); }
 
 /// Whether a mobility needs spatial parallelograms: single rods could not hold the orientation.
-template <Mobility K>
-inline constexpr bool kPaired = K == Mobility::translation || K == Mobility::schoenflies;
-
-/// Whether it has, in this build, a full level of its own, with every rod solved for.
-template <Mobility K>
-inline constexpr bool kRodByRod = kFullLevel && kPaired<K>;
+constexpr bool paired(Mobility mobility) {
+  return mobility == Mobility::translation || mobility == Mobility::schoenflies;
+}
 
 /// From rod - to rod + at the base-side joint, unit: along a motor's axis, across a carriage's rail
 /// (rods one above the other on upright rails would leave the platform free to turn about z).
 inline Vec3 pair_direction(const Chain& chain) {
-  return chain.actuator == Actuator::prismatic ? chain.pair_axis() : chain.axis();
+  return chain.actuator == Actuator::prismatic ? chain.pair_axis : chain.axis;
 }
 
 /// All rods at one full pose, closed or not. Rod 2i is chain i's +, rod 2i + 1 its -.
-template <Mobility K>
 struct FullClosure {
   FullPose pose;
   Joint q{};
-  std::array<Driven, kDof<K>> driven;
-  std::array<Vec3, kRods<K>> v;         ///< A to B
-  std::array<Vec3, kRods<K>> lever;     ///< D to A
-  std::array<Vec3, kRods<K>> arm;       ///< pivot to A: turns with the bar
-  std::array<Real, kRods<K>> f;         ///< (|v|² - L²)/2
-  std::array<Real, kRods<K>> jq;        ///< ∂f/∂q
-  std::array<Real, kRods<K>> stress{};  ///< FullKind::elastic: D²s, removed from f
+  std::array<Driven, kMaxDof> driven;
+  std::array<Vec3, kMaxRods> v;         ///< A to B
+  std::array<Vec3, kMaxRods> lever;     ///< D to A
+  std::array<Vec3, kMaxRods> arm;       ///< pivot to A: turns with the bar
+  std::array<Real, kMaxRods> f;         ///< (|v|² - L²)/2
+  std::array<Real, kMaxRods> jq;        ///< ∂f/∂q
+  std::array<Real, kMaxRods> stress{};  ///< FullKind::elastic: D²s, removed from f
   Real cost = 0;                        ///< Σf²
   Real residual = 0;                    ///< largest | |v| - L |, m
 };
@@ -88,19 +83,18 @@ inline Real rod_length(const Chain& chain, const Driven& driven, Real side) {
 }
 
 /// Fills everything in `at` that follows from its pose and its driven points.
-template <Mobility K>
-TRUEPOSE_FLATTEN inline void complete_closure(const Robot& robot, FullClosure<K>& at) {
+inline void complete_closure(const Robot& robot, FullClosure& at) {
   std::array<Mat3, kMaxBars> bar;
   for (int k = 0; k < kMaxBars; ++k) bar[k] = at.pose.R * rotation_z(at.pose.psi[k]);
   at.cost = at.residual = 0;
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     const Chain& chain = robot.chain[i];
     const Driven& driven = at.driven[i];
     const Mat3& R = chain.bar < 0 ? at.pose.R : bar[chain.bar];
-    const Vec3 pivot = at.pose.R * chain.pivot(), arm = R * chain.anchor();
-    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_drawn());
+    const Vec3 pivot = at.pose.R * chain.pivot, arm = R * chain.anchor;
+    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_drawn);
     const Vec3 half_B = 0.5 * chain.rod_spacing * pair_direction(chain);
-    const Vec3 middle = chain.base() + driven.p - at.pose.D - pivot - arm;
+    const Vec3 middle = chain.base + driven.p - at.pose.D - pivot - arm;
     for (int rod = 2 * i; rod < 2 * i + 2; ++rod) {
       const Real side = rod == 2 * i ? 1 : -1;
       const Real length = rod_length(chain, driven, side);
@@ -119,8 +113,7 @@ TRUEPOSE_FLATTEN inline void complete_closure(const Robot& robot, FullClosure<K>
 
 /// -∂f/∂(D, R, ψ) of one rod: [vᵀ, (lever × v)ᵀ, R e_z · (arm × v) for its own bar].
 /// The motion is [velocity of D; angular velocity; ψ̇], base frame.
-template <Mobility K>
-inline void full_row(const Robot& robot, const FullClosure<K>& at, int rod,
+inline void full_row(const Robot& robot, const FullClosure& at, int rod,
                      std::array<Real, kMaxUnknowns>& row) {
   const Vec3 moment = at.lever[rod].cross(at.v[rod]);
   for (int k = 0; k < 3; ++k) {
@@ -164,17 +157,16 @@ inline int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
 
 /// The rods' rows at home, in full_row's columns; bars turned together by a four-bar share one.
 /// @return the outcome of the inverse model at home
-template <Mobility K>
 inline Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMaxUnknowns>& rows) {
-  Closure<K> ideal;
-  const Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), ideal);
+  Closure ideal;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), ideal);
   if (!outcome) return outcome;
-  FullClosure<K> at;
+  FullClosure at;
   at.pose = to_full(ideal.pose);
-  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = driven_point(robot.chain[i], ideal.chain[i].q);
-  complete_closure<K>(robot, at);
-  for (int rod = 0; rod < kRods<K>; ++rod) {
-    full_row<K>(robot, at, rod, rows[rod]);
+  for (int i = 0; i < dof(robot.mobility); ++i) at.driven[i] = driven_point(robot.chain[i], ideal.chain[i].q);
+  complete_closure(robot, at);
+  for (int rod = 0; rod < rods_of(robot); ++rod) {
+    full_row(robot, at, rod, rows[rod]);
     if (together) rows[rod][6] += rows[rod][7];
   }
   return outcome;
@@ -187,25 +179,23 @@ inline bool bars_together(const Robot& robot, int bars) {
 
 /// Removes from f the elongations that no freedom of the platform relieves: along `stress`. (AᵀA)⁻¹
 /// of the freedoms' columns A projects on these; the remainder of a unit vector is along s.
-template <Mobility K>
-inline void relax(const Robot& robot, FullClosure<K>& at) {
-  constexpr int N = kRods<K>, m = N - 1;
-  std::array<std::array<Real, m>, N> A;
-  std::array<std::array<Real, m>, m> normal{};
-  std::array<Real, m> size;
+inline void relax(const Robot& robot, FullClosure& at) {
+  constexpr int N = kMaxUnknowns, m = N - 1;
+  Square A, normal{};
+  Unknowns size;
   for (int rod = 0; rod < N; ++rod) {
     std::array<Real, kMaxUnknowns> row;
-    full_row<K>(robot, at, rod, row);
+    full_row(robot, at, rod, row);
     row[6] += row[7];
     std::copy_n(row.begin(), m, A[rod].begin());
     for (int i = 0; i < m; ++i)
       for (int j = 0; j <= i; ++j) normal[i][j] += A[rod][i] * A[rod][j];
   }
   for (int i = 0; i < m; ++i) size[i] = normal[i][i];
-  const Ldlt<m> factor(normal, size);
+  const Ldlt factor(m, normal, size);
   std::array<Real, N> s{};
   for (int k = 0; k < N; ++k) {  // s_k² is at least 1/N for one of them
-    std::array<Real, m> x = A[k];
+    Unknowns x = A[k];
     factor.solve(x);
     for (int rod = 0; rod < N; ++rod) {
       s[rod] = rod == k;
@@ -229,34 +219,29 @@ inline void relax(const Robot& robot, FullClosure<K>& at) {
 }
 
 /// Computes the loops to close: f of all rods, or what relax leaves of it.
-template <Mobility K>
-inline void open_loops(const Robot& robot, FullClosure<K>& at) {
-  complete_closure<K>(robot, at);
-  if constexpr (kRods<K> == kMaxUnknowns)
-    if (robot.full.kind == FullKind::elastic) relax<K>(robot, at);
+inline void open_loops(const Robot& robot, FullClosure& at) {
+  complete_closure(robot, at);
+  if (robot.full.kind == FullKind::elastic) relax(robot, at);
 }
 
 /// Determines whether a robot has a full level of its own, by the number of rods and freedoms and
-/// the rods' rank at home. @return the outcome of the inverse model at home; not_compiled
-template <Mobility K>
+/// the rods' rank at home. @return the outcome of the inverse model at home
 inline Outcome full_level(const Robot& robot, FullLevel& level) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   level = {};
-  bool paired = true;
+  bool described = true;
   for (int i = 0; i < n; ++i) {
     level.bars = std::max(level.bars, robot.chain[i].bar + 1);
-    paired = paired && robot.chain[i].rod_spacing > 0;
+    described = described && robot.chain[i].rod_spacing > 0;
   }
-  if constexpr (!kPaired<K>) {
+  if (!paired(robot.mobility)) {
     level.kind = FullKind::same;
     level.rods = level.unknowns = n;
     return {};
-  } else if constexpr (!kRodByRod<K>) {
-    return {Status::not_compiled, -1};
   } else {
-    if (!paired || level.bars > kMaxBars) return {};
+    if (!described || level.bars > kMaxBars) return {};
     const bool together = bars_together(robot, level.bars);
-    level.rods = kRods<K>;
+    level.rods = rods_of(robot);
     level.unknowns = 6 + (together ? 1 : level.bars);
     if (level.unknowns > level.rods) {
       level.kind = FullKind::loose;
@@ -264,7 +249,7 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
       return {};
     }
     Matrix<kMaxRods, kMaxUnknowns> rows{};
-    const Outcome outcome = full_rows<K>(robot, together, rows);
+    const Outcome outcome = full_rows(robot, together, rows);
     if (!outcome) return outcome;
     const int held = rank(rows, level.rods, level.unknowns);
     if (held < level.unknowns) {
@@ -276,20 +261,17 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
       level.kind = relieved ? FullKind::elastic : FullKind::overconstrained;
     } else {
       level.kind = FullKind::exists;
-      Matrix<kRods<K>, kRods<K>> square;
-      for (int rod = 0; rod < kRods<K>; ++rod)
-        std::copy_n(rows[rod].begin(), kRods<K>, square[rod].begin());
-      level.sign = determinant_sign<kRods<K>>(square);
+      Square square;
+      std::copy_n(rows.begin(), level.rods, square.begin());
+      level.sign = determinant_sign(level.rods, square);
     }
     return {};
   }
 }
 
 /// Fills robot.full. Call after finish(); costs the ideal level nothing.
-/// @return the outcome of the inverse model at home; not_compiled
+/// @return the outcome of the inverse model at home
 inline Outcome finish_full(Robot& robot) {
-  if (!robot.finished) return {Status::unfinished, -1};
-  return with_mobility(robot.mobility,
-                       [&](auto mobility) { return full_level<mobility()>(robot, robot.full); });
+  return robot.finished ? full_level(robot, robot.full) : Outcome{Status::unfinished, -1};
 }
 }  // namespace truepose

@@ -8,28 +8,21 @@ namespace truepose {
 using FullResult = FkmResult;  ///< status, chain, iterations, residual: the largest gap of any rod
 
 namespace full_detail {
-template <Mobility K>
-using Rows = Matrix<kRods<K>, kRods<K>>;
-template <Mobility K>
-using Column = std::array<Real, kRods<K>>;
 
 /// Whether an arm and its rod are in line: the entry of J_q vanishes, and has no sign.
-template <Mobility K>
-inline bool stretched(const FullClosure<K>& at, int rod) {
+inline bool stretched(const FullClosure& at, int rod) {
   const Real size2 = at.v[rod].squaredNorm() * at.driven[rod / 2].dB.squaredNorm();
   return !(at.jq[rod] * at.jq[rod] > kSingular * size2);
 }
 
 /// Normal equations of A = -∂f/∂unknowns, factored to solve for a step.
-template <Mobility K>
 struct Factors {
-  Rows<K> A;
-  Column<K> size;
-  NormalEquations<kRods<K>> square;
+  Square A;
+  NormalEquations square;
 
   template <class System>
-  Factors(const System& system, const FullClosure<K>& at, Real damping)
-      : A(system.columns(at)), size(system.sizes(at)), square(A, size, damping) {}
+  Factors(const System& system, const FullClosure& at, Real damping)
+      : A(system.columns(at)), square(rods_of(system.robot), A, system.sizes(at), damping) {}
   Factors(const Factors&) = delete;  // `square` refers to A
   Factors& operator=(const Factors&) = delete;
   bool regular() const { return square.regular(); }
@@ -38,31 +31,31 @@ struct Factors {
 /// Newton on f, the closures of all rods, for a square system with A = -∂f/∂unknowns.
 /// @param system  columns(at): A; sizes(at): see column_sizes; move(at, step, trial)
 /// @param closed  take a start that closes the loops to rounding as it is, its rank not tested
-template <Mobility K, class System>
-TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& system,
-                                          FullClosure<K>& at, bool closed = false,
+template <class System>
+inline FullResult newton(const Robot& robot, const System& system,
+                                          FullClosure& at, bool closed = false,
                                           int most = kFkmIterations) {
-  constexpr int N = kRods<K>;
+  const int N = rods_of(robot);
   FullResult result;
   Real scale = 0;
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     if (!(at.driven[i].rod > 0.5 * std::fabs(robot.chain[i].rod_difference)))
       return {{Status::unreachable, i}};  // a rod of no length
     scale = std::max(scale, at.driven[i].rod);
   }
-  open_loops<K>(robot, at);
+  open_loops(robot, at);
   if (!std::isfinite(at.cost)) return {{Status::not_finite, -1}};
 
   NewtonEnd end;
   if (!(closed && at.residual <= kRounding * scale)) {
-    FullClosure<K> other;
-    FullClosure<K>*current = &at, *trial = &other;
+    FullClosure other;
+    FullClosure*current = &at, *trial = &other;
     end = damped_newton(
         current, trial, scale, most,
-        [&](const FullClosure<K>& from, Real damping) { return Factors<K>(system, from, damping); },
-        [&](const FullClosure<K>& from, const Factors<K>& factors, FullClosure<K>& after) {
+        [&](const FullClosure& from, Real damping) { return Factors(system, from, damping); },
+        [&](const FullClosure& from, const Factors& factors, FullClosure& after) {
           system.move(from, factors.square.solve(from.f), after);
-          open_loops<K>(robot, after);
+          open_loops(robot, after);
         });
     if (current != &at) at = *current;
   }
@@ -79,7 +72,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
       const Chain& chain = robot.chain[rod / 2];
       const Real by_position = at.jq[rod] * at.driven[rod / 2].rate;  // only its sign counts
       if (chain.actuator != Actuator::telescopic && by_position * chain.working_mode < 0 &&
-          !stretched<K>(at, rod)) {
+          !stretched(at, rod)) {
         result.status = Status::branch_lost;
         result.chain = rod / 2;
       }
@@ -90,10 +83,9 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
 
 /// The rods' rows along the motion of full_row, in the columns of the unknowns: bars that turn
 /// together share one, and a stress that nothing relieves has the last.
-template <Mobility K>
-inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
+inline void free_row(const Robot& robot, const FullClosure& at, int rod,
                      std::array<Real, kMaxUnknowns>& row) {
-  full_row<K>(robot, at, rod, row);
+  full_row(robot, at, rod, row);
   if (robot.full.kind != FullKind::elastic) return;
   row[6] += row[7];
   row[7] = at.stress[rod];
@@ -109,96 +101,95 @@ inline void turn_bars(const Robot& robot, const Real* step, int count, FullPose&
 }
 
 /// Σ|v|²|r|²: the diagonal of AᵀA if nothing cancelled, see column_sizes.
-template <Mobility K>
-inline Real square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
+inline Real square_sum(const Robot& robot, const FullClosure& at, const std::array<Vec3, kMaxRods>& r) {
   Real sum = 0;
-  for (int rod = 0; rod < kRods<K>; ++rod) sum += at.v[rod].squaredNorm() * r[rod].squaredNorm();
+  for (int rod = 0; rod < rods_of(robot); ++rod) sum += at.v[rod].squaredNorm() * r[rod].squaredNorm();
   return sum;
 }
 
 /// Size² of the columns of `count` turns and of the bars or the stress, from `first` on.
-template <Mobility K>
-inline void last_sizes(const Robot& robot, const FullClosure<K>& at, int first, int turns,
-                       Column<K>& size) {
-  std::fill_n(size.begin() + first, turns, square_sum<K>(at, at.lever));
-  if (first + turns == kRods<K>) return;
-  std::fill(size.begin() + first + turns, size.end(), square_sum<K>(at, at.arm));
+inline void last_sizes(const Robot& robot, const FullClosure& at, int first, int turns,
+                       Unknowns& size) {
+  std::fill_n(size.begin() + first, turns, square_sum(robot, at, at.lever));
+  if (first + turns == rods_of(robot)) return;
+  std::fill(size.begin() + first + turns, size.begin() + rods_of(robot), square_sum(robot, at, at.arm));
   if (robot.full.kind == FullKind::elastic)
-    size.back() = sum_of(kRods<K>, [&](int rod) { return at.stress[rod] * at.stress[rod]; });
+    size.back() = sum_of(rods_of(robot), [&](int rod) { return at.stress[rod] * at.stress[rod]; });
 }
 
 /// Motors fixed, platform and bars move: unknowns D, R, ψ.
-template <Mobility K>
 struct Forward {
   const Robot& robot;
 
-  Rows<K> columns(const FullClosure<K>& at) const {
-    Rows<K> A;
+  Square columns(const FullClosure& at) const {
+    Square A;
     std::array<Real, kMaxUnknowns> row;
-    for (int rod = 0; rod < kRods<K>; ++rod) {
-      free_row<K>(robot, at, rod, row);
-      std::copy_n(row.begin(), kRods<K>, A[rod].begin());
+    for (int rod = 0; rod < rods_of(robot); ++rod) {
+      free_row(robot, at, rod, row);
+      std::copy_n(row.begin(), kMaxUnknowns, A[rod].begin());
     }
     return A;
   }
-  Column<K> sizes(const FullClosure<K>& at) const {
-    Column<K> size;
+  Unknowns sizes(const FullClosure& at) const {
+    Unknowns size;
     std::fill_n(size.begin(), 3,
-                sum_of(kRods<K>, [&](int rod) { return at.v[rod].squaredNorm(); }));
-    last_sizes<K>(robot, at, 3, 3, size);
+                sum_of(rods_of(robot), [&](int rod) { return at.v[rod].squaredNorm(); }));
+    last_sizes(robot, at, 3, 3, size);
     return size;
   }
-  void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
+  void move(const FullClosure& at, const Unknowns& step, FullClosure& trial) const {
     trial.q = at.q;
     trial.driven = at.driven;
     trial.pose.D = at.pose.D + Vec3(step[0], step[1], step[2]);
     trial.pose.R = exp_so3(Vec3(step[3], step[4], step[5])) * at.pose.R;
     trial.pose.theta = at.pose.theta;
     trial.pose.psi = at.pose.psi;
-    turn_bars(robot, step.data() + 6, kRods<K> - 6, trial.pose);
+    turn_bars(robot, step.data() + 6, rods_of(robot) - 6, trial.pose);
   }
 };
 
+/// Turns of the platform that its coordinates leave out.
+inline int tilts_of(const Robot& robot) { return turns_about_z(robot.mobility) ? 2 : 3; }
+
 /// D and θ (of a translation robot: D) fixed; motors, platform tilt and bars move: unknowns q, the
 /// turns that leave θ as it is, ψ.
-template <Mobility K>
 struct Inverse {
   const Robot& robot;
-  static constexpr int n = kDof<K>, tilts = kTurnsAboutZ<K> ? 2 : 3;
+  const int n = dof(robot.mobility), tilts = tilts_of(robot);
 
   /// Turn number j that leaves θ alone: along e_x, e_y (and e_z where θ is no coordinate).
-  static Vec3 turn(const Mat3& R, int j) {
+  Vec3 turn(const Mat3& R, int j) const {
     Vec3 omega = Vec3::Unit(j);
-    if constexpr (kTurnsAboutZ<K>) omega.z() = -theta_row(R)[j];
+    if (turns_about_z(robot.mobility)) omega.z() = -theta_row(R)[j];
     return omega;
   }
-  Rows<K> columns(const FullClosure<K>& at) const {
-    Rows<K> A{};
+  Square columns(const FullClosure& at) const {
+    Square A{};
     std::array<Real, kMaxUnknowns> row;
-    for (int rod = 0; rod < kRods<K>; ++rod) {
-      free_row<K>(robot, at, rod, row);
+    for (int rod = 0; rod < rods_of(robot); ++rod) {
+      free_row(robot, at, rod, row);
       A[rod][rod / 2] = -at.jq[rod];
       hidden(at.pose.R, row, A[rod]);
     }
     return A;
   }
   /// Entries from n on, of a quantity that changes as `row` along the motion of full_row.
-  static void hidden(const Mat3& R, const std::array<Real, kMaxUnknowns>& row, Column<K>& entry) {
+  void hidden(const Mat3& R, const std::array<Real, kMaxUnknowns>& row, Unknowns& entry) const {
     for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
-    for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];
+    for (int k = n + tilts; k < rods_of(robot); ++k) entry[k] = row[6 + k - n - tilts];
   }
-  Column<K> sizes(const FullClosure<K>& at) const {
-    Column<K> size;
+  Unknowns sizes(const FullClosure& at) const {
+    Unknowns size;
     for (int i = 0; i < n; ++i) {
       const Driven& driven = at.driven[i];
       const bool leg = robot.chain[i].actuator == Actuator::telescopic;
       size[i] = (at.v[2 * i].squaredNorm() + at.v[2 * i + 1].squaredNorm()) *
                 (leg ? driven.rate * driven.rate : driven.dB.squaredNorm());
     }
-    last_sizes<K>(robot, at, n, tilts, size);
+    last_sizes(robot, at, n, tilts, size);
     return size;
   }
-  void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
+  void move(const FullClosure& at, const Unknowns& step, FullClosure& trial) const {
     for (int i = 0; i < n; ++i) {
       trial.q[i] = at.q[i] + step[i];
       trial.driven[i] = driven_point(robot.chain[i], trial.q[i]);
@@ -207,19 +198,18 @@ struct Inverse {
     for (int j = 0; j < tilts; ++j) omega += step[n + j] * turn(at.pose.R, j);
     trial.pose = at.pose;
     trial.pose.R = exp_so3(omega) * at.pose.R;
-    if constexpr (kTurnsAboutZ<K>) trial.pose.R = with_theta(trial.pose.R, at.pose.theta);
-    turn_bars(robot, step.data() + n + tilts, kRods<K> - n - tilts, trial.pose);
+    if (turns_about_z(robot.mobility)) trial.pose.R = with_theta(trial.pose.R, at.pose.theta);
+    turn_bars(robot, step.data() + n + tilts, rods_of(robot) - n - tilts, trial.pose);
   }
 };
 
 /// Whether the determinant of all rods' rows has another sign than at home.
-template <Mobility K>
-inline bool other_full_mode(const Robot& robot, const FullClosure<K>& at) {
+inline bool other_full_mode(const Robot& robot, const FullClosure& at) {
   return other_mode(robot.full.sign,
-                    [&] { return determinant_sign<kRods<K>>(Forward<K>{robot}.columns(at)); });
+                    determinant_sign(rods_of(robot), Forward{robot}.columns(at)));
 }
 
-/// Calls own(mobility) where the full level is its own, same() where it is the ideal one.
+/// Calls own() where the full level is its own, same() where it is the ideal one.
 template <class Own, class Same>
 inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
   using Result = decltype(same());
@@ -228,70 +218,64 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
   none.status = Status::unfinished;
   if (!robot.finished) return none;
   if (robot.full.kind == FullKind::same) return same();
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    if constexpr (kRodByRod<mobility()>)
-      if (robot.full.own()) return own(mobility);
-    none.status = Status::no_full_level;
-    return none;
-  });
+  if (robot.full.own()) return own();
+  none.status = Status::no_full_level;
+  return none;
 }
 }  // namespace full_detail
 
 /// Pose of the mechanism with the motors at q, all rods closed. The full level must be its own.
 /// @param pose  in: the guess; out: D, R, ψ (the last iterate if not ok)
-template <Mobility K>
-FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure,
+inline FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure,
                     int cap = kFkmCap) {
   if (!robot.finished) return {{Status::unfinished, -1}};
   closure.pose = pose;
   closure.q = q;
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
     closure.driven[i] = driven_point(robot.chain[i], q[i]);
   }
-  FullResult result = full_detail::newton<K>(robot, full_detail::Forward<K>{robot}, closure, false,
+  FullResult result = full_detail::newton(robot, full_detail::Forward{robot}, closure, false,
                                              std::min(kFkmIterations, cap));
   pose = closure.pose;
   pose.theta = theta_of(pose.R, pose.theta);
   closure.pose.theta = pose.theta;
-  if (result && full_detail::other_full_mode<K>(robot, closure))
+  if (result && full_detail::other_full_mode(robot, closure))
     result.status = Status::branch_lost;
   return result;
 }
 
 /// Residual motion of a closure against the ideal level at its D and θ, with ideal motors at q.
-template <Mobility K>
-inline Parasitic beyond_ideal(const FullClosure<K>& closure, const Pose& ideal, const Joint& q) {
+inline Parasitic beyond_ideal(const Robot& robot, const FullClosure& closure, const Pose& ideal, const Joint& q) {
   Parasitic rest;
   rest.known = true;
   rest.tilt = closure.pose.R * ideal.R.transpose();
   for (int k = 0; k < kMaxBars; ++k) rest.turn[k] = closure.pose.psi[k] + ideal.theta;
-  for (int i = 0; i < kDof<K>; ++i) rest.q[i] = closure.q[i] - q[i];
+  for (int i = 0; i < dof(robot.mobility); ++i) rest.q[i] = closure.q[i] - q[i];
   return rest;
 }
 
 /// Motor positions, tilt and bars' turns that hold D and θ (of a translation robot: D), all rods
 /// closed. Starts at the ideal inverse model.
 /// @param rest  in: residual motion at a pose nearby; out: at this one, if ok
-template <Mobility K>
-FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure,
+inline FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure& closure,
                     Parasitic* rest = nullptr) {
-  Closure<K> ideal;
-  const Outcome outcome = ikm<K>(robot, pose, ideal);
+  Closure ideal;
+  const Outcome outcome = ikm(robot, pose, ideal);
   if (!outcome) return {outcome};
   const Joint q = ideal.q();
   FullResult result;
   for (bool near = rest && rest->known;; near = false) {
     closure.pose = near ? rest->beside(pose) : to_full(pose);
-    for (int i = 0; i < kDof<K>; ++i) {
+    for (int i = 0; i < dof(robot.mobility); ++i) {
       closure.q[i] = near ? q[i] + rest->q[i] : q[i];
       closure.driven[i] = driven_point(robot.chain[i], closure.q[i]);
     }
-    result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure, near);
+    result = full_detail::newton(robot, full_detail::Inverse{robot}, closure, near);
     if (result || !near) break;
   }
   closure.pose.theta = theta_of(closure.pose.R, pose.theta);
-  if (result && rest) *rest = beyond_ideal<K>(closure, pose, q);
+  if (result && rest) *rest = beyond_ideal(robot, closure, pose, q);
   return result;
 }
 
@@ -302,9 +286,9 @@ template <class F, class Same>
 inline Outcome closed(const Robot& robot, const Coordinates& x, F&& f, Same&& same) {
   return with_full(
       robot,
-      [&]<Mobility K>(Fixed<K>) -> Outcome {
-        FullClosure<K> closure;
-        const Outcome outcome = ikm_full<K>(robot, to_pose<K>(x), closure);
+      [&]() -> Outcome {
+        FullClosure closure;
+        const Outcome outcome = ikm_full(robot, to_pose(robot.mobility, x), closure);
         return outcome ? f(closure) : outcome;
       },
       same);
@@ -312,29 +296,27 @@ inline Outcome closed(const Robot& robot, const Coordinates& x, F&& f, Same&& sa
 }  // namespace full_detail
 
 /// Derivatives at the full level by the implicit function theorem: A ż = Q q̇ with z = (D, R, ψ).
-template <Mobility K>
 struct FullJacobians {
-  Matrix<kRods<K>, kDof<K>> Z;  ///< ∂z/∂q, z as the motion of full_row
-  Matrix<kDof<K>, kDof<K>> J;   ///< ∂x/∂q, its rows of D and θ
+  Matrix<kMaxUnknowns, kMaxDof> Z;  ///< ∂z/∂q, z as the motion of full_row
+  Square J;   ///< ∂x/∂q, its rows of D and θ
 };
 
 /// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched
-template <Mobility K>
-TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
-                                              FullJacobians<K>& jacobians) {
-  constexpr int n = kDof<K>, N = kRods<K>;
+inline Outcome jacobian_full(const Robot& robot, const FullClosure& closure,
+                                              FullJacobians& jacobians) {
+  const int n = dof(robot.mobility), N = rods_of(robot);
   for (int rod = 0; rod < N; ++rod)
-    if (full_detail::stretched<K>(closure, rod)) return {Status::singular, rod / 2};
-  const full_detail::Factors<K> factors(full_detail::Forward<K>{robot}, closure, 0);
+    if (full_detail::stretched(closure, rod)) return {Status::singular, rod / 2};
+  const full_detail::Factors factors(full_detail::Forward{robot}, closure, 0);
   if (!factors.regular()) return {Status::singular, -1};
   const Vec3 theta = theta_row(closure.pose.R);
   for (int j = 0; j < n; ++j) {  // column j: (AᵀA)⁻¹ Aᵀ Q e_j
-    full_detail::Column<K> of_motor{};
+    Unknowns of_motor{};
     for (const int rod : {2 * j, 2 * j + 1}) of_motor[rod] = closure.jq[rod];
-    const full_detail::Column<K> column = factors.square.solve(of_motor);
+    const Unknowns column = factors.square.solve(of_motor);
     for (int i = 0; i < N; ++i) jacobians.Z[i][j] = column[i];
     for (int i = 0; i < 3; ++i) jacobians.J[i][j] = column[i];
-    if constexpr (kTurnsAboutZ<K>)
+    if (turns_about_z(robot.mobility))
       jacobians.J[3][j] = theta.dot(Vec3(column[3], column[4], column[5]));
   }
   return {};
@@ -344,11 +326,11 @@ TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClos
 inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
   return full_detail::with_full(
       robot,
-      [&]<Mobility K>(Fixed<K>) {
-        FullPose pose = to_full(to_pose<K>(x));
-        FullClosure<K> closure;
-        const FullResult result = fkm_full<K>(robot, q, pose, closure, cap);
-        x = to_coordinates<K>(pose);
+      [&]() {
+        FullPose pose = to_full(to_pose(robot.mobility, x));
+        FullClosure closure;
+        const FullResult result = fkm_full(robot, q, pose, closure, cap);
+        x = to_coordinates(robot.mobility, pose);
         return result;
       },
       [&] { return fkm(robot, q, x, cap); });
@@ -372,12 +354,12 @@ inline Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& 
   rest.fill(0);
   return full_detail::closed(
       robot, x,
-      [&]<Mobility K>(const FullClosure<K>& closure) {
-        const Pose pose = to_pose<K>(x);
+      [&](const FullClosure& closure) {
+        const Pose pose = to_pose(robot.mobility, x);
         const Vec3 tilt = log_so3(closure.pose.R * pose.R.transpose());
-        constexpr int tilts = full_detail::Inverse<K>::tilts;
+        const int tilts = full_detail::tilts_of(robot);
         for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
-        for (int k = tilts; k < kDof<K>; ++k) rest[k] = pose.theta + closure.pose.psi[k - tilts];
+        for (int k = tilts; k < dof(robot.mobility); ++k) rest[k] = pose.theta + closure.pose.psi[k - tilts];
         return Outcome{};
       },
       [] { return Outcome{}; });
@@ -387,12 +369,12 @@ inline Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& 
 inline Outcome jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return full_detail::closed(
       robot, x,
-      [&]<Mobility K>(const FullClosure<K>& closure) {
-        FullJacobians<K> jacobians;
-        const Outcome outcome = jacobian_full<K>(robot, closure, jacobians);
+      [&](const FullClosure& closure) {
+        FullJacobians jacobians;
+        const Outcome outcome = jacobian_full(robot, closure, jacobians);
         if (outcome)
-          for (int i = 0; i < kDof<K>; ++i)
-            for (int j = 0; j < kDof<K>; ++j) J[i][j] = jacobians.J[i][j];
+          for (int i = 0; i < dof(robot.mobility); ++i)
+            for (int j = 0; j < dof(robot.mobility); ++j) J[i][j] = jacobians.J[i][j];
         return outcome;
       },
       [&] { return jacobian(robot, x, J); });

@@ -9,7 +9,7 @@
 // parameter moves its own two rods only: two columns of S.
 #pragma once
 
-#include "truepose/estimation/estimate.hpp"
+#include "truepose/estimation/linearise.hpp"
 #include "truepose/full/rkm.hpp"
 #include "truepose/kinematics/fkm.hpp"
 
@@ -19,20 +19,19 @@ namespace full_detail {
 inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, Real side) {
   const Vec3 u = pair_direction(chain);
   change.B += 0.5 * side * (chain.rod_spacing * change.turn.cross(u) + change.spacing * u);
-  change.A += 0.5 * side * change.spacing * (body * chain.pair_drawn());
+  change.A += 0.5 * side * change.spacing * (body * chain.pair_drawn);
   change.rod += 0.5 * side * change.difference;
   return change;
 }
 
 /// H_ξ of the full level. @param S  n + r rows: ∂q_e/∂f of every rod, x held
-template <Mobility K>
-inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
-                               const Matrix<kMaxReadings, kRods<K>>& S, Real* H) {
-  constexpr int n = kDof<K>;
+inline void parameter_jacobian(const Robot& robot, const FullClosure& at,
+                               const Matrix<kMaxReadings, kMaxUnknowns>& S, Real* H) {
+  const int n = dof(robot.mobility);
   const int width = parameter_count(robot), readings = n + robot.r;
   std::fill(H, H + readings * width, 0.0);
   std::array<Sensed, kMaxSensors> sensed;
-  for (int k = 0; k < robot.r; ++k) sensed[k] = sense_full<K>(robot, robot.sensor[k], at);
+  for (int k = 0; k < robot.r; ++k) sensed[k] = sense_full(robot, robot.sensor[k], at);
 
   for (int i = 0; i < n; ++i) {
     const Chain& chain = robot.chain[i];
@@ -52,7 +51,7 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
         }
       }
     };
-    for_each_variation(robot, i, at.q[i], driven.p, body, at.pose.R * chain.pivot(), enter);
+    for_each_variation(robot, i, at.q[i], driven.p, body, at.pose.R * chain.pivot, enter);
   }
   sensor_columns(robot, sensed, H);
 }
@@ -62,96 +61,83 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
 /// robot: D) are held, the platform's tilt and its bars' turns follow.
 /// @param rest  as of ikm_full
 /// @return also no_full_level (robot.full)
-template <Mobility K>
-Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
-                       Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic* rest = nullptr) {
+inline Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x,
+                              Real* H_xi, Parasitic* rest = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
-  if constexpr (!kRodByRod<K>) {
-    if (robot.full.kind != FullKind::same) return {Status::no_full_level, -1};
-    return linearise<K>(robot, pose, q_e, H_x, H_xi);
-  } else {
-    using Inverse = full_detail::Inverse<K>;
-    constexpr int n = kDof<K>, N = kRods<K>;
-    if (!robot.full.own()) return {Status::no_full_level, -1};
-    FullClosure<K> at;
-    std::array<FullRow, kMaxSensors> rows;
-    const Outcome outcome = extended_full<K>(robot, pose, q_e, at, rows, rest);
-    if (!outcome) return outcome;
+  if (robot.full.kind == FullKind::same) return linearise(robot, pose, q_e, H_x, H_xi);
+  if (!robot.full.own()) return {Status::no_full_level, -1};
+  const int n = dof(robot.mobility), N = rods_of(robot);
+  const auto& columns = free_columns(robot.mobility);
+  FullClosure at;
+  std::array<FullRow, kMaxSensors> rows;
+  const Outcome outcome = extended_full(robot, pose, q_e, at, rows, rest);
+  if (!outcome) return outcome;
 
-    for (int rod = 0; rod < N; ++rod)
-      if (full_detail::stretched<K>(at, rod)) return {Status::singular, rod / 2};
-    const full_detail::Factors<K> factors(Inverse{robot}, at, 0);
-    if (!factors.regular()) return {Status::singular, -1};
+  for (int rod = 0; rod < N; ++rod)
+    if (full_detail::stretched(at, rod)) return {Status::singular, rod / 2};
+  const full_detail::Inverse inverse{robot};
+  const full_detail::Factors factors(inverse, at, 0);
+  if (!factors.regular()) return {Status::singular, -1};
 
-    Matrix<kMaxSensors, N> e_y;
-    for (int k = 0; k < robot.r; ++k) {
-      e_y[k].fill(0);
-      if (on_chain(robot.sensor[k])) e_y[k][robot.sensor[k].chain] = rows[k].motor;
-      FullRow& row = rows[k];
-      if (robot.full.kind == FullKind::elastic) {
-        row.z[6] += row.z[7];
-        row.z[7] = 0;  // stress is no motion
-      }
-      Inverse::hidden(at.pose.R, row.z, e_y[k]);
+  Matrix<kMaxSensors, kMaxUnknowns> e_y;
+  for (int k = 0; k < robot.r; ++k) {
+    e_y[k].fill(0);
+    if (on_chain(robot.sensor[k])) e_y[k][robot.sensor[k].chain] = rows[k].motor;
+    FullRow& row = rows[k];
+    if (robot.full.kind == FullKind::elastic) {
+      row.z[6] += row.z[7];
+      row.z[7] = 0;  // stress is no motion
     }
-
-    Matrix<kMaxReadings, N> S;
-    for (int rod = 0; rod < N; ++rod) {
-      const full_detail::Column<K> y = factors.square.column(rod, 1);
-      for (int i = 0; i < n; ++i) S[i][rod] = y[i];
-      for (int k = 0; k < robot.r; ++k) {
-        Real sum = 0;
-        for (int j = 0; j < N; ++j) sum += e_y[k][j] * y[j];
-        S[n + k][rod] = sum;
-      }
-    }
-
-    // Along x the free columns of the motion: a turn about z has θ̇ = 1 at any tilt.
-    for (int i = 0; i < n; ++i) H_x[i].fill(0);
-    for (int k = 0; k < robot.r; ++k)
-      for (int j = 0; j < n; ++j) H_x[n + k][j] = rows[k].z[Freedom<K>::columns[j]];
-    for (int rod = 0; rod < N; ++rod) {
-      std::array<Real, kMaxUnknowns> row;
-      full_row<K>(robot, at, rod, row);
-      for (int e = 0; e < n + robot.r; ++e)
-        for (int j = 0; j < n; ++j) H_x[e][j] -= S[e][rod] * row[Freedom<K>::columns[j]];
-    }
-    if (H_xi) full_detail::parameter_jacobian<K>(robot, at, S, H_xi);
-    return {};
+    inverse.hidden(at.pose.R, row.z, e_y[k]);
   }
+
+  Matrix<kMaxReadings, kMaxUnknowns> S;
+  for (int rod = 0; rod < N; ++rod) {
+    const Unknowns y = factors.square.column(rod, 1);
+    for (int i = 0; i < n; ++i) S[i][rod] = y[i];
+    for (int k = 0; k < robot.r; ++k)
+      S[n + k][rod] = sum_of(N, [&](int j) { return e_y[k][j] * y[j]; });
+  }
+
+  // Along x the free columns of the motion: a turn about z has θ̇ = 1 at any tilt.
+  for (int i = 0; i < n; ++i) H_x[i].fill(0);
+  for (int k = 0; k < robot.r; ++k)
+    for (int j = 0; j < n; ++j) H_x[n + k][j] = rows[k].z[columns[j]];
+  for (int rod = 0; rod < N; ++rod) {
+    Unknowns row;
+    full_row(robot, at, rod, row);
+    for (int e = 0; e < n + robot.r; ++e)
+      for (int j = 0; j < n; ++j) H_x[e][j] -= S[e][rod] * row[columns[j]];
+  }
+  if (H_xi) full_detail::parameter_jacobian(robot, at, S, H_xi);
+  return {};
 }
 
-/// Model of an estimate with every rod by itself (estimate.hpp has the ideal one).
-struct FullModel {
-  template <Mobility K>
-  static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic& rest) {
-    return linearise_full<K>(robot, pose, q_e, H_x, H_xi, &rest);
-  }
-  template <Mobility K>
-  static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
-    if constexpr (!kRodByRod<K>) {  // the levels coincide
-      return truepose::fkm<K>(robot, q, pose, kFkmStart).status;
-    } else {
-      FullPose full = rest.beside(pose);
-      FullClosure<K> closure;
-      const Status status = fkm_full<K>(robot, q, full, closure, kFkmStart).status;
-      if (status == Status::ok) {  // D and θ are the coordinates; tilt and bars follow from them
-        pose = full;
-        pose.R = kTurnsAboutZ<K> ? rotation_z(pose.theta) : Mat3(Mat3::Identity());
-        Closure<K> ideal;
-        if (ikm<K>(robot, pose, ideal)) rest = beyond_ideal<K>(closure, pose, ideal.q());
-      }
-      return status;
-    }
-  }
-};
+/// The level whose rods a robot's laws model.
+inline Level level_of(const Robot& robot) {
+  return robot.rod_by_rod() ? Level::full : Level::ideal;
+}
 
-/// Calls f with the model of a robot's level.
-template <Mobility K, class F>
-inline auto with_model(const Robot& robot, F&& f) {
-  if constexpr (kRodByRod<K>)
-    if (robot.rod_by_rod()) return f(FullModel{});
-  return f(IdealModel{});
+/// q_e, H_x and H_ξ of a level. @param rest  as of ikm_full
+inline Outcome linearise(Level level, const Robot& robot, const Pose& pose, Extended& q_e,
+                         PoseRows& H_x, Real* H_xi, Parasitic& rest) {
+  return level == Level::full ? linearise_full(robot, pose, q_e, H_x, H_xi, &rest)
+                              : linearise(robot, pose, q_e, H_x, H_xi);
+}
+
+/// The motors' pose at a level, where another search starts. @param rest  as of ikm_full
+inline Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose,
+                          Parasitic& rest) {
+  if (level == Level::ideal || !robot.full.own()) return fkm(robot, q, pose, kFkmStart).status;
+  FullPose full = rest.beside(pose);
+  FullClosure closure;
+  const Status status = fkm_full(robot, q, full, closure, kFkmStart).status;
+  if (status == Status::ok) {  // D and θ are the coordinates; tilt and bars follow from them
+    pose = full;
+    pose.R = turns_about_z(robot.mobility) ? rotation_z(pose.theta) : Mat3::Identity();
+    Closure ideal;
+    if (ikm(robot, pose, ideal)) rest = beyond_ideal(robot, closure, pose, ideal.q());
+  }
+  return status;
 }
 }  // namespace truepose

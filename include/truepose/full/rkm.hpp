@@ -21,8 +21,7 @@ inline Mat3 body_of(const Chain& chain, const FullPose& pose) {
 inline int rod_of(const Sensor& sensor) { return 2 * sensor.chain + (sensor.rod < 0); }
 
 /// Value and gradients of any sensor at a full pose. An angle sensor at bar k's hinge reads -ψ_k.
-template <Mobility K>
-inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at) {
+inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClosure& at) {
   if (on_chain(sensor)) {
     const Chain& chain = robot.chain[sensor.chain];
     return sense_chain(sensor,
@@ -42,20 +41,19 @@ inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClo
 }
 
 /// Derivative of s, without the gain.
-template <Mobility K>
-inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at,
+inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullClosure& at,
                           const Sensed& s) {
   FullRow row;
   if (!on_chain(sensor)) {
-    free_columns<Mobility::spatial>({}, s.linear, s.angular, row.z.data());
+    twist_row(s.linear, s.angular, row.z.data());
     if (properties(sensor.kind).is_theta && sensor.bar >= 0) row.z[6 + sensor.bar] = -s.slope;
     return row;
   }
   const Chain& chain = robot.chain[sensor.chain];
   const int rod = rod_of(sensor);
   // A moves with the platform and its bar; so does the frame of a joint on them.
-  const Vec3 turn = sensor.at_nacelle ? s.frame : Vec3(Vec3::Zero());
-  free_columns<Mobility::spatial>({}, s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
+  const Vec3 turn = sensor.at_nacelle ? s.frame : Vec3::Zero();
+  twist_row(s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
   if (chain.bar >= 0) row.z[6 + chain.bar] = at.pose.R.col(2).dot(at.arm[rod].cross(s.rod) + turn);
   row.motor = by_motor(sensor, s, chain, at.driven[sensor.chain].dB, at.driven[sensor.chain].rate);
   return row;
@@ -64,41 +62,39 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
 /// Readings of a mechanism in any position, its loops closed or not. With backlash or compliant
 /// arms the motors' encoders see one angle and the rods' joints another.
 /// @param motor, arm  angles or slides before the encoders' offsets
-template <Mobility K>
 inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                              const Joint& arm, Extended& q_e) {
   if (!robot.finished) return {Status::unfinished, -1};
-  FullClosure<K> at;
+  FullClosure at;
   at.pose = pose;
   at.pose.theta = theta_of(pose.R, pose.theta);
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     q_e[i] = motor_reading(robot.chain[i], motor[i]);
     at.q[i] = motor_reading(robot.chain[i], arm[i]);
     at.driven[i] = driven_point(robot.chain[i], at.q[i]);
   }
-  complete_closure<K>(robot, at);
-  [[maybe_unused]] Pose angles = to_pose<K>(robot.home);
-  if constexpr (kRotational<K>) angles_of<K>(robot, {pose.D, pose.R, 0}, angles);
+  complete_closure(robot, at);
+  Pose angles = to_pose(robot.mobility, robot.home);
+  if (is_rotational(robot.mobility)) angles_of(robot, {pose.D, pose.R, 0}, angles);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    const bool of_axis = kRotational<K> && sensor.kind == SensorKind::axis_angle;
-    const Sensed s = of_axis ? sense_axis(sensor, angles) : sense_full<K>(robot, sensor, at);
-    q_e[kDof<K> + k] = sensor.gain * s.value - sensor.offset;
+    const bool of_axis = is_rotational(robot.mobility) && sensor.kind == SensorKind::axis_angle;
+    const Sensed s = of_axis ? sense_axis(sensor, angles) : sense_full(robot, sensor, at);
+    q_e[dof(robot.mobility) + k] = sensor.gain * s.value - sensor.offset;
   }
-  return {all_finite(q_e, kDof<K> + robot.r) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(q_e, dof(robot.mobility) + robot.r) ? Status::ok : Status::not_finite, -1};
 }
 
 /// r = RKM at the full level, and its derivatives.
 /// @return not_measured: an angle at the hinge of a missing bar; not_finite: a sensor cannot read
-template <Mobility K>
-inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& values,
+inline Outcome rkm_full(const Robot& robot, const FullClosure& at, Reading& values,
                         std::array<FullRow, kMaxSensors>& rows) {
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
     if (sensor.bar >= robot.full.bars) return {Status::not_measured, -1};
-    const Sensed s = sense_full<K>(robot, sensor, at);
+    const Sensed s = sense_full(robot, sensor, at);
     values[k] = sensor.gain * s.value - sensor.offset;
-    rows[k] = sensor_row<K>(robot, sensor, at, s);
+    rows[k] = sensor_row(robot, sensor, at, s);
     for (Real& entry : rows[k].z) entry *= sensor.gain;
     rows[k].motor *= sensor.gain;
   }
@@ -107,14 +103,13 @@ inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& v
 
 /// q_e at a pose with all rods closed, and the inputs of its derivatives.
 /// @param rows  of the sensors @param rest  as of ikm_full
-template <Mobility K>
 inline Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e,
-                             FullClosure<K>& closure, std::array<FullRow, kMaxSensors>& rows,
+                             FullClosure& closure, std::array<FullRow, kMaxSensors>& rows,
                              Parasitic* rest) {
-  Outcome outcome = ikm_full<K>(robot, pose, closure, rest);
+  Outcome outcome = ikm_full(robot, pose, closure, rest);
   Reading values;
-  if (outcome) outcome = rkm_full<K>(robot, closure, values, rows);
-  if (outcome) extend<K>(robot, closure.q, values, q_e);
+  if (outcome) outcome = rkm_full(robot, closure, values, rows);
+  if (outcome) extend(robot, closure.q, values, q_e);
   return outcome;
 }
 
@@ -122,9 +117,9 @@ inline Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e
 inline Outcome rkm_full(const Robot& robot, const Coordinates& x, Reading& values) {
   return full_detail::closed(
       robot, x,
-      [&]<Mobility K>(const FullClosure<K>& closure) {
+      [&](const FullClosure& closure) {
         std::array<FullRow, kMaxSensors> rows;
-        return rkm_full<K>(robot, closure, values, rows);
+        return rkm_full(robot, closure, values, rows);
       },
       [&] { return rkm(robot, x, values); });
 }

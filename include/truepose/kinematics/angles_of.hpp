@@ -10,17 +10,15 @@ inline constexpr int kAngleSteps = 20;
 
 /// Finds the axis angles next to those of `pose` that bring the platform closest to `seen` (D, R),
 /// by Newton's steps from there: least squares of the remaining D and turn times the rods' length.
-template <Mobility K>
-  requires kRotational<K>
 inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
-  constexpr int n = kDof<K>;
-  const Real unit = (robot.chain[0].base() - robot.axis[0].origin()).norm();
+  const int n = dof(robot.mobility);
+  const Real unit = (robot.chain[0].base - robot.axis[0].origin).norm();
   for (int step = 0; step < kAngleSteps; ++step) {
-    const Carried<K> carried = carried_frames<K>(robot, pose);
+    const Carried carried = carried_frames(robot, pose);
     const Vec3 shift = seen.D - carried.pose.D;
     const Vec3 turn = unit * log_so3(seen.R * carried.pose.R.transpose());
-    std::array<std::array<Real, n>, n> N;
-    std::array<Real, n> size, b;
+    Square N;
+    Coordinates size, b;
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j)
         N[i][j] = carried.linear[i].dot(carried.linear[j]) +
@@ -28,7 +26,7 @@ inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
       size[i] = N[i][i];
       b[i] = carried.linear[i].dot(shift) + unit * carried.axis[i].dot(turn);
     }
-    const Ldlt<n> factors(N, size);
+    const Ldlt factors(n, N, size);
     if (!factors.regular()) return;
     factors.solve(b);
     Real moved = 0;

@@ -13,36 +13,36 @@ namespace truepose {
 inline Real damping(Real c, Real band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
 
 /// Distance from singularities of a closed mechanism, independent of its size and units.
-template <Mobility K>
 class Conditioning {
  public:
-  static constexpr int n = kDof<K>;
-
-  TRUEPOSE_FLATTEN explicit Conditioning(const Closure<K>& closure) {
-    const auto& chain = closure.chain;
-    const Points<n> v = points<n>([&](int i) -> const Vec3& { return chain[i].v; });
-    const Points<n> lever = points<n>([&](int i) -> const Vec3& { return chain[i].lever; });
-    length_ = v.squared_norm().sqrt();
-    const Lanes<n> per_length = 1 / length_;
-    const Points<n> along{v.px * per_length, v.py * per_length, v.pz * per_length};
-    jx_row<K>(closure.carried, along, lever, columns_);
-    unit_ = column_sizes<K>(closure.carried, Lanes<n>::Ones(), lever);
-    ones_.fill(1);
-    for (int j = 0; j < n; ++j) {
-      unit_[j] = std::sqrt(unit_[j]);
-      columns_[j] *= 1 / unit_[j];
-      square_ += columns_[j].square().sum();
+  explicit Conditioning(const Closure& closure) : n_(closure.carried.n) {
+    std::array<Vec3, kMaxChains> lever;
+    Joint ones;
+    ones.fill(1);
+    for (int i = 0; i < n_; ++i) {
+      const ChainState& chain = closure.chain[i];
+      lever[i] = chain.lever;
+      length_[i] = chain.v.norm();
+      jx_row(closure.carried, (1 / length_[i]) * chain.v, chain.lever, lines_[i].data());
+      // A telescopic leg always drives along itself.
+      const Real dB = chain.dB.norm();
+      speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
+      serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
     }
-    Matrix<n, n> rows;
-    inverse_ = invert<n>(columns_, ones_, Lanes<n>::Ones(), 0, rows);
-    Lanes<n> inverse2 = Lanes<n>::Zero();
-    for (const auto& row : rows) inverse2 += Eigen::Map<const Lanes<n>>(row.data()).square();
-    parallel_ = inverse_ ? n / std::sqrt(square_ * inverse2.sum()) : 0;
-    // A telescopic leg always drives along itself.
-    const Lanes<n> dB =
-        points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm().sqrt();
-    speed_ = (dB > 0).select(dB, lanes<n>([&](int i) { return std::fabs(chain[i].rate); }));
-    serial_ = lanes<n>([&](int i) { return std::fabs(chain[i].jq); }) / (length_ * speed_);
+    unit_ = column_sizes(closure.carried, ones, lever);
+    for (int j = 0; j < n_; ++j) {
+      unit_[j] = std::sqrt(unit_[j]);
+      for (int i = 0; i < n_; ++i) {
+        lines_[i][j] *= 1 / unit_[j];
+        square_ += lines_[i][j] * lines_[i][j];
+      }
+    }
+    Square rows;
+    inverse_ = invert(n_, lines_, ones_(), 0, rows);
+    Real inverse2 = 0;
+    for (int i = 0; i < n_; ++i)
+      for (int j = 0; j < n_; ++j) inverse2 += rows[i][j] * rows[i][j];
+    parallel_ = inverse_ ? n_ / std::sqrt(square_ * inverse2) : 0;
   }
 
   /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms; 1: isotropic, 0: the motors
@@ -51,23 +51,23 @@ class Conditioning {
   /// Type 1: share of the motion of B_i along rod i, in [0, 1]. 0: arm and rod in one line.
   Real serial(int i) const { return serial_[i]; }
   /// The smallest conditioning of both types.
-  Real least() const { return std::min(parallel_, -largest<n>(-serial_)); }
-  /// The status that jacobian() would return, and the sign of det J_x.
+  Real least() const { return std::min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + n_)); }
+  /// The status that jacobian() would return.
   Outcome outcome() const {
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < n_; ++i)
       if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
     return {inverse_ ? Status::ok : Status::singular, -1};
   }
-  int sign() const { return (inverse_.determinant > 0) - (inverse_.determinant < 0); }
+  /// The sign of det J_x.
+  int sign() const { return inverse_.sign; }
 
   /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, rescaled to SI units.
-  bool damped(const Closure<K>& closure, Real band, Matrix<kDof<K>, kDof<K>>& J) const {
-    const Real part = damping(parallel_, band) * square_ / (n * n);
-    const Matrix<n, n> lines = rows_of<n>(columns_);
-    const NormalEquations<n> equations(lines, ones_, part);
-    for (int j = 0; j < n; ++j) {
-      const std::array<Real, n> column = equations.column(j, closure.chain[j].jq / length_[j]);
-      for (int i = 0; i < n; ++i) J[i][j] = column[i] / unit_[i];
+  bool damped(const Closure& closure, Real band, Square& J) const {
+    const Real part = damping(parallel_, band) * square_ / (n_ * n_);
+    const NormalEquations equations(n_, lines_, ones_(), part);
+    for (int j = 0; j < n_; ++j) {
+      const Unknowns column = equations.column(j, closure.chain[j].jq / length_[j]);
+      for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
     }
     return equations.regular();
   }
@@ -79,9 +79,16 @@ class Conditioning {
   }
 
  private:
-  std::array<Lanes<n>, n> columns_;  ///< A
-  std::array<Real, n> unit_, ones_;
-  Lanes<n> length_, speed_, serial_;
+  static Unknowns ones_() {
+    Unknowns ones;
+    ones.fill(1);
+    return ones;
+  }
+
+  int n_;
+  Square lines_;  ///< A
+  Unknowns unit_;
+  Joint length_, speed_, serial_;
   Real square_ = 0, parallel_;  // |A|²
   Inverted inverse_;
 };
@@ -91,22 +98,21 @@ class Conditioning {
 /// rates, J_r and the dynamics follow.
 /// @return near_singular in the band, with a finite and bounded answer; `chain` is the chain whose
 /// arm is stretched, or -1 where the rods' lines are nearly dependent.
-template <Mobility K>
-inline Outcome jacobian(Closure<K>& closure, Real band, Jacobians<K>& jacobians) {
-  const Outcome exact = jacobian<K>(closure, jacobians);
+inline Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians) {
+  const Outcome exact = jacobian(closure, jacobians);
   if (!(band > 0)) return exact;
-  const Conditioning<K> conditioning(closure);
+  const Conditioning conditioning(closure);
   const bool dependent = conditioning.parallel() < band;
   Outcome outcome{Status::ok, -1};
   if (dependent || !exact) {
-    for (int i = 0; i < kDof<K>; ++i) {
-      jx_row<K>(closure.carried, closure.chain[i].v, closure.chain[i].lever, jacobians.jx[i]);
+    for (int i = 0; i < jacobians.n; ++i) {
+      jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, jacobians.jx[i].data());
       jacobians.jq[i] = closure.chain[i].jq;
     }
     if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular, -1};
     outcome.status = Status::near_singular;
   }
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < jacobians.n; ++i) {
     if (!(conditioning.serial(i) < band)) continue;
     closure.chain[i].jq = jacobians.jq[i] = conditioning.divisor(i, jacobians.jq[i], band);
     if (outcome.chain < 0 && !dependent) outcome = {Status::near_singular, i};
@@ -117,14 +123,12 @@ inline Outcome jacobian(Closure<K>& closure, Real band, Jacobians<K>& jacobians)
 /// Computes the conditioning at coordinates x. @param serial  out, size n
 inline Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel,
                             Joint& serial) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    Closure<K> closure;
-    const Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
-    if (!outcome) return outcome;
-    const Conditioning<K> at(closure);
-    parallel = at.parallel();
-    for (int i = 0; i < kDof<K>; ++i) serial[i] = at.serial(i);
-    return Outcome{all_finite(serial, kDof<K>) ? Status::ok : Status::not_finite, -1};
-  });
+  Closure closure;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
+  if (!outcome) return outcome;
+  const Conditioning at(closure);
+  parallel = at.parallel();
+  for (int i = 0; i < closure.carried.n; ++i) serial[i] = at.serial(i);
+  return {all_finite(serial, closure.carried.n) ? Status::ok : Status::not_finite, -1};
 }
 }  // namespace truepose

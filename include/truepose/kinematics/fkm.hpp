@@ -24,13 +24,12 @@ struct [[nodiscard]] FkmResult : Outcome {
 };
 
 /// Searches once, by Newton's method. @param pose  in: the guess; out: the pose or last iterate
-template <Mobility K>
-TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
-                                  int most = kFkmIterations) {
+inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
+                        int most = kFkmIterations) {
   if (!robot.finished) return {{Status::unfinished, -1}};
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   FkmResult result;
-  std::array<Driven, n> driven;
+  std::array<Driven, kMaxChains> driven;
   Real scale = 0;  // the longest rod
   for (int i = 0; i < n; ++i) {
     driven[i] = driven_point(robot.chain[i], q[i]);
@@ -38,37 +37,32 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
     if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
     scale = std::max(scale, driven[i].rod);
   }
-  const Loops<K> loops(robot, driven);
-  using At = typename Loops<K>::At;
-  std::array<At, 2> iterates;
-  At *current = &iterates[0], *trial = &iterates[1];
-  loops.start(pose, *current);
+  Loops iterates[2], *current = &iterates[0], *trial = &iterates[1];
+  current->place(robot, driven, pose);
   if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
 
-  struct Inverse {
-    Matrix<n, n> rows;
-    bool full_rank;
-    bool regular() const { return full_rank; }
+  struct Inverse : Inverted {
+    Square rows;
+    bool regular() const { return Inverted::regular; }
   };
-  std::array<Lanes<n>, n> jx;  // columns of J_x
+  Square jx;
   const NewtonEnd end = damped_newton(
       current, trial, scale, most,
-      [&](const At& at, Real damping) {
+      [&](const Loops& at, Real damping) {
         Inverse inverse;
-        loops.jx(at, jx);
-        inverse.full_rank =
-            invert<n>(jx, loops.sizes(at), Lanes<n>::Ones(), damping, inverse.rows).regular;
+        at.jx(jx);
+        static_cast<Inverted&>(inverse) = invert(n, jx, at.sizes(), damping, inverse.rows);
         return inverse;
       },
-      [&](const At& at, const Inverse& inverse, At& after) {
-        const Lanes<n> step = times<n>(inverse.rows, at.f);
+      [&](const Loops& at, const Inverse& inverse, Loops& after) {
         Coordinates motion{};
-        for (int j = 0; j < n; ++j) motion[j] = step[j];
-        loops.after(at, motion, after);
+        for (int j = 0; j < n; ++j)
+          motion[j] = sum_of(n, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
+        after.place(robot, driven, moved(robot.mobility, at.pose, motion));
       });
   result.iterations = end.iterations;
 
-  if constexpr (kTurnsAboutZ<K>) {
+  if (turns_about_z(robot.mobility)) {
     Real& theta = current->pose.theta;
     if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
   }
@@ -78,17 +72,16 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   } else if (!end.regular) {
     result.status = Status::singular;
   } else {
-    const Points<n>& v = loops.rods(*current);
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
-          jq_entry(chain, v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
+          jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
         result.status = Status::branch_lost;
         result.chain = i;
       }
     }
-    loops.jx(*current, jx);
-    if (other_mode(robot.assembly_sign, [&] { return determinant_sign<n>(jx); }))
+    current->jx(jx);
+    if (other_mode(robot.assembly_sign, determinant_sign(n, jx)))
       result.status = Status::branch_lost;
   }
   pose = current->pose;
@@ -105,21 +98,20 @@ inline constexpr Real kDependent = 1e-4;
 /// Whether it is certain that no pose closes the loops. Each chain holds D + R c_i on a sphere
 /// about S_i = B_i - a_i. Of the lengths |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
 /// none can exceed the sum of the others. Where R is known, the spheres themselves decide.
-template <Mobility K>
-inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kDof<K>>& driven) {
-  constexpr int n = kDof<K>;
-  constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial || kRotational<K>;
-  if constexpr (K == Mobility::translation) {
+inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxDof>& driven) {
+  const int n = dof(robot.mobility);
+  const bool turns = turns_about_z(robot.mobility) || robot.mobility >= Mobility::spatial;
+  if (robot.mobility == Mobility::translation) {
     Vec3 D;
-    const Vec3 side = to_pose<K>(robot.home).D;
-    return fkm_closed<K>(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
+    const Vec3 side = to_pose(robot.mobility, robot.home).D;
+    return fkm_closed(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
       const Driven &from = driven[i], &to = driven[j];
-      const Vec3 pivots = one.pivot() - other.pivot();
-      Vec3 centres = one.base() + from.p - one.anchor() - other.base() - to.p + other.anchor();
+      const Vec3 pivots = one.pivot - other.pivot;
+      Vec3 centres = one.base + from.p - one.anchor - other.base - to.p + other.anchor;
       if (!turns) centres -= pivots;
       const std::array<Real, 4> side{centres.norm(), from.rod, to.rod, turns ? pivots.norm() : 0};
       const Real whole = side[0] + side[1] + side[2] + side[3];
@@ -132,78 +124,75 @@ inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven,
 /// Whether a search converged slowly to a singular pose: the loops are closed up to its small
 /// steps, and the rods' lines are dependent. (J_x is singular, J_xᵀf = 0, also where a search ends
 /// with open loops, but that does not exclude other poses.)
-template <Mobility K>
-inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& driven, const Pose& pose,
+inline bool crawled(const Robot& robot, const std::array<Driven, kMaxDof>& driven, const Pose& pose,
                     Real residual) {
   Real scale = 0;
-  for (const Driven& chain : driven) scale = std::max(scale, chain.rod);
+  for (int i = 0; i < robot.chains; ++i) scale = std::max(scale, driven[i].rod);
   if (!(residual < kCrawls * scale)) return false;
-  Closure<K> closure;
+  Closure closure;
   closure.pose = pose;
-  closure.carried = carried_frames<K>(robot, pose);
+  closure.carried = carried_frames(robot, pose);
   const Pose& placed = closure.placed();
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     const Chain& chain = robot.chain[i];
     ChainState& state = closure.chain[i];
-    state.lever = turned<K>(placed.R, chain.pivot());
-    state.v = chain.base() + driven[i].p - placed.D - state.lever - chain.anchor();
+    state.lever = placed.R * chain.pivot;
+    state.v = chain.base + driven[i].p - placed.D - state.lever - chain.anchor;
     state.dB = driven[i].dB;
     state.rate = driven[i].rate;
   }
-  return Conditioning<K>(closure).parallel() < kDependent;
+  return Conditioning(closure).parallel() < kDependent;
 }
 
 /// Whether a pose is in the robot's own assembly mode.
-template <Mobility K>
 inline bool own_mode(const Robot& robot, const Pose& pose) {
-  Closure<K> closure;
-  Jacobians<K> jacobians;
-  return ikm<K, false>(robot, pose, closure) && jacobian<K>(closure, jacobians) &&
-         !other_mode<K>(robot, jacobians);
+  Closure closure;
+  Jacobians jacobians;
+  return ikm(robot, pose, closure, false) && jacobian(closure, jacobians) &&
+         !other_mode(robot.assembly_sign, jacobians.sign);
 }
 
 /// Searches again from home, with the motors moved to q in stages. Applies where the first search
 /// found no pose or jumped from the robot's own assembly mode into another.
 /// @param pose  in: the end of the first search from `guess`; out: the pose, or unchanged
-template <Mobility K>
-TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
+inline FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
                                          const Pose& guess, Pose& pose, int cap) {
   const bool went = first.status == Status::not_converged || first.status == Status::singular ||
                     first.status == Status::branch_lost;
   if (!went) return first;  // no start has a pose for such an input
-  if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
+  if (first.status == Status::branch_lost && !own_mode(robot, guess)) return first;
   const bool open = first.status == Status::not_converged;
-  std::array<Driven, kDof<K>> driven;
-  for (int i = 0; i < kDof<K> && open; ++i) driven[i] = driven_point(robot.chain[i], q[i]);
-  if (open && no_pose<K>(robot, q, driven)) {
+  std::array<Driven, kMaxDof> driven;
+  for (int i = 0; i < dof(robot.mobility) && open; ++i) driven[i] = driven_point(robot.chain[i], q[i]);
+  if (open && no_pose(robot, q, driven)) {
     first.status = Status::unreachable;
     return first;
   }
-  Closure<K> home;
+  Closure home;
   int most = std::min(kFkmIterations, cap - first.iterations);
   if (most < 2 * kFkmStages) most = 0;  // a stage needs at least two steps
   FkmResult second{{Status::not_converged}};
-  if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
+  if (most > 0) second.status = ikm(robot, to_pose(robot.mobility, robot.home), home).status;
   Pose at = home.pose;
   int stage = 0, left = most;
   while (second && stage < kFkmStages && left > 0) {
     ++stage;
     Joint motors{};
-    for (int i = 0; i < kDof<K>; ++i) {
+    for (int i = 0; i < dof(robot.mobility); ++i) {
       const Real way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
       motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
     }
-    second = search<K>(robot, motors, at, left);
+    second = search(robot, motors, at, left);
     left -= second.iterations;
   }
   first.iterations += most - left;
   if (second && stage == kFkmStages) {
     pose = at;
-    if constexpr (kTurnsAboutZ<K>) pose.theta = theta_of(pose.R, guess.theta);
+    if (turns_about_z(robot.mobility)) pose.theta = theta_of(pose.R, guess.theta);
     second.iterations = first.iterations;
     return second;
   }
-  if (open && crawled<K>(robot, driven, pose, first.residual)) first.status = Status::singular;
+  if (open && crawled(robot, driven, pose, first.residual)) first.status = Status::singular;
   return first;
 }
 }  // namespace fkm_detail
@@ -214,21 +203,18 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
 /// @param cap   maximum steps of both searches, at least 1
 /// @return unreachable: certainly no pose closes the loops. not_converged: none was found.
 /// singular: closed, but the motors do not determine the pose. branch_lost: closed in another mode.
-template <Mobility K>
-FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
+inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
   const Pose guess = pose;
-  const FkmResult first = search<K>(robot, q, pose, std::min(kFkmIterations, cap));
+  const FkmResult first = search(robot, q, pose, std::min(kFkmIterations, cap));
   if (first) return first;
-  return fkm_detail::search_from_home<K>(robot, q, first, guess, pose, cap);
+  return fkm_detail::search_from_home(robot, q, first, guess, pose, cap);
 }
 
 /// x = FKM(q). @param x  in: the guess; out: the pose. @param cap  maximum steps, at least 1
 inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    Pose pose = to_pose<K>(x);
-    const FkmResult result = fkm<K>(robot, q, pose, cap);
-    x = to_coordinates<K>(pose);
-    return result;
-  });
+  Pose pose = to_pose(robot.mobility, x);
+  const FkmResult result = fkm(robot, q, pose, cap);
+  x = to_coordinates(robot.mobility, pose);
+  return result;
 }
 }  // namespace truepose

@@ -17,19 +17,17 @@ namespace truepose {
 /// @param near_side  a point on the platform's side of the centres' plane (its home)
 /// @param D          out
 /// @return singular: the centres are on one line; unreachable: the spheres do not meet
-template <Mobility K>
-TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
+inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
                                            const Vec3& near_side, Vec3& D) {
   if (!robot.finished) return {Status::unfinished, -1};
-  constexpr int n = kDof<K>;
-  static_assert(n >= 3);
-  std::array<Vec3, n> t;
-  std::array<Real, n> g;
+  const int n = dof(robot.mobility);
+  std::array<Vec3, kMaxDof> t;
+  Coordinates g;
   Vec3 mean = Vec3::Zero();
   for (int i = 0; i < n; ++i) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
-    t[i] = robot.chain[i].base() + driven.p - turned<K>(R, robot.chain[i].pivot()) -
-           robot.chain[i].anchor();
+    t[i] = robot.chain[i].base + driven.p - R * robot.chain[i].pivot -
+           robot.chain[i].anchor;
     g[i] = driven.rod * driven.rod;
     mean += t[i];
   }
@@ -60,7 +58,7 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   const Vec3 m = longest / length;
 
   // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along m.
-  const Vec3 e1 = m.unitOrthogonal(), e2 = m.cross(e1);
+  const Vec3 e1 = normal_to(m), e2 = m.cross(e1);
   const Vec3 T1 = T * e1, T2 = T * e2;
   const Real t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
              per_det = 1 / (t11 * t22 - t12 * t12);

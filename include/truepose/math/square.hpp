@@ -2,93 +2,47 @@
 #pragma once
 
 #include <algorithm>
+#include <utility>
 
+#include "truepose/math/adjugate.hpp"
 #include "truepose/math/ldlt.hpp"
-#include "truepose/math/six.hpp"
 
 namespace truepose {
-/// Rows of a matrix given by its columns.
-template <int N>
-inline Matrix<N, N> rows_of(const std::array<Lanes<N>, N>& columns) {
-  Matrix<N, N> rows;
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) rows[i][j] = columns[j][i];
-  return rows;
-}
+/// Rows of a square matrix, or of its inverse.
+using Square = std::array<std::array<Real, kMaxUnknowns>, kMaxUnknowns>;
+using Unknowns = std::array<Real, kMaxUnknowns>;
 
-/// Sign of the determinant, -1, 0 or 1: by minors up to 4×4, else by elimination with pivoting.
-template <int N>
-inline int determinant_sign(std::array<std::array<Real, N>, N> m) {
-  if constexpr (N <= 4) {
-    std::array<std::array<Real, N>, N> unused;
-    const Real determinant = adjugate<N>(m, unused);
-    return (determinant > 0) - (determinant < 0);
-  }
-  int sign = 1;
-  for (int k = 0; k < N; ++k) {
-    int best = k;
-    for (int i = k + 1; i < N; ++i)
-      if (std::fabs(m[i][k]) > std::fabs(m[best][k])) best = i;
-    if (m[best][k] == 0) return 0;
-    if (best != k) {
-      std::swap(m[k], m[best]);
-      sign = -sign;
-    }
-    if (m[k][k] < 0) sign = -sign;
-    for (int i = k + 1; i < N; ++i) {
-      const Real factor = m[i][k] / m[k][k];
-      for (int j = k + 1; j < N; ++j) m[i][j] -= factor * m[k][j];
-    }
-  }
-  return sign;
-}
-
-/// The same by columns; 6×6 by triples of rows where these are independent.
-template <int N>
-inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
-  if constexpr (N == 6) {
-    Matrix<6, 6> unused;
-    const Real size = (columns[0].square() + columns[1].square() + columns[2].square()).mean();
-    const Triples triples = invert_by_triples(columns, size, Lanes<6>::Ones(), unused);
-    if (triples.independent) return (triples.determinant > 0) - (triples.determinant < 0);
-  }
-  return determinant_sign<N>(rows_of<N>(columns));
-}
-
-/// Solves (AᵀA + damping · diag(size)) x = Aᵀ b, for any size and Levenberg's damped steps.
-template <int N>
+/// Solves (AᵀA + damping · diag(size)) x = Aᵀ b: Levenberg's damped steps.
 class NormalEquations {
  public:
-  using Vector = std::array<Real, N>;
-  using Matrix = std::array<Vector, N>;
-
-  NormalEquations(const Matrix& a, const Vector& size, Real damping = 0)
-      : a_(a), factor_(normal(a, size, damping), size) {}
+  NormalEquations(int n, const Square& a, const Unknowns& size, Real damping = 0)
+      : n_(n), a_(a), factor_(n, normal(n, a, size, damping), size) {}
   bool regular() const { return factor_.regular(); }
 
-  Vector solve(const Vector& b) const {
-    Vector x{};
-    for (int k = 0; k < N; ++k)
-      for (int j = 0; j < N; ++j) x[j] += a_[k][j] * b[k];
+  template <class Vector>
+  Unknowns solve(const Vector& b) const {
+    Unknowns x{};
+    for (int k = 0; k < n_; ++k)
+      for (int j = 0; j < n_; ++j) x[j] += a_[k][j] * b[k];
     factor_.solve(x);
     return x;
   }
 
   /// Column j of the solution operator, times scale.
-  Vector column(int j, Real scale) const {
-    Vector x;
-    for (int i = 0; i < N; ++i) x[i] = scale * a_[j][i];
+  Unknowns column(int j, Real scale) const {
+    Unknowns x;
+    for (int i = 0; i < n_; ++i) x[i] = scale * a_[j][i];
     factor_.solve(x);
     return x;
   }
 
  private:
-  static Matrix normal(const Matrix& a, const Vector& size, Real damping) {
-    Matrix result;
-    for (int i = 0; i < N; ++i) {
+  static Square normal(int n, const Square& a, const Unknowns& size, Real damping) {
+    Square result;
+    for (int i = 0; i < n; ++i) {
       for (int j = 0; j <= i; ++j) {
         Real sum = 0;
-        for (int k = 0; k < N; ++k) sum += a[k][i] * a[k][j];
+        for (int k = 0; k < n; ++k) sum += a[k][i] * a[k][j];
         result[i][j] = sum;
       }
       result[i][i] += damping * size[i];
@@ -96,68 +50,117 @@ class NormalEquations {
     return result;
   }
 
-  const Matrix& a_;
-  Ldlt<N> factor_;
+  int n_;
+  const Square& a_;
+  Ldlt factor_;
 };
-
-template <int N>
-TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& columns,
-                                              const std::array<Real, N>& size,
-                                              const Lanes<N>& scale, Real damping,
-                                              Matrix<N, N>& rows) {
-  const Matrix<N, N> a = rows_of<N>(columns);
-  const NormalEquations<N> normal(a, size, damping);
-  for (int j = 0; j < N; ++j) {
-    const std::array<Real, N> column = normal.column(j, scale[j]);
-    for (int i = 0; i < N; ++i) rows[i][j] = column[i];
-  }
-  return normal.regular();
-}
 
 /// Result of an inversion.
 struct Inverted {
   bool regular = false;  ///< A has full rank
-  Real determinant = 0;  ///< det A, or a number of its sign; damped: 0
+  int sign = 0;          ///< of det A; damped: 0
   explicit operator bool() const { return regular; }
 };
 
-/// A⁻¹ diag(scale) of a square matrix given by its columns: by the adjugate up to 4×4, 6×6 by
-/// triples of rows, or by the normal equations where these are dependent.
+namespace square_detail {
+template <int N>
+inline Inverted by_adjugate(const Square& a, const Unknowns& size, Square& inverse) {
+  std::array<std::array<Real, N>, N> rows, b;
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) rows[i][j] = a[i][j];
+  const Real determinant = adjugate<N>(rows, b), per_determinant = 1 / determinant;
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) inverse[i][j] = per_determinant * b[i][j];
+  Real unit = kSingular;
+  for (int j = 0; j < N; ++j) unit *= size[j];
+  // false for a NaN
+  return {determinant * determinant > unit, (determinant > 0) - (determinant < 0)};
+}
+
+/// Gauss-Jordan elimination, columns scaled to unit size, pivots by rows.
+inline Inverted by_elimination(int n, const Square& a, const Unknowns& size, Square& inverse) {
+  Square left;
+  Unknowns scale;
+  for (int j = 0; j < n; ++j) scale[j] = 1 / std::sqrt(size[j]);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      left[i][j] = a[i][j] * scale[j];
+      inverse[i][j] = i == j;
+    }
+  Inverted result{true, 1};
+  for (int k = 0; k < n; ++k) {
+    int best = k;
+    for (int i = k + 1; i < n; ++i)
+      if (std::fabs(left[i][k]) > std::fabs(left[best][k])) best = i;
+    if (best != k) {
+      std::swap(left[k], left[best]);
+      std::swap(inverse[k], inverse[best]);
+      result.sign = -result.sign;
+    }
+    const Real pivot = left[k][k], per_pivot = 1 / pivot;
+    result.regular = result.regular && pivot * pivot > kSingular;  // false for a NaN
+    result.sign = pivot > 0 ? result.sign : pivot < 0 ? -result.sign : 0;
+    for (int j = 0; j < n; ++j) {
+      left[k][j] *= per_pivot;
+      inverse[k][j] *= per_pivot;
+    }
+    for (int i = 0; i < n; ++i) {
+      if (i == k) continue;
+      const Real factor = left[i][k];
+      for (int j = 0; j < n; ++j) {
+        left[i][j] -= factor * left[k][j];
+        inverse[i][j] -= factor * inverse[k][j];
+      }
+    }
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) inverse[i][j] *= scale[i];
+  return result;
+}
+}  // namespace square_detail
+
+/// A⁻¹ by rows: by the adjugate up to 4×4, else by elimination.
 ///
 /// size[j] is what |column j|² would be without cancellation: the unit that makes the test of
 /// singularity independent of metres and radians.
 /// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ replaces A⁻¹.
-template <int N>
-inline Inverted invert(const std::array<Lanes<N>, N>& columns, const std::array<Real, N>& size,
-                       const Lanes<N>& scale, Real damping, Matrix<N, N>& rows) {
-  if constexpr (N <= 4) {
-    if (!(damping > 0)) {
-      Matrix<N, N> b;
-      const Real determinant = adjugate<N>(rows_of<N>(columns), b);
-      const Real per_determinant = 1 / determinant;
-      for (int i = 0; i < N; ++i)
-        for (int j = 0; j < N; ++j) rows[i][j] = b[i][j] * (per_determinant * scale[j]);
-      Real unit = kSingular;
-      for (int j = 0; j < N; ++j) unit *= size[j];
-      return {determinant * determinant > unit, determinant};  // false for a NaN
+inline Inverted invert(int n, const Square& a, const Unknowns& size, Real damping,
+                       Square& inverse) {
+  if (damping > 0) {
+    const NormalEquations normal(n, a, size, damping);
+    for (int j = 0; j < n; ++j) {
+      const Unknowns column = normal.column(j, 1);
+      for (int i = 0; i < n; ++i) inverse[i][j] = column[i];
     }
-  } else if (!(damping > 0)) {
-    const Triples triples = invert_by_triples(columns, size[0] / N, scale, rows);
-    const Real lever2 = size[3] / size[0];
-    if (triples.independent) {
-      const Real unit = kSingular * lever2 * lever2 * lever2;
-      return {triples.difference * triples.difference > unit, triples.determinant};
-    }
+    return {normal.regular(), 0};
   }
-  const int sign = damping > 0 ? 0 : determinant_sign<N>(rows_of<N>(columns));
-  return {invert_by_normal_equations<N>(columns, size, scale, damping, rows), Real(sign)};
+  switch (n) {
+    case 1: return square_detail::by_adjugate<1>(a, size, inverse);
+    case 2: return square_detail::by_adjugate<2>(a, size, inverse);
+    case 3: return square_detail::by_adjugate<3>(a, size, inverse);
+    case 4: return square_detail::by_adjugate<4>(a, size, inverse);
+    default: return square_detail::by_elimination(n, a, size, inverse);
+  }
 }
 
-/// A x of a matrix given by its rows.
-template <int N>
-inline Lanes<N> times(const Matrix<N, N>& rows, const Lanes<N>& x) {
-  Lanes<N> result;
-  for (int i = 0; i < N; ++i) result[i] = (Eigen::Map<const Lanes<N>>(rows[i].data()) * x).sum();
-  return result;
+/// Sign of the determinant, -1, 0 or 1, by elimination with pivoting.
+inline int determinant_sign(int n, Square m) {
+  int sign = 1;
+  for (int k = 0; k < n; ++k) {
+    int best = k;
+    for (int i = k + 1; i < n; ++i)
+      if (std::fabs(m[i][k]) > std::fabs(m[best][k])) best = i;
+    if (m[best][k] == 0) return 0;
+    if (best != k) {
+      std::swap(m[k], m[best]);
+      sign = -sign;
+    }
+    if (m[k][k] < 0) sign = -sign;
+    for (int i = k + 1; i < n; ++i) {
+      const Real factor = m[i][k] / m[k][k];
+      for (int j = k + 1; j < n; ++j) m[i][j] -= factor * m[k][j];
+    }
+  }
+  return sign;
 }
 }  // namespace truepose

@@ -25,14 +25,14 @@ inline constexpr Real kTurningPoint = Real(1e-6);
 /// Encoder reading without offset, gain (v + e(v)), and its derivative at a motor angle or slide. A
 /// spool of radius r that winds in layers, t per turn, has wound r φ + t φ²/4π after φ: a slide is
 /// v + β v², v = r φ, β = t/(4π r²).
-TRUEPOSE_RARE inline Encoded encode(const Chain& chain, Real position) {
+inline Encoded encode(const Chain& chain, Real position) {
   // Beyond the turning point of the slide in v no v exists: the root is kept above zero.
   const Real root = std::sqrt(std::max(1 + 4 * chain.encoder_buildup * position, kTurningPoint));
   const Encoded read = encode(chain.eccentricity, 2 * position / (1 + root));
   return {chain.encoder_gain * read.value, chain.encoder_gain * read.slope / root};
 }
 /// Inverse of encode.
-TRUEPOSE_RARE inline Real decode(const Chain& chain, Real value) {
+inline Real decode(const Chain& chain, Real value) {
   const Real v = decode(chain.eccentricity, value / chain.encoder_gain);
   return v + chain.encoder_buildup * v * v;
 }
@@ -71,17 +71,17 @@ inline Driven driven_point(const Chain& chain, Real q) {
   const Real rate = chain.encoder_errs ? 1 / encode(chain, position).slope : 1;
   switch (chain.actuator) {
     case Actuator::prismatic:
-      return {chain.axis() * position, chain.axis() * rate, chain.rod, rate};
+      return {chain.axis * position, chain.axis * rate, chain.rod, rate};
     case Actuator::telescopic: return {Vec3::Zero(), Vec3::Zero(), position, rate};
     default: break;
   }
-  const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
+  const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
   const Real c = std::cos(position), s = std::sin(position);
   return {c * e + s * w, rate * (c * w - s * e), chain.rod, rate};
 }
 
 /// Returns joint_limit and the first chain whose motor is beyond a stop.
-TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
+inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
   if (!robot.finished) return {Status::unfinished, -1};
   for (int i = 0; i < robot.motors; ++i) {
     const Real position = motor_position(robot.chain[i], q[i]);
@@ -100,13 +100,11 @@ inline Outcome within_limits(const Robot& robot, const Joint& q) {
 
 /// The same, including the limits of passive axes.
 /// @return joint_limit: the first chain beyond, or -1 for an axis
-template <Mobility K>
-inline Outcome within_limits(const Robot& robot, [[maybe_unused]] const Pose& pose,
+inline Outcome within_limits(const Robot& robot, const Pose& pose,
                              const Joint& q) {
-  if constexpr (kRotational<K>)
-    for (int j = 0; j < kDof<K> && robot.limited; ++j)
-      if (!(pose.D[j] >= robot.axis[j].low && pose.D[j] <= robot.axis[j].high))
-        return {Status::joint_limit, -1};
+  for (int j = 0; j < passive_axes(robot.mobility) && robot.limited; ++j)
+    if (!(pose.D[j] >= robot.axis[j].low && pose.D[j] <= robot.axis[j].high))
+      return {Status::joint_limit, -1};
   return within_limits(robot, q);
 }
 
@@ -119,17 +117,17 @@ inline Real jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
 /// circle or a line, to A = P + d; 0 where the chain closes and for telescopic legs.
 inline Real shortfall(const Chain& chain, const Vec3& d) {
   if (chain.actuator == Actuator::telescopic) return 0;
-  const Real along = chain.axis().dot(d);
+  const Real along = chain.axis.dot(d);
   const Real across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
   if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
-  const Real nearest = Eigen::Matrix<Real, 2, 1>(across - chain.arm, along).norm();
-  const Real farthest = Eigen::Matrix<Real, 2, 1>(across + chain.arm, along).norm();
+  const Real nearest = std::hypot(across - chain.arm, along);
+  const Real farthest = std::hypot(across + chain.arm, along);
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
 /// Returns the reading, without the offset, of an encoder with errors, and converts derivatives to
 /// that q. Not part of close(), whose usual path then costs nothing extra.
-TRUEPOSE_RARE inline Real read_with_errors(const Chain& chain, Real position, ChainState& state) {
+inline Real read_with_errors(const Chain& chain, Real position, ChainState& state) {
   const Encoded read = encode(chain, position);
   state.rate = 1 / read.slope;
   state.jq *= state.rate;
@@ -139,12 +137,11 @@ TRUEPOSE_RARE inline Real read_with_errors(const Chain& chain, Real position, Ch
 
 /// Closes a chain on A, d = A - P: two spheres (or sphere and line) meet in two points; the working
 /// mode selects one. J_q's entry results as ± the root, without a division; no quotient by G, M or
-/// N appears, and no arm position is special. NeedAngle = false omits q, the only trigonometry.
-/// @param d2  |d|²
+/// N appears, and no arm position is special. @param angle  false: q is left out, the only
+/// trigonometry
 /// @return false where the rod cannot reach
-template <bool NeedAngle = true>
-TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, Real d2, ChainState& state) {
-  const Real sign = chain.working_mode;
+inline bool close(const Chain& chain, const Vec3& d, bool angle, ChainState& state) {
+  const Real sign = chain.working_mode, d2 = d.squaredNorm();
   Real position = 0;
   state.rate = 1;
   switch (chain.actuator) {
@@ -157,25 +154,25 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, Real d2, C
       break;
     }
     case Actuator::prismatic: {
-      const Real along = chain.axis().dot(d);
+      const Real along = chain.axis.dot(d);
       const Real root2 = chain.rod * chain.rod - d2 + along * along;
       if (!(root2 >= 0)) return false;
       state.jq = sign * std::sqrt(root2);
       position = along + state.jq;
-      state.p = position * chain.axis();
-      state.dB = chain.axis();
+      state.p = position * chain.axis;
+      state.dB = chain.axis;
       if (chain.encoder_errs) position = read_with_errors(chain, position, state);
       break;
     }
     default: {  // a cos q + b sin q = c, from |p - d|² = L²
-      const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
+      const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
       const Real a = e.dot(d), b = w.dot(d);
       const Real c = 0.5 * (chain.arm * chain.arm + d2 - chain.rod * chain.rod);
       const Real r2 = a * a + b * b, root2 = r2 - c * c;
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);
       const Real cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
-      if constexpr (NeedAngle)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
+      if (angle)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
         position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;
       state.dB = cosine * w - sine * e;

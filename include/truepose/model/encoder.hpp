@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "truepose/math/real.hpp"
-#include "truepose/model/attributes.hpp"
 
 namespace truepose {
 /// First and second harmonic of an encoder's error. At φ = gear · angle the shaft reads φ + e(φ),
@@ -29,7 +28,7 @@ inline std::array<Real, 4> harmonics(const Eccentricity& encoder, Real angle) {
 struct Encoded {
   Real value, slope;
 };
-TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, Real angle) {
+inline Encoded encode(const Eccentricity& encoder, Real angle) {
   const std::array<Real, 4> h = harmonics(encoder, angle), &a = encoder.amplitude;
   return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear,
           1 - a[0] * h[1] + a[1] * h[0] - 2 * (a[2] * h[3] - a[3] * h[2])};
@@ -38,7 +37,7 @@ TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, Real angle) {
 inline constexpr int kDecodeIterations = 12;
 
 /// Angle of a reading, by Newton's method. Unique where 1 + e' > 0, as for every usable encoder.
-TRUEPOSE_RARE inline Real decode(const Eccentricity& encoder, Real value) {
+inline Real decode(const Eccentricity& encoder, Real value) {
   Real angle = value;
   for (int k = 0; k < kDecodeIterations; ++k) {
     const Encoded read = encode(encoder, angle);

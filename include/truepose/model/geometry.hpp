@@ -13,17 +13,17 @@ inline Outcome drawn_parameters(const Robot& drawn, Real* xi) {
     const Chain& chain = drawn.chain[i];
     Real* of = xi + chain_column(i);
     const auto at = [&](ChainParameter p) { return of + static_cast<int>(p); };
-    enter(at(ChainParameter::base_x), chain.base());
+    enter(at(ChainParameter::base_x), chain.base);
     *at(ChainParameter::arm) = chain.arm;
     *at(ChainParameter::rod) = chain.rod;
     *at(ChainParameter::encoder_offset) = chain.encoder_offset;
     *at(ChainParameter::encoder_gain) = chain.encoder_gain;
     *at(ChainParameter::encoder_buildup) = chain.encoder_buildup;
-    enter(at(ChainParameter::anchor_x), chain.bar < 0 ? chain.pivot() : chain.anchor());
+    enter(at(ChainParameter::anchor_x), chain.bar < 0 ? chain.pivot : chain.anchor);
     *at(ChainParameter::rod_difference) = chain.rod_difference;
     *at(ChainParameter::rod_spacing) = chain.rod_spacing;
     std::copy_n(chain.eccentricity.amplitude.data(), 4, at(ChainParameter::eccentricity_c1));
-    if (chain.bar >= 0) xi[bar_column(drawn, chain.bar)] = chain.pivot().norm();
+    if (chain.bar >= 0) xi[bar_column(drawn, chain.bar)] = chain.pivot.norm();
   }
   for (int k = 0; k < drawn.r; ++k) {
     const Sensor& sensor = drawn.sensor[k];
@@ -31,16 +31,16 @@ inline Outcome drawn_parameters(const Robot& drawn, Real* xi) {
     const auto at = [&](SensorParameter p) { return of + static_cast<int>(p); };
     *at(SensorParameter::offset) = sensor.offset;
     *at(SensorParameter::gain) = sensor.gain;
-    enter(at(SensorParameter::origin_x), sensor.origin());
-    enter(at(SensorParameter::direction_x), sensor.direction());
-    enter(at(SensorParameter::target_x), sensor.target());
-    enter(at(SensorParameter::normal_x), sensor.normal());
+    enter(at(SensorParameter::origin_x), sensor.origin);
+    enter(at(SensorParameter::direction_x), sensor.direction);
+    enter(at(SensorParameter::target_x), sensor.target);
+    enter(at(SensorParameter::normal_x), sensor.normal);
     std::copy_n(sensor.eccentricity.amplitude.data(), 4, at(SensorParameter::eccentricity_c1));
   }
   for (int j = 0; j < passive_axes(drawn.mobility); ++j) {
     Real* of = xi + axis_column(drawn, j);
-    enter(of + static_cast<int>(AxisParameter::origin_x), drawn.axis[j].origin());
-    enter(of + static_cast<int>(AxisParameter::direction_x), drawn.axis[j].direction());
+    enter(of + static_cast<int>(AxisParameter::origin_x), drawn.axis[j].origin);
+    enter(of + static_cast<int>(AxisParameter::direction_x), drawn.axis[j].direction);
   }
   return {};
 }
@@ -66,10 +66,10 @@ inline Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) 
     chain.encoder_buildup = *at(ChainParameter::encoder_buildup);
     // Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
     const Mat3 yaw = rotation_z(*at(ChainParameter::yaw));
-    chain.zero = yaw * from.zero();
-    const Mat3 turn = exp_so3(*at(ChainParameter::tilt) * chain.zero()) * yaw;
-    chain.axis = turn * from.axis();
-    chain.pair_axis = turn * from.pair_drawn();
+    chain.zero = yaw * from.zero;
+    const Mat3 turn = exp_so3(*at(ChainParameter::tilt) * chain.zero) * yaw;
+    chain.axis = turn * from.axis;
+    chain.pair_axis = turn * from.pair_drawn;
     chain.rod_difference = *at(ChainParameter::rod_difference);
     chain.rod_spacing = *at(ChainParameter::rod_spacing);
     std::copy_n(at(ChainParameter::eccentricity_c1), 4, chain.eccentricity.amplitude.begin());
@@ -77,13 +77,13 @@ inline Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) 
     if (chain.bar < 0) {
       chain.pivot = anchor;
     } else {
-      chain.pivot = xi[bar_column(drawn, chain.bar)] * from.pivot().normalized();
+      chain.pivot = xi[bar_column(drawn, chain.bar)] * from.pivot.normalized();
       chain.anchor = anchor;
     }
   }
   for (int k = 0; k < drawn.bodies; ++k)
     if (const int bar = drawn.body[k].bar; bar >= 0)
-      robot.body[k].pivot = xi[bar_column(drawn, bar)] * drawn.body[k].pivot().normalized();
+      robot.body[k].pivot = xi[bar_column(drawn, bar)] * drawn.body[k].pivot.normalized();
   for (int k = 0; k < drawn.r; ++k) {
     Sensor& sensor = robot.sensor[k];
     const Real* of = xi + sensor_column(drawn, k);

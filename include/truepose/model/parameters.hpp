@@ -108,7 +108,7 @@ inline std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec
     change[5] = -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v);
     return change;
   }
-  const Real position = std::atan2(chain.axis().cross(chain.zero()).dot(p), chain.zero().dot(p));
+  const Real position = std::atan2(chain.axis.cross(chain.zero).dot(p), chain.zero.dot(p));
   const std::array<Real, 4> harmonic = harmonics(chain.eccentricity, position);
   for (int k = 0; k < 4; ++k)
     change[k] = chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
@@ -131,7 +131,7 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
     case ChainParameter::rod: change.rod = chain.actuator == Actuator::telescopic ? 0 : 1; break;
     case ChainParameter::encoder_offset: change.motor = 1; break;
     case ChainParameter::yaw: change.turn = Vec3::UnitZ(); break;  // adds to α
-    case ChainParameter::tilt: change.turn = chain.zero(); break;  // turns u about e
+    case ChainParameter::tilt: change.turn = chain.zero; break;  // turns u about e
     case ChainParameter::anchor_x:
     case ChainParameter::anchor_y:
     case ChainParameter::anchor_z: change.A = body * unit(ChainParameter::anchor_x); break;
@@ -197,8 +197,8 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
     row[static_cast<int>(SensorParameter::gain)] = s.value;
     int column = static_cast<int>(SensorParameter::origin_x);
     const Sensor& sensor = robot.sensor[k];
-    const Vec3 direction = turned_only(s.direction, sensor.direction());
-    const Vec3 normal = turned_only(s.normal, sensor.normal());
+    const Vec3 direction = turned_only(s.direction, sensor.direction);
+    const Vec3 normal = turned_only(s.normal, sensor.normal);
     for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
       for (int axis = 0; axis < 3; ++axis) row[column++] = sensor.gain * (*vector)[axis];
     if (!rotary(robot.sensor[k])) continue;
@@ -238,17 +238,16 @@ inline void parameter_jacobian(const Robot& robot, const Pose& pose, const Chain
 /// Fills the columns of H_ξ of the passive axes. Each parameter moves the platform by a twist, the
 /// angles held: an origin shifts all that follows it; a direction turned by δ ⟂ d turns it by
 /// sin x δ + (1 - cos x) d × δ about the axis' origin. The readings follow as for any motion.
-template <Mobility K>
 inline void axis_columns([[maybe_unused]] const Robot& robot,
-                         [[maybe_unused]] const Closure<K>& closure,
+                         [[maybe_unused]] const Closure& closure,
                          [[maybe_unused]] const std::array<Sensed, kMaxSensors>& sensed,
                          [[maybe_unused]] Real* H) {
-  if constexpr (kRotational<K>) {
-    constexpr int n = kDof<K>;
+  if (is_rotational(robot.mobility)) {
+    const int n = dof(robot.mobility);
     const int width = parameter_count(robot);
     Mat3 R = Mat3::Identity();  // of the preceding axis
     for (int j = 0; j < n; ++j) {
-      const Vec3 d = robot.axis[j].direction();
+      const Vec3 d = robot.axis[j].direction;
       const Real c = std::cos(closure.pose.D[j]), s = std::sin(closure.pose.D[j]);
       for (int k = 0; k < kAxisParameters; ++k) {
         Vec3 linear = R.col(k % 3), angular = Vec3::Zero();
@@ -257,7 +256,7 @@ inline void axis_columns([[maybe_unused]] const Robot& robot,
           angular = R * (s * turned + (1 - c) * d.cross(turned));
           linear = angular.cross(closure.carried.arm[j]);
         }
-        std::array<Real, n> motor;
+        Coordinates motor;
         for (int i = 0; i < n; ++i) {
           const ChainState& state = closure.chain[i];
           motor[i] = state.v.dot(linear + angular.cross(state.lever)) / state.jq;
@@ -285,11 +284,10 @@ inline void axis_columns([[maybe_unused]] const Robot& robot,
 
 /// Computes H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in the
 /// caller's memory. Directions and normals have unit length; else divide their columns by it.
-template <Mobility K>
-inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, Real* H) {
+inline void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H) {
   std::array<Sensed, kMaxSensors> sensed;
-  for (int k = 0; k < robot.r; ++k) sensed[k] = sense<K>(robot, robot.sensor[k], closure);
+  for (int k = 0; k < robot.r; ++k) sensed[k] = sense(robot, robot.sensor[k], closure);
   parameter_jacobian(robot, closure.placed(), closure.chain.data(), sensed, H);
-  axis_columns<K>(robot, closure, sensed, H);
+  axis_columns(robot, closure, sensed, H);
 }
 }  // namespace truepose

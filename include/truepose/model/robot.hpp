@@ -9,13 +9,12 @@
 // Units are SI (m, rad, kg, N); frames are the base frame unless stated otherwise.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <type_traits>
 
+#include "truepose/math/vec3.hpp"
 #include "truepose/model/encoder.hpp"
-#include "truepose/model/plain.hpp"
 #include "truepose/model/sensor_kinds.hpp"
 #include "truepose/model/sizes.hpp"
 #include "truepose/model/status.hpp"
@@ -26,8 +25,8 @@ using Matrix = std::array<std::array<Real, Columns>, Rows>;
 using JointMatrix = Matrix<kMaxDof, kMaxMotors>;    ///< J, ẋ = J q̇
 using PoseMatrix = Matrix<kMaxDof, kMaxDof>;        ///< twists by twists: covariances
 using PoseRows = Matrix<kMaxReadings, kMaxDof>;     ///< H_x, readings by pose
+using SensorRows = Matrix<kMaxSensors, kMaxDof>;    ///< J_r, sensors by pose
 using PoseColumns = Matrix<kMaxDof, kMaxReadings>;  ///< pose by readings: gain, cross-sensitivity
-using RowMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// The platform's degrees of freedom and coordinates x.
 enum class Mobility : int {
@@ -41,37 +40,6 @@ enum class Mobility : int {
   rotational_3 = 7,        ///< the angles of three
 };
 
-// For small machines, identical in all units of a program (cmake: TRUEPOSE_MOBILITY,
-// TRUEPOSE_ROTATIONAL, TRUEPOSE_IDEAL_ONLY, TRUEPOSE_UNWEIGHED).
-// -DTRUEPOSE_ONLY_MOBILITY=schoenflies, or another Mobility, omits all others, whose robots
-// finish() refuses; -DTRUEPOSE_NO_ROTATIONAL omits passive axes, -DTRUEPOSE_IDEAL_ONLY the full
-// level, -DTRUEPOSE_UNWEIGHED the weighted laws.
-
-/// Whether the build supports a mobility.
-constexpr bool compiled([[maybe_unused]] Mobility mobility) {
-#ifdef TRUEPOSE_ONLY_MOBILITY
-  return mobility == Mobility::TRUEPOSE_ONLY_MOBILITY;
-#elif defined(TRUEPOSE_NO_ROTATIONAL)
-  return mobility <= Mobility::spatial;
-#else
-  return true;
-#endif
-}
-
-/// Whether the full level is compiled.
-#ifdef TRUEPOSE_IDEAL_ONLY
-inline constexpr bool kFullLevel = false;
-#else
-inline constexpr bool kFullLevel = true;
-#endif
-
-/// Whether weighted laws are compiled.
-#ifdef TRUEPOSE_UNWEIGHED
-inline constexpr bool kLawsWeigh = false;
-#else
-inline constexpr bool kLawsWeigh = true;
-#endif
-
 /// How motor position q moves the base-side point B of a chain.
 enum class Actuator : int {
   revolute = 0,    ///< B = P + l (e cos q + (u×e) sin q)
@@ -83,17 +51,17 @@ enum class Actuator : int {
 struct Chain {
   Actuator actuator = Actuator::revolute;
   int working_mode = -1;              ///< sign of the chain's entry of J_q: selects the IKM's root
-  Plain<Vec3> base = Vec3::Zero();    ///< P, on the motor's axis
-  Plain<Vec3> axis = Vec3::UnitY();   ///< u, unit
-  Plain<Vec3> zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
+  Vec3 base = Vec3::Zero();    ///< P, on the motor's axis
+  Vec3 axis = Vec3::UnitY();   ///< u, unit
+  Vec3 zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
   Real arm = 0;                       ///< l = |PB|
   Real rod = 0;                       ///< L = |AB|
   Real encoder_offset = 0;            ///< reading = gain q - offset, q the angle or slide on the
   Real encoder_gain = 1;              ///< encoder's disc or scale, which has eccentricity and pitch
   Real encoder_buildup = 0;           ///< β: a slide is v + β v², v from gain and offset (1/m)
   bool encoder_errs = false;          ///< any of these is not ideal; set by finish, set_parameters
-  Plain<Vec3> pivot = Vec3::Zero();   ///< c, platform point that turns with the platform
-  Plain<Vec3> anchor = Vec3::Zero();  ///< a, offset that keeps its orientation
+  Vec3 pivot = Vec3::Zero();   ///< c, platform point that turns with the platform
+  Vec3 anchor = Vec3::Zero();  ///< a, offset that keeps its orientation
   Real encoder_step = 0;              ///< one count, rad or m (0: unquantized)
   Real encoder_noise = 0;             ///< σ of the reading, rad or m
   Real low = -std::numeric_limits<Real>::infinity();  ///< the motor's stops, rad or m,
@@ -112,9 +80,9 @@ struct Chain {
   // For the full level only (full.hpp): the two rods of a spatial parallelogram, + and -.
   Real rod_spacing = 0;     ///< s, between the two rods (0: there is one rod)
   Real rod_difference = 0;  ///< δ: the rod on the +u side has length L + δ/2, the other L - δ/2
-  Plain<Vec3> pair_axis =
+  Vec3 pair_axis =
       Vec3::UnitY();  ///< prismatic: from rod - to rod + on the carriage (else: u)
-  Plain<Vec3> pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar, without yaw and tilt
+  Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar, without yaw and tilt
 };
 
 /// A redundant sensor: reading = gain s(x, q) - offset. Vectors by kind:
@@ -138,10 +106,10 @@ struct Sensor {
   Eccentricity eccentricity;  ///< of an encoder: platform_angle, rod_in_plane, rod_lateral, motor
   bool encoder_errs = false;  ///< has eccentricity; set by finish, set_parameters
   Real weight = 1;            ///< of its row in the TEJ; 1 in the paper
-  Plain<Vec3> origin = Vec3::Zero();
-  Plain<Vec3> direction = Vec3::UnitZ();  ///< unit
-  Plain<Vec3> target = Vec3::Zero();
-  Plain<Vec3> normal = Vec3::UnitZ();  ///< unit
+  Vec3 origin = Vec3::Zero();
+  Vec3 direction = Vec3::UnitZ();  ///< unit
+  Vec3 target = Vec3::Zero();
+  Vec3 normal = Vec3::UnitZ();  ///< unit
   int bar =
       -1;  ///< platform_angle at the full level: hinge of this bar (0-based; -1: the absolute θ)
   int axis = 0;  ///< axis_angle: index of the passive axis (0-based)
@@ -149,8 +117,8 @@ struct Sensor {
 
 /// A passive axis; the next one, or the platform, turns about it. At x = 0 all frames are parallel.
 struct PassiveAxis {
-  Plain<Vec3> origin = Vec3::Zero();  ///< o, a point on it, from the preceding axis' o (or base)
-  Plain<Vec3> direction = Vec3::UnitY();              ///< d, unit, in the preceding axis' frame
+  Vec3 origin = Vec3::Zero();  ///< o, a point on it, from the preceding axis' o (or base)
+  Vec3 direction = Vec3::UnitY();              ///< d, unit, in the preceding axis' frame
   Real low = -std::numeric_limits<Real>::infinity();  ///< limits of the joint, rad
   Real high = std::numeric_limits<Real>::infinity();
 };
@@ -159,9 +127,9 @@ struct PassiveAxis {
 struct Body {
   Real mass = 0;
   int bar = -1;  ///< the bar it belongs to (0-based; -1: the platform itself)
-  Plain<Vec3> pivot = Vec3::Zero();
-  Plain<Vec3> anchor = Vec3::Zero();
-  Plain<Mat3> inertia =
+  Vec3 pivot = Vec3::Zero();
+  Vec3 anchor = Vec3::Zero();
+  Mat3 inertia =
       Mat3::Zero();  ///< about the centre of mass, platform frame; 0 if it keeps its orientation
 };
 
@@ -208,7 +176,7 @@ struct Robot {
   std::array<Chain, kMaxChains> chain;
   std::array<Sensor, kMaxSensors> sensor;
   std::array<Body, kMaxBodies> body;
-  Plain<Vec3> gravity = Vec3(0, 0, -9.81);
+  Vec3 gravity = Vec3(0, 0, -9.81);
   Coordinates home{};     ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not checked)
   BarJoint bar_joint = BarJoint::pivots;
@@ -219,7 +187,7 @@ struct Robot {
   std::array<PassiveAxis, kMaxAxes> axis;  ///< the first passive_axes(mobility)
 
   /// Whether they model every rod individually.
-  constexpr bool rod_by_rod() const { return kFullLevel && level == Level::full && full.own(); }
+  constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
 };
 
 // Copyable byte by byte, with C layout.
@@ -231,15 +199,8 @@ constexpr int dof(Mobility mobility) {
   return sizes[static_cast<std::size_t>(mobility)];
 }
 
-/// Whether passive axes carry the platform: x are their angles. (False where the build omits them.)
-constexpr bool is_rotational([[maybe_unused]] Mobility mobility) {
-#ifdef TRUEPOSE_NO_ROTATIONAL
-  return false;
-#else
-  return mobility == Mobility::rotational_1 || mobility == Mobility::rotational_2 ||
-         mobility == Mobility::rotational_3;
-#endif
-}
+/// Whether passive axes carry the platform: x are their angles.
+constexpr bool is_rotational(Mobility mobility) { return mobility >= Mobility::rotational_1; }
 /// Number of passive axes.
 constexpr int passive_axes(Mobility mobility) {
   return is_rotational(mobility) ? dof(mobility) : 0;
@@ -273,9 +234,8 @@ inline Outcome parts_exist(const Robot& robot) {
     if (!below(sensor.kind, kSensorKinds)) return missing(kSensorPart + k);
     const bool chain =
         properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
-    // Checked also where the build omits passive axes, which finish() reports.
-    const int axes = robot.mobility < Mobility::rotational_1 ? 0 : dof(robot.mobility);
-    const bool axis = sensor.kind != SensorKind::axis_angle || below(sensor.axis, axes);
+    const bool axis = sensor.kind != SensorKind::axis_angle ||
+                      below(sensor.axis, passive_axes(robot.mobility));
     if (!chain || !axis || !sign(sensor.rod) || !bar(sensor.bar)) return missing(kSensorPart + k);
   }
   for (int k = 0; k < robot.bodies; ++k)
@@ -295,37 +255,10 @@ inline void note_encoders(Robot& robot) {
 
 /// Sets the inclinometers' vertical: against gravity, along z where there is none.
 inline void note_vertical(Robot& robot) {
-  const Vec3 g = robot.gravity();
+  const Vec3& g = robot.gravity;
   for (int k = 0; k < robot.r; ++k)
     if (robot.sensor[k].kind == SensorKind::inclinometer)
-      robot.sensor[k].origin = g.norm() > 0 ? Vec3(-g.normalized()) : Vec3(Vec3::UnitZ());
-}
-
-/// A mobility as a type.
-template <Mobility K>
-using Fixed = std::integral_constant<Mobility, K>;
-
-/// Calls f, a template over the mobility K with one parameter of type Fixed, so that loops have
-/// known sizes. (An unfinished robot's mobility, invalid or not compiled, maps to any: what f calls
-/// refuses it.)
-template <class F>
-constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
-#ifdef TRUEPOSE_ONLY_MOBILITY
-  return f(Fixed<Mobility::TRUEPOSE_ONLY_MOBILITY>{});
-#else
-  switch (mobility) {
-    case Mobility::planar_translation: return f(Fixed<Mobility::planar_translation>{});
-    case Mobility::planar: return f(Fixed<Mobility::planar>{});
-    case Mobility::translation: return f(Fixed<Mobility::translation>{});
-    case Mobility::spatial: return f(Fixed<Mobility::spatial>{});
-#ifndef TRUEPOSE_NO_ROTATIONAL
-    case Mobility::rotational_1: return f(Fixed<Mobility::rotational_1>{});
-    case Mobility::rotational_2: return f(Fixed<Mobility::rotational_2>{});
-    case Mobility::rotational_3: return f(Fixed<Mobility::rotational_3>{});
-#endif
-    default: return f(Fixed<Mobility::schoenflies>{});
-  }
-#endif
+      robot.sensor[k].origin = g.norm() > 0 ? -g.normalized() : Vec3::UnitZ();
 }
 
 /// Whether the first `count` values are finite. 0 times a non-finite value is NaN, which stays in

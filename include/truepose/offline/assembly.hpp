@@ -25,14 +25,16 @@ struct AssemblyMode {
 inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count,
                                        std::uint64_t seed) {
   const Mobility mobility = robot.mobility;
-  Vec3 low = Vec3::Constant(-INFINITY), high = Vec3::Constant(INFINITY);
+  Vec3 low(-INFINITY, -INFINITY, -INFINITY), high = -low;
   for (int i = 0; i < dof(mobility); ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
-    const Vec3 centre = chain.base() + driven.p - chain.anchor();
-    const Vec3 reach = Vec3::Constant(driven.rod + chain.pivot().norm());
-    low = low.cwiseMax(centre - reach);
-    high = high.cwiseMin(centre + reach);
+    const Vec3 centre = chain.base + driven.p - chain.anchor;
+    const Real reach = driven.rod + chain.pivot.norm();
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = std::max(low[axis], centre[axis] - reach);
+      high[axis] = std::min(high[axis], centre[axis] + reach);
+    }
   }
   std::mt19937_64 generator(seed);
   const auto uniform = [&] { return static_cast<double>(generator() >> 11) * 0x1p-53; };
@@ -55,9 +57,9 @@ inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int c
       const double part = uniform(), a = 2 * std::numbers::pi * uniform(),
                    b = 2 * std::numbers::pi * uniform();
       const double r = std::sqrt(1 - part), s = std::sqrt(part);
-      start->R =
-          Eigen::Quaterniond(s * std::cos(b), r * std::sin(a), r * std::cos(a), s * std::sin(b))
-              .toRotationMatrix();
+      const double w = s * std::cos(b);
+      const Vec3 v(r * std::sin(a), r * std::cos(a), s * std::sin(b));
+      start->R = rodrigues(w * w - v.squaredNorm(), 2 * w * v, 2 * v, v);
     }
   }
   return starts;
@@ -76,7 +78,10 @@ inline std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<
       for (int axis = 0; axis < dof(robot.mobility); ++axis)
         pose.D[axis] = std::remainder(pose.D[axis], 2 * std::numbers::pi);
   const auto apart = [](const Pose& a, const Pose& b) {
-    return std::max((a.D - b.D).cwiseAbs().maxCoeff(), (a.R - b.R).norm());
+    const Vec3 D = a.D - b.D;
+    const Mat3 R = a.R - b.R;
+    const Real turn2 = sum_of(3, [&](int j) { return R.col(j).squaredNorm(); });
+    return std::max({std::fabs(D.x()), std::fabs(D.y()), std::fabs(D.z()), std::sqrt(turn2)});
   };
   // A projection on unit vectors in which distinct modes are unlikely to coincide.
   const auto along = [](const Pose& at) {

@@ -54,15 +54,13 @@ inline double dahl(double slip, double displacement, double presliding) {
 }
 
 /// The true robot and its state: pose, rate, friction, rotors, gears.
-template <Mobility K>
 class Plant {
  public:
-  static constexpr int n = kDof<K>;
-
-  using Rotors = std::array<double, 2 * n>;  ///< angles, then their rates
+  /// Angles, then from n on their rates.
+  using Rotors = std::array<double, 2 * kMaxMotors>;
 
   Plant(const Robot& truth, const Effects& effects, const Pose& start, std::uint64_t seed)
-      : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
+      : truth_(truth), n(dof(truth.mobility)), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
     brake_gives_.fill(kBrakePresliding);
     for (int i = 0; i < n; ++i) {  // the robot file has rotor and arm as one inertia
       const Chain& chain = truth.chain[i];
@@ -76,15 +74,15 @@ class Plant {
 
   /// Initialises the plant at rest under its own weight.
   Outcome rest() {
-    Closure<K> closure;
-    Outcome outcome = ikm<K>(truth_, state_.pose, closure);
-    if (outcome) outcome = hold<K>(truth_, state_.pose, transmitted_);
+    Closure closure;
+    Outcome outcome = ikm(truth_, state_.pose, closure);
+    if (outcome) outcome = hold(truth_, state_.pose, transmitted_);
     if (!outcome) return outcome;
     const Joint q = closure.q();
     for (int i = 0; i < n; ++i)
       rotors_[i] = shaft(i, q[i]) + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
     Extended q_e{};
-    outcome = exact_readings<K>(truth_, state_.pose, q_e, rest_);
+    outcome = exact_readings(truth_, state_.pose, q_e, rest_);
     for (int k = 0; k < truth_.r; ++k) geared_[k] = q_e[n + k];
     return outcome;
   }
@@ -146,15 +144,15 @@ class Plant {
         std::any_of(brake_.begin(), brake_.end(), [](double torque) { return torque > 0; });
     if (!effects_.change_torque() && !braked && !pushed_) {
       transmitted_ = torque;
-      return truepose::advance<K>(driven_, torque, period, steps, state_);
+      return truepose::advance(driven_, torque, period, steps, state_);
     }
     if (effects_.arm_stiffness > 0 || braked) steps = std::max(steps, kCompliantSteps);
     if (engaged_) steps = std::max(steps, 2 * kCompliantSteps);
     for (int s = 0; s < steps; ++s) {
       Rotors turned = rotors_;
       const Outcome outcome =
-          step<K, true>(driven_, period / steps, state_, turned,
-                        [&](const Closure<K>& closure, const DynamicModel<K>& model,
+          step(driven_, period / steps, state_, turned,
+                        [&](const Closure& closure, const DynamicModel& model,
                             const Rotors& y, Rotors& dy) {
                           Joint all = transmitted(closure.q(), model.rate, torque, y, dy);
                           if (pushed_) push(closure, model, all);
@@ -180,9 +178,9 @@ class Plant {
     if (effects_.give_way()) {
       Robot robot = truth_;
       outcome = bend(robot);
-      if (outcome) outcome = exact_readings<K>(robot, state_.pose, q_e, rest_);
+      if (outcome) outcome = exact_readings(robot, state_.pose, q_e, rest_);
     } else {
-      outcome = exact_readings<K>(truth_, state_.pose, q_e, rest_);
+      outcome = exact_readings(truth_, state_.pose, q_e, rest_);
     }
     if (!outcome) return outcome;
     for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows beyond the backlash
@@ -197,9 +195,9 @@ class Plant {
 
  private:
   /// Adds the motor torques that equal the contacts' force, Jᵀ f.
-  void push(const Closure<K>& closure, const DynamicModel<K>& model, Joint& torque) const {
-    Jacobians<K> jacobians;
-    if (!jacobian<K>(closure, jacobians)) return;
+  void push(const Closure& closure, const DynamicModel& model, Joint& torque) const {
+    Jacobians jacobians;
+    if (!jacobian(closure, jacobians)) return;
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) torque[i] += model.slope[i] * jacobians.J[j][i] * force_[j];
   }
@@ -217,7 +215,7 @@ class Plant {
   double shaft(int i, double q) const { return q / truth_.chain[i].encoder_gain; }
 
   /// Torque transmitted to the arms, and the derivatives of the rotors' angles and rates.
-  Joint transmitted(const Joint& q, const std::array<double, n>& rate, const Joint& torque,
+  Joint transmitted(const Joint& q, const Coordinates& rate, const Joint& torque,
                     const Rotors& y, Rotors& dy) {
     for (int i = 0; i < n; ++i) {
       const double arm = shaft(i, q[i]);
@@ -245,8 +243,8 @@ class Plant {
   /// Applies the deflection of arms and (quasi-static) rods as geometry. The torque at an arm's
   /// root, minus the weight of arm and half its rods, equals the rods' tension T times J_q/L.
   Outcome bend(Robot& robot) const {
-    Closure<K> closure;
-    const Outcome outcome = ikm<K>(truth_, state_.pose, closure);
+    Closure closure;
+    const Outcome outcome = ikm(truth_, state_.pose, closure);
     if (!outcome) return outcome;
     const Joint q = closure.q();
     for (int i = 0; i < n; ++i) {
@@ -257,11 +255,11 @@ class Plant {
       if (effects_.rod_stiffness <= 0) continue;
       const double carried =
           (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass + 0.5 * from.rod_mass;
-      const double left = transmitted_[i] + carried * truth_.gravity().dot(at.dB) / at.rate;
+      const double left = transmitted_[i] + carried * truth_.gravity.dot(at.dB) / at.rate;
       const double length = at.v.norm();
       // With arm and rod in line the torque does not determine the rod's force.
       if (!(std::fabs(at.jq) > 1e-3 * length * at.dB.norm())) continue;
-      const int rods = kPaired<K> ? 2 : 1;
+      const int rods = paired(truth_.mobility) ? 2 : 1;
       const double stretched = left * length * at.rate / at.jq / (rods * effects_.rod_stiffness);
       if (from.actuator == Actuator::telescopic)
         robot.chain[i].encoder_offset += gain * stretched;
@@ -272,6 +270,7 @@ class Plant {
   }
 
   const Robot& truth_;
+  const int n;
   Robot driven_;  ///< without the inertia of rotors on elastic arms
   Effects effects_;
   PlantState state_;

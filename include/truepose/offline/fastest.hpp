@@ -9,39 +9,37 @@ namespace truepose {
 /// torque limits: |H_x M⁻¹Kᵀ| τ + |H_x M⁻¹ g|. 0 if any motor has no limit.
 /// @return unreachable, singular
 inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) {
-    constexpr int n = kDof<K>;
-    most.fill(0);
-    Extended q_e;
-    Matrix<kMaxReadings, n> H_x;
-    Closure<K> closure;
-    DynamicModel<K> model;
-    const Pose pose = to_pose<K>(x);
-    Outcome outcome = linearise<K>(robot, pose, q_e, H_x, nullptr);
-    if (outcome) outcome = ikm<K>(robot, pose, closure);
-    if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
-    if (!outcome) return outcome;
-    std::array<Real, n> size;
-    bool limited = true;
-    for (int i = 0; i < n; ++i) {
-      size[i] = model.mass[i][i];
-      limited = limited && robot.chain[i].torque_limit > 0;
+  const int n = dof(robot.mobility);
+  most.fill(0);
+  Extended q_e;
+  PoseRows H_x;
+  Closure closure;
+  DynamicModel model;
+  const Pose pose = to_pose(robot.mobility, x);
+  Outcome outcome = linearise(robot, pose, q_e, H_x, nullptr);
+  if (outcome) outcome = ikm(robot, pose, closure);
+  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+  if (!outcome) return outcome;
+  Coordinates size;
+  bool limited = true;
+  for (int i = 0; i < n; ++i) {
+    size[i] = model.mass[i][i];
+    limited = limited && robot.chain[i].torque_limit > 0;
+  }
+  const Ldlt mass(n, model.mass, size);
+  if (!mass.regular()) return Outcome{Status::singular, -1};
+  for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
+    Coordinates acceleration{};
+    const Real torque = force < n ? robot.chain[force].torque_limit : 1;
+    for (int j = 0; j < n; ++j)
+      acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
+    mass.solve(acceleration);
+    for (int c = 0; c < n + robot.r; ++c) {
+      Real moves = 0;
+      for (int j = 0; j < n; ++j) moves += H_x[c][j] * acceleration[j];
+      most[c] += std::fabs(moves);
     }
-    const Ldlt<n> mass(model.mass, size);
-    if (!mass.regular()) return Outcome{Status::singular, -1};
-    for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
-      std::array<Real, n> acceleration{};
-      const Real torque = force < n ? robot.chain[force].torque_limit : 1;
-      for (int j = 0; j < n; ++j)
-        acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
-      mass.solve(acceleration);
-      for (int c = 0; c < n + robot.r; ++c) {
-        Real moves = 0;
-        for (int j = 0; j < n; ++j) moves += H_x[c][j] * acceleration[j];
-        most[c] += std::fabs(moves);
-      }
-    }
-    return Outcome{};
-  });
+  }
+  return Outcome{};
 }
 }  // namespace truepose

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "truepose/model/robot.hpp"
+#include "truepose/sensors/sensor.hpp"
 
 namespace truepose {
 /// Kinds of faulty readings. s is the healthy reading, including noise and quantization.

@@ -67,7 +67,7 @@ inline Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledg
   const int readings = kernels.n + robot.r;
   RowMatrix left(readings, 0);
   Outcome outcome;
-  if (axes.count > 0) outcome = kernels.left_out(robot, axes, pose, H_xi, left);
+  if (axes.count > 0) outcome = left_out(robot, axes, pose, H_xi, left);
   D.resize(readings, given.count + left.cols());
   for (int c = 0; c < readings && outcome; ++c) {
     for (int j = 0; j < given.count; ++j)

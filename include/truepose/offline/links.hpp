@@ -81,7 +81,7 @@ inline LinkExpected expected(Mobility mobility, const Link& link, const Pose* po
       const Vec3 apart = p[0] - p[1];
       const double distance = apart.norm();
       result.value = (1 + shape[0]) * distance + link.times * shape[1];
-      slope[0] = (1 + shape[0]) * (distance > 0 ? Vec3(apart / distance) : Vec3(Vec3::Zero()));
+      slope[0] = (1 + shape[0]) * (distance > 0 ? apart / distance : Vec3::Zero());
       slope[1] = -slope[0];
       result.shape = {distance, link.times, 0};
       break;
@@ -93,7 +93,7 @@ inline LinkExpected expected(Mobility mobility, const Link& link, const Pose* po
       break;
   }
   for (int a = 0; a < link.ends(); ++a) {
-    free_columns(mobility, slope[a], arm[a].cross(slope[a]), result.H_x[a].data());
+    free_row({mobility, dof(mobility), {}, {}, {}, {}}, slope[a], arm[a].cross(slope[a]), result.H_x[a].data());
     const Vec3 own = poses[link.line[a]].R.transpose() * slope[a];
     for (int k = 0; k < 3; ++k) result.tool[k] += own[k];
   }

@@ -15,21 +15,17 @@ struct PlantState {
 
 /// Derivative of the rotation vector u of R = exp(u) R₀ for the angular velocity ω (Munthe-Kaas):
 /// ω - [u,ω]/2 + [u,[u,ω]]/12, sufficient for order four. Identity for other mobilities.
-template <Mobility K>
-inline Coordinates tangent_rate(const Coordinates& u, const Coordinates& rate) {
-  if constexpr (K != Mobility::spatial) {
-    return rate;
-  } else {
+inline Coordinates tangent_rate(Mobility mobility, const Coordinates& u, const Coordinates& rate) {
+  if (mobility != Mobility::spatial) return rate;
     const Vec3 turn(u[3], u[4], u[5]), omega(rate[3], rate[4], rate[5]);
     const Vec3 once = turn.cross(omega), corrected = omega - once / 2 + turn.cross(once) / 12;
     return {rate[0], rate[1], rate[2], corrected[0], corrected[1], corrected[2]};
-  }
 }
 
 /// Advances the plant, and M values y driven by its motors, by one Runge-Kutta 4 step.
 /// @param drive  drive(closure, model, y, dy) -> Joint: torques, and the derivative of y
 /// @return unreachable or singular where it leaves its workspace; the state is then unchanged
-template <Mobility K, bool NeedAngle, std::size_t M, class Drive>
+template <std::size_t M, class Drive>
 inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<double, M>& y,
                     Drive&& drive) {
   const auto along = [](const auto& start, double scale, const auto& slope) {
@@ -44,9 +40,9 @@ inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<
     const Coordinates u = along(Coordinates{}, h * node[stage], velocity);
     const Coordinates rate = along(state.rate, h * node[stage], acceleration);
     const std::array<double, M> at = along(y, h * node[stage], dy);
-    const Pose pose = stage == 0 ? state.pose : moved<K>(state.pose, u);
-    velocity = tangent_rate<K>(u, rate);
-    const Outcome outcome = forward_dynamics_under<K, NeedAngle>(
+    const Pose pose = stage == 0 ? state.pose : moved(truth.mobility, state.pose, u);
+    velocity = tangent_rate(truth.mobility, u, rate);
+    const Outcome outcome = forward_dynamics_under(
         truth, pose, rate,
         [&](const auto& closure, const auto& model) { return drive(closure, model, at, dy); },
         acceleration);
@@ -55,7 +51,7 @@ inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<
     change = along(change, h * weight[stage], acceleration);
     whole = along(whole, h * weight[stage], dy);
   }
-  state.pose = moved<K>(state.pose, motion);
+  state.pose = moved(truth.mobility, state.pose, motion);
   state.rate = along(state.rate, 1, change);
   y = along(y, 1, whole);
   return {};
@@ -63,13 +59,12 @@ inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<
 
 /// Advances the plant by `period` under constant torque, in `steps` steps.
 /// @return unreachable or singular outside its workspace; the state is then the last valid one
-template <Mobility K>
 inline Outcome advance(const Robot& truth, const Joint& torque, double period, int steps,
                        PlantState& state) {
   std::array<double, 0> nothing;
   for (int s = 0; s < steps; ++s) {
     const Outcome outcome =
-        step<K, false>(truth, period / steps, state, nothing,
+        step(truth, period / steps, state, nothing,
                        [&](const auto&, const auto&, const auto&, auto&) { return torque; });
     if (!outcome) return outcome;
   }
@@ -77,9 +72,8 @@ inline Outcome advance(const Robot& truth, const Joint& torque, double period, i
 }
 
 /// Computes the torques that hold a robot at a pose against its weight.
-template <Mobility K>
 inline Outcome hold(const Robot& robot, const Pose& pose, Joint& torque) {
-  return inverse_dynamics<K>(robot, pose, Coordinates{}, Coordinates{}, torque);
+  return inverse_dynamics(robot, pose, Coordinates{}, Coordinates{}, torque);
 }
 
 /// Random generator of the readings' noise, reproducible by seed.
@@ -99,23 +93,20 @@ inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
 }
 
 /// Readings without noise and quantization, at the robot's level. @param rest  as for ikm_full
-template <Mobility K>
 inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e,
                               Parasitic& rest) {
-  if constexpr (kRodByRod<K>)
-    if (robot.rod_by_rod()) {
-      FullClosure<K> closure;
-      std::array<FullRow, kMaxSensors> rows;
-      return extended_full<K>(robot, pose, q_e, closure, rows, &rest);
-    }
-  return extended<K>(robot, pose, q_e);
+  if (robot.rod_by_rod()) {
+    FullClosure closure;
+    std::array<FullRow, kMaxSensors> rows;
+    return extended_full(robot, pose, q_e, closure, rows, &rest);
+  }
+  return extended(robot, pose, q_e);
 }
 
 /// Computes the encoder readings of the true robot: its geometry, offsets, gains, noise and counts.
-template <Mobility K>
 inline Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {
   Parasitic rest;
-  const Outcome outcome = exact_readings<K>(truth, pose, q_e, rest);
+  const Outcome outcome = exact_readings(truth, pose, q_e, rest);
   if (outcome) spoil(truth, random, q_e);
   return outcome;
 }

@@ -16,6 +16,7 @@
 #include <numbers>
 #include <vector>
 
+#include "truepose/math/dense.hpp"
 #include "truepose/math/eliminate.hpp"
 
 namespace truepose {
@@ -53,7 +54,7 @@ namespace registration_detail {
 /// Enters derivatives of the marker's turn about `about`. @param turn  platform to tracker
 inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn,
                        const Vec3& about, int i, Seen& to) {
-  free_columns(mobility, Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
+  free_row({mobility, dof(mobility), {}, {}, {}, {}}, Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
   std::copy_n(about.data(), 3, to.H[i].begin() + 3);
   const Vec3 own = turn.transpose() * about;
   std::copy_n(own.data(), 3, to.H[i].begin() + 9);
@@ -78,11 +79,11 @@ inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   for (int i = 0; i < dof(mobility); ++i) {
     auto& row = result.H[i];
     if (i < positions) {
-      const Vec3 along = by.base.R.row(i);
-      free_columns(mobility, along, arm.cross(along), result.H_x[i].data());
+      const Vec3 along = by.base.R.transpose().col(i);
+      free_row({mobility, dof(mobility), {}, {}, {}, {}}, along, arm.cross(along), result.H_x[i].data());
       row[i] = 1;
       enter(lever.cross(Vec3::Unit(i)), row, 3);
-      enter(turn.row(i), row, 6);
+      enter(turn.transpose().col(i), row, 6);
     } else {
       Vec3 about = Vec3::Unit(i - positions);  // axis of the turn that this coordinate measures
       if (turns_about_z(mobility)) {
@@ -121,7 +122,7 @@ inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose
   if (turns_about_z(mobility)) {
     const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);
-    const double sine = a.head<2>().norm();
+    const double sine = std::hypot(a.x(), a.y());
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
     registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
@@ -139,10 +140,10 @@ inline double median(std::vector<double> values) {
 
 /// The nearest rotation to a matrix: R of the largest tr(RᵀA), det R = 1.
 inline Mat3 nearest_rotation(const Mat3& A) {
-  const Eigen::JacobiSVD<Mat3> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Mat3 U = svd.matrixU(), V = svd.matrixV();
-  return U * Vec3(1, 1, (U * V.transpose()).determinant() < 0 ? -1 : 1).asDiagonal() *
-         V.transpose();
+  const Eigen::JacobiSVD<Dense3> svd(dense(A), Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Dense3 U = svd.matrixU();
+  if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) = -U.col(2);
+  return plain(U * svd.matrixV().transpose());
 }
 
 namespace registration_detail {
@@ -169,7 +170,7 @@ inline Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
       if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
     }
   }
-  return sum.norm() > 0 ? nearest_rotation(sum) : known;
+  return dense(sum).norm() > 0 ? nearest_rotation(sum) : known;
 }
 }  // namespace registration_detail
 
@@ -210,11 +211,11 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
       to += p.weight * p.to;
       turn += p.weight * pose[p.line].R;
     }
-    from /= total;
-    to /= total;
-    turn /= total;
-    for (const auto& p : pairs) H += p.weight * (p.to - to) * (p.from - from).transpose();
-    const Vec3 spans = Eigen::JacobiSVD<Mat3>(H).singularValues();
+    from *= 1 / total;
+    to *= 1 / total;
+    turn = (1 / total) * turn;
+    for (const auto& p : pairs) H += p.weight * outer(p.to - to, p.from - from);
+    const auto spans = Eigen::JacobiSVD<Dense3>(dense(H)).singularValues().eval();
     if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
     result.base.R = nearest_rotation(H);
     result.base.t = to - result.base.R * from;
@@ -230,10 +231,11 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
     Vec3 b = Vec3::Zero();
     for (const auto& p : pairs) {
       const Mat3 A = pose[p.line].R - turn;
-      N += p.weight * A.transpose() * A;
-      b += p.weight * A.transpose() * (result.base.R.transpose() * (p.to - to) - (p.from - from));
+      N += p.weight * (A.transpose() * A);
+      b += p.weight * (A.transpose() * (result.base.R.transpose() * (p.to - to) - (p.from - from)));
     }
-    const Vec3 step = N.ldlt().solve(b);
+    Vec3 step;
+    Eigen::Map<Eigen::Vector3d>(step.data()) = dense(N).ldlt().solve(Eigen::Map<const Eigen::Vector3d>(b.data()));
     result.marker.t += step;
     for (auto& p : pairs) p.from += pose[p.line].R * step;
     result.base.t -= result.base.R * turn * step;

@@ -70,7 +70,6 @@ struct Extras {
 };
 
 /// A robot and its controller, with the state that persists between moves.
-template <Mobility K>
 class Loop {
  public:
   /// @param start  true pose of the robot at rest
@@ -79,7 +78,7 @@ class Loop {
       : nominal_(nominal),
         settings_(settings),
         extras_(extras),
-        plant_(truth, extras.effects, to_pose<K>(start), seed),
+        plant_(truth, extras.effects, to_pose(truth.mobility, start), seed),
         resting_(plant_.rest()),
         bus_(extras.bus ? *extras.bus : MultirateSettings{}) {
     if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
@@ -92,7 +91,7 @@ class Loop {
     const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
     return follow(
         periods, run.steps,
-        [&](double k) { return quintic<K>(run.from, run.to, run.duration, k * settings_.period); },
+        [&](double k) { return quintic(nominal_.mobility, run.from, run.to, run.duration, k * settings_.period); },
         write);
   }
 
@@ -156,7 +155,7 @@ class Loop {
 
   /// Reads the sensors and runs the controller.
   /// @return the plant's failure, or, without faults and shell, the controller's
-  Outcome run_cycle(Plant<K>& plant, double time, const Setpoint& setpoint, Cycle& cycle) {
+  Outcome run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cycle& cycle) {
     Extended& q_e = cycle.q_e;
     Outcome outcome = plant.measure(q_e);
     if (!outcome) return outcome;
@@ -164,14 +163,14 @@ class Loop {
     const bool slow = extras_.late;
     OnlineCalibrator* const learner = extras_.learner;
     const bool monitored = extras_.fault_settings && !extras_.law;
-    if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
+    if (extras_.bus) late_.arrived = bus_.deliver(dof(nominal_.mobility), q_e);
     Extended present = q_e;
     const Weighing weighing =
-        slow && !monitored ? compensated<K>(nominal_, extras_.weighing, late_, known_, present)
+        slow && !monitored ? compensated(nominal_, extras_.weighing, late_, known_, present)
                            : extras_.weighing;
     const bool learns = learner && time >= 0;
     cycle.gave_up =  // a row that fits no pose is skipped
-        learns && !monitored && calibrate_online<K>(*learner, present).status == Status::stopped;
+        learns && !monitored && calibrate_online(*learner, present).status == Status::stopped;
     const Robot& believed = learner ? learner->robot : nominal_;
     Multirate* const late = slow ? &late_ : nullptr;
     if (extras_.safety)
@@ -181,13 +180,13 @@ class Loop {
       outcome = extras_.law(time, setpoint, present, control_.torque);
     else if (monitored)
       outcome =
-          control_fault_tolerant<K>(believed, settings_, *extras_.fault_settings, setpoint, q_e,
+          control_fault_tolerant(believed, settings_, *extras_.fault_settings, setpoint, q_e,
                                     control_, extras_.monitor_weighing, fault_state_, late);
     else
-      outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
+      outcome = control(believed, settings_, setpoint, present, control_, weighing);
     if (learns && monitored) {
       for (int k = 0; k < nominal_.r; ++k)
-        if (late_.is(k)) present[kDof<K> + k] = late_.present[k];
+        if (late_.is(k)) present[dof(nominal_.mobility) + k] = late_.present[k];
       cycle.gave_up = learn_monitored(*learner, present);
     }
     control_.started = control_.started || outcome;
@@ -204,21 +203,21 @@ class Loop {
     if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++frame_;
     cycle.counter = {safety.counted, frame_};
     if (!extras_.law)
-      return control_safely<K>(
+      return control_safely(
           believed, settings_, safety.limits, setpoint, q_e, control_, shell_, cycle, weighing,
           {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
            extras_.late ? &late_ : nullptr});
     cycle.x = setpoint.x;
-    std::copy_n(q_e.begin(), kDof<K>, cycle.q.begin());
-    const Pose pose = to_pose<K>(setpoint.x);
-    cycle.answer = command<K>(believed, pose, cycle.q_d);
+    std::copy_n(q_e.begin(), dof(nominal_.mobility), cycle.q.begin());
+    const Pose pose = to_pose(nominal_.mobility, setpoint.x);
+    cycle.answer = command(believed, pose, cycle.q_d);
     if (cycle.answer)
       cycle.answer =
-          inverse_dynamics<K>(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);
+          inverse_dynamics(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);
     if (cycle.answer && shell_.follows)
       cycle.answer = extras_.law(time, setpoint, q_e, control_.torque);
     cycle.torque = control_.torque;
-    guard<K>(believed, safety.limits, cycle, shell_);
+    guard(believed, safety.limits, cycle, shell_);
     return cycle.answer;
   }
 
@@ -227,7 +226,7 @@ class Loop {
   Outcome switch_on(const Setpoint& setpoint, Cycle& cycle) {
     constexpr int kWaits = 48;  // cycles
     const double longest = 1000 + extras_.safety->limits.brake / settings_.period;
-    Plant<K> waits(plant_);
+    Plant waits(plant_);
     StopCause refused = StopCause::none;
     for (int k = 0; k < longest && !shell_.follows; ++k) {
       cycle.request = {k > kWaits, false, k >= kWaits};
@@ -241,7 +240,7 @@ class Loop {
   }
 
   Sample sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const {
-    Sample sample{time,         setpoint.x,     to_coordinates<K>(plant_.pose()),
+    Sample sample{time,         setpoint.x,     to_coordinates(nominal_.mobility, plant_.pose()),
                   cycle.q_e,    control_.error, torque(),
                   cycle.status, cycle.gave_up};
     sample.stops = fault_state_.stops;
@@ -258,7 +257,7 @@ class Loop {
     sample.size = observer.size;
     sample.force = observer.force;
     sample.refused = observer.refused;
-    for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
+    for (int c = 0; c < dof(nominal_.mobility) + nominal_.r; ++c) {
       sample.health[c] = fault_state_.monitor.reading[c].health;
       sample.symptom[c] = fault_state_.monitor.reading[c].symptom;
     }
@@ -272,7 +271,7 @@ class Loop {
     const bool valid = std::all_of(
         monitor.reading.begin(), monitor.reading.end(),
         [](const MonitoredReading& reading) { return reading.health == Health::valid; });
-    if (valid) return calibrate_online<K>(learner, q_e).status == Status::stopped;
+    if (valid) return calibrate_online(learner, q_e).status == Status::stopped;
     if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
     return learner.state.doubt.stopped;
   }
@@ -280,7 +279,7 @@ class Loop {
   const Robot& nominal_;
   ControlSettings settings_;
   Extras extras_;
-  Plant<K> plant_;
+  Plant plant_;
   Outcome resting_;
   ControlState control_;
   FaultTolerantState fault_state_;

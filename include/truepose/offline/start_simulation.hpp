@@ -28,14 +28,13 @@ struct SimulatedStart {
 /// Runs a start-up test until it passes or fails and the torques are zero.
 /// @param robot, weighing  the model, and its tolerances @param limits  as of the safety shell
 /// @return the failure of the plant; not_converged: no end within ten minutes
-template <Mobility K>
-Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettings& settings,
+inline Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettings& settings,
                        const SafetyLimits& limits, const Weighing& weighing, const Effects& effects,
                        const StartRun& run, SimulatedStart& result) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   const int rows = n + robot.r;
-  const Pose start = to_pose<K>(run.start);
-  Plant<K> plant(truth, effects, start, run.seed);
+  const Pose start = to_pose(robot.mobility, run.start);
+  Plant plant(truth, effects, start, run.seed);
   FaultyReadings faults(run.faults, limits.period);
   Extended first{};
   Outcome outcome = plant.rest();
@@ -54,13 +53,13 @@ Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettin
     for (int c = 0; c < rows; ++c) q_e[c] += zero[c];
 
     StartTest& test = result.test;
-    start_test<K>(robot, settings, limits, q_e, run.referenced, test, weighing);
+    start_test(robot, settings, limits, q_e, run.referenced, test, weighing);
     plant.work_brakes(test.brakes, limits.period);
     outcome = plant.advance(test.torque, limits.period, 2);
     if (!outcome) return outcome;
 
     double away = 0;
-    for (int j = 0; j < kPositions<K>; ++j) away += std::pow(plant.pose().D[j] - start.D[j], 2);
+    for (int j = 0; j < positions_of(robot.mobility); ++j) away += std::pow(plant.pose().D[j] - start.D[j], 2);
     result.moved = std::max(result.moved, std::sqrt(away));
     result.seconds = k * limits.period;
     bool still = test.state >= StartState::passed;

@@ -20,23 +20,22 @@ inline constexpr double kMostAmplified = 100;  ///< largest fault gain at a stab
 
 namespace statics_detail {
 /// A PD controller at x_d under load: feed-forward, compliance, and the load's change.
-template <Mobility K>
 class Loaded {
-  static constexpr int n = kDof<K>;
-  using Square = Eigen::Matrix<double, n, n>;
+  using Matrix = Eigen::MatrixXd;
 
  public:
   /// @return singular, or the outcome of a failed nominal model
   Outcome set(const Robot& nominal, const ControlSettings& settings,
-              const Reference<K>& reference) {
+              const Reference& reference) {
     const auto& J = reference.jacobians.J;
-    DynamicModel<K> model;
-    const Outcome outcome = dynamic_model<K>(nominal, reference.closure, Coordinates{}, model);
+    n = dof(nominal.mobility);
+    DynamicModel model;
+    const Outcome outcome = dynamic_model(nominal, reference.closure, Coordinates{}, model);
     if (!outcome) return outcome;
     if (settings.feed_forward != FeedForward::none)
-      feed_ = inverse_dynamics<K>(model, J, Coordinates{});
-    Square stiffness = Square::Zero();
-    const auto M_q = joint_inertia<K>(model, J);
+      feed_ = inverse_dynamics(model, J, Coordinates{});
+    Matrix stiffness = Matrix::Zero(n, n);
+    const auto M_q = joint_inertia(model, J);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j)
         if (settings.gains == Gains::inertia)
@@ -44,7 +43,7 @@ class Loaded {
         else if (i == j)
           stiffness(i, i) = settings.kp[i];
     yield_ = stiffness.inverse();
-    Square follows;  // ∂τ_hold/∂q
+    Matrix follows(n, n);  // ∂τ_hold/∂q
     constexpr double kStep = 1e-5;
     for (int j = 0; j < n; ++j) {
       Joint torque[2];
@@ -52,27 +51,28 @@ class Loaded {
       for (const double side : {-1.0, 1.0}) {
         Coordinates step{};
         for (int i = 0; i < n; ++i) step[i] = side * kStep * J[i][j];
-        both = hold<K>(nominal, moved<K>(reference.closure.pose, step), torque[side > 0]) && both;
+        both = hold(nominal, moved(nominal.mobility, reference.closure.pose, step), torque[side > 0]) && both;
       }
       for (int i = 0; i < n; ++i)  // at the edge of the workspace: 0
         follows(i, j) = both ? (torque[1][i] - torque[0][i]) / (2 * kStep) : 0;
     }
-    newton_ = (Square::Identity() + yield_ * follows).inverse();
+    newton_ = (Matrix::Identity(n, n) + yield_ * follows).inverse();
     return {};
   }
 
   /// Replaces ê_q by the motors' step that balances ê_q + kp⁻¹ (τ_ff - τ_hold).
   void relieve(const Joint& load, Joint& error) const {
-    Eigen::Matrix<double, n, 1> lack;
+    Eigen::VectorXd lack(n);
     for (int i = 0; i < n; ++i) lack[i] = feed_[i] - load[i];
-    const Eigen::Map<Eigen::Matrix<double, n, 1>> own(error.data());
+    const Eigen::Map<Eigen::VectorXd> own(error.data(), n);
     lack = newton_ * (own + yield_ * lack).eval();
     std::copy_n(lack.data(), n, error.begin());
   }
 
  private:
+  int n = 0;
   Joint feed_{};
-  Square yield_, newton_;
+  Matrix yield_, newton_;
 };
 }  // namespace statics_detail
 
@@ -84,22 +84,21 @@ class Loaded {
 /// @param off       offsets of the readings, for example from backlash
 /// @param faults    faults of the readings; not_converged where the robot would run away
 /// @param by_truth  out: whether the true robot, not the law, had no answer
-template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
                       const Coordinates& x_d, Coordinates& x, const Weighing& known = {},
                       const Extended& off = {}, bool* by_truth = nullptr,
                       FaultyReadings* faults = nullptr) {
-  constexpr int n = kDof<K>;
+  const int n = dof(nominal.mobility);
   const Law law = settings.control.law;
   const Scaled scaled(known, settings.control.sigma_scale);
   const Weighing& weighing = scaled.weighing;
-  Reference<K> reference;
+  Reference reference;
   Parasitic nearby, standing;  // full-level state at x_d, and at the true robot's pose
   Outcome outcome =
-      refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
+      refer(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
   if (!outcome) return outcome;
   const Outcome regular = outcome;
-  statics_detail::Loaded<K> loaded;
+  statics_detail::Loaded loaded;
   if (settings.gravity) outcome = loaded.set(nominal, settings.control, reference);
   if (!outcome) return outcome;
 
@@ -112,15 +111,15 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Extended q_e{};
     Joint load{};
-    outcome = exact_readings<K>(truth, pose, q_e, standing);
-    if (outcome && settings.gravity) outcome = hold<K>(truth, pose, load);
+    outcome = exact_readings(truth, pose, q_e, standing);
+    if (outcome && settings.gravity) outcome = hold(truth, pose, load);
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
     for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
     if (faults) faults->make_faulty(0, q_e);
     Joint error{};
     Pose found;
-    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);
+    outcome = motor_error(nominal, law, reference, q_e, error, found, weighing, nearby);
     if (!outcome) return outcome;
     if (settings.gravity) loaded.relieve(load, error);
     Coordinates step{};
@@ -130,10 +129,10 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
       size = std::max(size, std::fabs(step[i]));
     }
     if (!all_finite(step, n)) return {Status::not_finite, -1};
-    pose = moved<K>(pose, step);
+    pose = moved(nominal.mobility, pose, step);
     // Linear convergence: stop at rounding, or where small steps no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {
-      x = to_coordinates<K>(pose);
+      x = to_coordinates(nominal.mobility, pose);
       return regular;
     }
     last = size;
@@ -148,14 +147,13 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 /// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] for the
 /// joint law, -J M⁺ for a TEJ, -∂x̂/∂q_e for a law of the pose; for `estimated` that is J times the
 /// weighted TEJ, the gain of the fused readings, as for `weighted`.
-template <Mobility K>
 inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                        const Weighing& weighing = {}) {
-  constexpr int n = kDof<K>;
+  const int n = dof(robot.mobility);
   constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
-  Reference<K> reference;
+  Reference reference;
   const Outcome outcome =
-      refer<K>(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
+      refer(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
   if (!outcome) return outcome;
   leak = {};
   const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
@@ -168,9 +166,9 @@ inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseCo
         q_e[c] += side * kStep;
         Pose found;
         const Outcome there =
-            found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing);
+            found_pose(robot, law, reference.closure.pose, q_e, found, weighing);
         if (!there) return there;
-        change[side > 0] = difference<K>(found, reference.pose);
+        change[side > 0] = difference(robot.mobility, found, reference.pose);
       }
       for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
     } else if (properties(law).corrects == Corrects::motors) {

@@ -18,6 +18,7 @@
 #include <Eigen/QR>
 #include <limits>
 
+#include "truepose/math/dense.hpp"
 #include "truepose/offline/kernel_table.hpp"
 
 namespace truepose {
@@ -51,28 +52,27 @@ inline bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::Vect
 
 /// Returns a revolute motor's torque, by rate, against the weight of its arm and half of its rods.
 inline Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB) {
-  return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity().dot(dB);
+  return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity.dot(dB);
 }
 
 /// Ideal level. @return singular where the rods hold nothing along some freedom
-template <Mobility K>
-Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& pull) {
-  constexpr int n = kDof<K>;
+inline Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull) {
+  const int n = dof(robot.mobility);
   Eigen::MatrixXd G(n, n);
   Eigen::VectorXd w = Eigen::VectorXd::Zero(n), T;
-  std::array<Real, n> row;
+  Coordinates row;
   const auto hang = [&](const Vec3& force, const Vec3& lever) {
-    free_columns<K>(at.carried, force, lever.cross(force), row.data());
-    w += Eigen::Map<const Eigen::Matrix<Real, n, 1>>(row.data());
+    free_row(at.carried, force, lever.cross(force), row.data());
+    w += Eigen::Map<const Eigen::VectorXd>(row.data(), n);
   };
   hang(load.force, Vec3::Zero());
   for (int k = 0; k < robot.bodies; ++k)
-    hang(robot.body[k].mass * robot.gravity(), turned<K>(at.placed().R, robot.body[k].pivot()));
+    hang(robot.body[k].mass * robot.gravity, at.placed().R * robot.body[k].pivot);
   for (int i = 0; i < n; ++i) {
     const ChainState& chain = at.chain[i];
-    hang(0.5 * robot.chain[i].rod_mass * robot.gravity(), chain.lever);
-    jx_row<K>(at.carried, chain.v, chain.lever, row);
-    G.col(i) = Eigen::Map<const Eigen::Matrix<Real, n, 1>>(row.data()) / chain.v.norm();
+    hang(0.5 * robot.chain[i].rod_mass * robot.gravity, chain.lever);
+    jx_row(at.carried, chain.v, chain.lever, row.data());
+    G.col(i) = Eigen::Map<const Eigen::VectorXd>(row.data(), n) / chain.v.norm();
   }
   if (!held(G, w, T)) return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
@@ -88,30 +88,32 @@ Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& p
 }
 
 /// Full level; a pair shares a measured tension with the difference that holds the load.
-template <Mobility K>
-Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pull& pull) {
-  constexpr int n = kDof<K>, N = kRods<K>;
+inline Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& pull) {
+  const int n = dof(robot.mobility), N = rods_of(robot);
   const bool together = bars_together(robot, robot.full.bars);
   const Mat3& R = at.pose.R;
   Eigen::MatrixXd G(robot.full.unknowns, N);
   Eigen::VectorXd w = Eigen::VectorXd::Zero(8), T;
   const auto hang = [&](const Vec3& force, const Vec3& pivot, const Vec3& arm, int bar) {
-    w.head<3>() += force;
-    w.segment<3>(3) += (pivot + arm).cross(force);
+    const Vec3 moment = (pivot + arm).cross(force);
+    for (int k = 0; k < 3; ++k) {
+      w[k] += force[k];
+      w[3 + k] += moment[k];
+    }
     if (bar >= 0) w[together ? 6 : 6 + bar] += R.col(2).dot(arm.cross(force));
   };
   hang(load.force, Vec3::Zero(), Vec3::Zero(), -1);
   for (int k = 0; k < robot.bodies; ++k) {
     const Body& body = robot.body[k];
-    const Mat3 turned = body.bar < 0 ? R : Mat3(R * rotation_z(at.pose.psi[body.bar]));
-    hang(body.mass * robot.gravity(), R * body.pivot(), turned * body.anchor(), body.bar);
+    const Mat3 turned = body.bar < 0 ? R : R * rotation_z(at.pose.psi[body.bar]);
+    hang(body.mass * robot.gravity, R * body.pivot, turned * body.anchor, body.bar);
   }
   for (int rod = 0; rod < N; ++rod) {
     const Chain& chain = robot.chain[rod / 2];
-    hang(0.25 * chain.rod_mass * robot.gravity(), at.lever[rod] - at.arm[rod], at.arm[rod],
+    hang(0.25 * chain.rod_mass * robot.gravity, at.lever[rod] - at.arm[rod], at.arm[rod],
          chain.bar);
     std::array<Real, kMaxUnknowns> row;
-    full_row<K>(robot, at, rod, row);
+    full_row(robot, at, rod, row);
     if (together) row[6] += row[7];
     G.col(rod) = Eigen::Map<const Eigen::VectorXd>(row.data(), G.rows()) / at.v[rod].norm();
   }
@@ -140,18 +142,14 @@ Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pul
 /// At a pose held by the motors, at either level.
 inline Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by) {
   if (!robot.finished) return {Status::unfinished, -1};
-  return with_mobility(robot.mobility, [&]<Mobility K>(Fixed<K>) -> Outcome {
-    if constexpr (kRodByRod<K>) {
-      if (full && robot.full.own()) {
-        FullClosure<K> at;
-        const Outcome outcome = ikm_full<K>(robot, pose, at);
-        return outcome ? pull<K>(robot, at, load, by) : outcome;
-      }
-    }
-    Closure<K> at;
-    const Outcome outcome = ikm<K>(robot, pose, at);
-    return outcome ? pull<K>(robot, at, load, by) : outcome;
-  });
+  if (full && robot.full.own()) {
+    FullClosure at;
+    const Outcome outcome = ikm_full(robot, pose, at);
+    return outcome ? pull(robot, at, load, by) : outcome;
+  }
+  Closure at;
+  const Outcome outcome = ikm(robot, pose, at);
+  return outcome ? pull(robot, at, load, by) : outcome;
 }
 
 /// Readings of a robot under load at a pose.

@@ -14,10 +14,10 @@ namespace truepose {
 inline Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
   Sensed s;
   const Mat3& body = seen.body;
-  Vec3 forward = seen.chain.zero(), axis = seen.chain.axis();
+  Vec3 forward = seen.chain.zero, axis = seen.chain.axis;
   if (sensor.at_nacelle) {
-    forward = body * sensor.normal();
-    axis = body * sensor.direction();
+    forward = body * sensor.normal;
+    axis = body * sensor.direction;
   } else if (seen.chain.actuator == Actuator::revolute) {
     forward = seen.p / seen.chain.arm;
   }
@@ -36,8 +36,8 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
   s.frame = s.rod.cross(rod);
   if (sensor.at_nacelle) {  // its mounting: f, w and a differentiated in the body's own axes
     const Vec3 r = body.transpose() * rod;
-    const Vec3 by_axis = sensor.normal().cross(r),
-               by_forward = r.cross(sensor.direction());  // of w
+    const Vec3 by_axis = sensor.normal.cross(r),
+               by_forward = r.cross(sensor.direction);  // of w
     if (sensor.kind == SensorKind::rod_in_plane) {
       s.direction = f / plane2 * by_axis;
       s.normal = (f * by_forward - w * r) / plane2;

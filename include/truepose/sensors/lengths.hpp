@@ -8,17 +8,17 @@ namespace truepose {
 /// normal R m: (R m)·(D + R t - o - s w) = 0.
 inline Sensed sense(Is<SensorKind::plane_distance>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
-  const Vec3 normal = pose.R * sensor.normal(), arm = pose.R * sensor.target();
-  const Real slope = normal.dot(sensor.direction());
-  const Vec3 from = pose.D + arm - sensor.origin();
+  const Vec3 normal = pose.R * sensor.normal, arm = pose.R * sensor.target;
+  const Real slope = normal.dot(sensor.direction);
+  const Vec3 from = pose.D + arm - sensor.origin;
   s.value = normal.dot(from) / slope;
   const Vec3 spot =
-      from - s.value * sensor.direction();  // in the plane: from the spot to the target
+      from - s.value * sensor.direction;  // in the plane: from the spot to the target
   s.linear = normal / slope;
   s.angular = normal.cross(spot - arm) / slope;
   s.origin = -s.linear;
   s.direction = -s.value * s.linear;
-  s.target = sensor.normal() / slope;
+  s.target = sensor.normal / slope;
   s.normal = pose.R.transpose() * spot / slope;
   return s;
 }
@@ -26,7 +26,7 @@ inline Sensed sense(Is<SensorKind::plane_distance>, const Sensor& sensor, const 
 /// Draw-wire or ball bar from a point of the base to one of the platform: |D + R t - o|.
 inline Sensed sense(Is<SensorKind::distance>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
-  const Vec3 arm = pose.R * sensor.target(), from = pose.D + arm - sensor.origin();
+  const Vec3 arm = pose.R * sensor.target, from = pose.D + arm - sensor.origin;
   s.value = from.norm();
   const Vec3 along = from / s.value;
   s.linear = along;

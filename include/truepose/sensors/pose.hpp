@@ -17,12 +17,12 @@ inline Sensed sense(Is<SensorKind::axis_angle>, const Sensor&, const Pose&) { re
 /// Coordinate of a platform point along a fixed direction w: w·(D + R t - o).
 inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
-  const Vec3 arm = pose.R * sensor.target(), w = sensor.direction();
-  s.value = w.dot(pose.D + arm - sensor.origin());
+  const Vec3 arm = pose.R * sensor.target, w = sensor.direction;
+  s.value = w.dot(pose.D + arm - sensor.origin);
   s.linear = w;
   s.angular = arm.cross(w);
   s.origin = -w;
-  s.direction = pose.D + arm - sensor.origin();
+  s.direction = pose.D + arm - sensor.origin;
   s.target = pose.R.transpose() * w;
   return s;
 }
@@ -31,8 +31,8 @@ inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose
 /// direction b ("up" at zero) to the robot's vertical z as seen from the platform, g' = Rᵀ z.
 inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
-  const Vec3 vertical = sensor.origin(), up = pose.R.transpose() * vertical;
-  const Vec3 a = sensor.direction(), b = sensor.normal(), side = b.cross(a);
+  const Vec3 vertical = sensor.origin, up = pose.R.transpose() * vertical;
+  const Vec3 a = sensor.direction, b = sensor.normal, side = b.cross(a);
   const Real sine = side.dot(up), cosine = b.dot(up), square = sine * sine + cosine * cosine;
   s.value = std::atan2(sine, cosine);
   const Vec3 by_up = (cosine * side - sine * b) / square;
@@ -48,7 +48,7 @@ inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Po
 /// dw = ω - (w × ω)/2 + k w × (w × ω), k = (1 - (φ/2) cot(φ/2))/φ².
 inline Sensed sense(Is<SensorKind::rotation>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
-  const Vec3 w = log_so3(pose.R), a = sensor.direction();
+  const Vec3 w = log_so3(pose.R), a = sensor.direction;
   const Real angle2 = w.squaredNorm(), half = 0.5 * std::sqrt(angle2);
   const Real k = angle2 < 1e-6 ? 1.0 / 12 + angle2 / 720 : (1 - half / std::tan(half)) / angle2;
   s.value = a.dot(w);

@@ -75,10 +75,8 @@ inline Sensed sense_axis(const Sensor& sensor, const Pose& angles) {
 }
 
 /// Value and gradients of any sensor at a closed pose.
-template <Mobility K>
-inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
-  if constexpr (kRotational<K>)
-    if (sensor.kind == SensorKind::axis_angle) return sense_axis(sensor, closure.pose);
+inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure& closure) {
+  if (sensor.kind == SensorKind::axis_angle) return sense_axis(sensor, closure.pose);
   if (!on_chain(sensor)) return sense_pose(sensor, closure.placed());
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
@@ -93,50 +91,46 @@ inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& 
 inline Real by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
                      Real rate) {
   const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
-  return (s.motor + (on_arm ? s.frame.dot(chain.axis()) : 0.0)) * rate - s.rod.dot(dB);
+  return (s.motor + (on_arm ? s.frame.dot(chain.axis) : 0.0)) * rate - s.rod.dot(dB);
 }
 
 /// Row of J_r without the gain: ds along the platform's free motions, the motors following.
-template <Mobility K>
-inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure& closure,
                        const Sensed& s, Real* row) {
-  if constexpr (kRotational<K>)
-    if (sensor.kind == SensorKind::axis_angle) {
-      for (int j = 0; j < kDof<K>; ++j) row[j] = j == sensor.axis ? s.slope : 0;
-      return;
-    }
+  if (sensor.kind == SensorKind::axis_angle) {
+    for (int j = 0; j < dof(robot.mobility); ++j) row[j] = j == sensor.axis ? s.slope : 0;
+    return;
+  }
   if (!on_chain(sensor)) {
-    free_columns<K>(closure.carried, s.linear, s.angular, row);
+    free_row(closure.carried, s.linear, s.angular, row);
     return;
   }
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
   // A moves with the platform; so does the frame of a joint on the platform itself.
-  const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3(Vec3::Zero());
-  free_columns<K>(closure.carried, s.rod, state.lever.cross(s.rod) + turn, row);
-  std::array<Real, kDof<K>> jx;
-  jx_row<K>(closure.carried, state.v, state.lever, jx);
+  const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3::Zero();
+  free_row(closure.carried, s.rod, state.lever.cross(s.rod) + turn, row);
+  Coordinates jx;
+  jx_row(closure.carried, state.v, state.lever, jx.data());
   const Real scale = by_motor(sensor, s, chain, state.dB, state.rate) / state.jq;
-  for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
+  for (int j = 0; j < dof(robot.mobility); ++j) row[j] += scale * jx[j];
 }
 
 /// Reading of any sensor at a closed pose, gain s - offset, and its row of J_r (size n).
-template <Mobility K>
-TRUEPOSE_APART inline Real any_reading(const Robot& robot, const Sensor& sensor,
-                                       const Closure<K>& closure, Real* row) {
-  const Sensed s = sense<K>(robot, sensor, closure);
-  sensor_row<K>(robot, sensor, closure, s, row);
-  for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;
+inline Real any_reading(const Robot& robot, const Sensor& sensor,
+                                       const Closure& closure, Real* row) {
+  const Sensed s = sense(robot, sensor, closure);
+  sensor_row(robot, sensor, closure, s, row);
+  for (int j = 0; j < dof(robot.mobility); ++j) row[j] *= sensor.gain;
   return sensor.gain * s.value - sensor.offset;
 }
 
 /// The same, with a shortcut for the paper's θ sensor.
-template <Mobility K>
-inline Real sensor_reading(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+inline Real sensor_reading(const Robot& robot, const Sensor& sensor, const Closure& closure,
                            Real* row) {
   if (sensor.kind != SensorKind::platform_angle || eccentric(sensor))
-    return any_reading<K>(robot, sensor, closure, row);
-  free_columns<K>(closure.carried, Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
+    return any_reading(robot, sensor, closure, row);
+  free_row(closure.carried, Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
   return sensor.gain * closure.pose.theta - sensor.offset;
 }
 

@@ -1,6 +1,0 @@
-// Compiled kernels of rotational platforms.
-#include "truepose/kernels.hpp"
-
-namespace truepose {
-TRUEPOSE_ROTATIONAL_KERNELS()
-}
