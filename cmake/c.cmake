@@ -4,11 +4,6 @@ file(STRINGS include/truepose/truepose.h abi REGEX "^#define TRUEPOSE_ABI ")
 string(REGEX MATCH "[0-9]+" abi "${abi}")
 
 add_library(truepose_c_objects OBJECT ${TRUEPOSE_C_SOURCES})
-if(NOT TRUEPOSE_MOBILITY)  # a small machine's library compiles what it calls, and nothing else
-  set(kernels $<TARGET_OBJECTS:truepose_kernels>)
-  target_compile_options(truepose_c_objects PRIVATE
-    "SHELL:-include ${PROJECT_SOURCE_DIR}/include/truepose/kernels.hpp")
-endif()
 target_link_libraries(truepose_c_objects PRIVATE truepose_core)
 target_compile_definitions(truepose_c_objects PRIVATE TRUEPOSE_BUILDS_SHARED NDEBUG)
 target_compile_options(truepose_c_objects PRIVATE ${TRUEPOSE_WARNINGS} ${TRUEPOSE_THIN}
@@ -18,7 +13,7 @@ set_target_properties(truepose_c_objects PROPERTIES
 
 foreach(kind static shared)
   string(TOUPPER ${kind} KIND)
-  add_library(truepose_c_${kind} ${KIND} $<TARGET_OBJECTS:truepose_c_objects> ${kernels})
+  add_library(truepose_c_${kind} ${KIND} $<TARGET_OBJECTS:truepose_c_objects>)
   add_library(truepose::${kind} ALIAS truepose_c_${kind})
   target_include_directories(truepose_c_${kind} INTERFACE
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)
@@ -30,13 +25,12 @@ foreach(kind static shared)
 endforeach()
 set(TRUEPOSE_C_LIBRARIES truepose_c_static truepose_c_shared)
 # Calibration, for computers without a deadline: it allocates and needs the C++ library, so that it is a library apart.
-if(NOT TRUEPOSE_MOBILITY AND NOT TRUEPOSE_SINGLE)
+if(NOT TRUEPOSE_SINGLE)
   add_library(truepose_c_offline STATIC src/c/calibrate.cpp)
   add_library(truepose::offline ALIAS truepose_c_offline)
   target_link_libraries(truepose_c_offline PRIVATE $<BUILD_INTERFACE:truepose_core> PUBLIC truepose_c_static)
   target_compile_definitions(truepose_c_offline PRIVATE TRUEPOSE_BUILDS_SHARED NDEBUG)
-  target_compile_options(truepose_c_offline PRIVATE ${TRUEPOSE_WARNINGS} ${TRUEPOSE_THIN} ${TRUEPOSE_BARE}
-    "SHELL:-include ${PROJECT_SOURCE_DIR}/include/truepose/kernels.hpp")
+  target_compile_options(truepose_c_offline PRIVATE ${TRUEPOSE_WARNINGS} ${TRUEPOSE_THIN} ${TRUEPOSE_BARE})
   set_target_properties(truepose_c_offline PROPERTIES OUTPUT_NAME truepose-offline EXPORT_NAME offline
     POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
   list(APPEND TRUEPOSE_C_LIBRARIES truepose_c_offline)

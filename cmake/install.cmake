@@ -1,6 +1,5 @@
 # What `cmake --install` and the wheel give to C and C++ projects: the headers, what find_package(truepose)
-# reads, and the files of pkg-config. All of it under share: headers serve every architecture. So
-# kernels.hpp stays behind, which only declares what a library has compiled.
+# reads, and the files of pkg-config. All of it under share: headers serve every architecture.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 
@@ -14,7 +13,7 @@ set(pkgconfig ${CMAKE_INSTALL_DATADIR}/pkgconfig)
 set_target_properties(truepose_core PROPERTIES EXPORT_NAME core)
 install(TARGETS truepose_core EXPORT truepose INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY include/truepose DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-  FILES_MATCHING PATTERN *.hpp PATTERN *.h PATTERN kernels.hpp EXCLUDE)
+  FILES_MATCHING PATTERN *.hpp PATTERN *.h)
 install(EXPORT truepose NAMESPACE truepose:: FILE trueposeTargets.cmake DESTINATION ${config})
 
 # Without a build there is no C library to install, and the C++ package is whole all the same.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "truepose/control/law.hpp"
+#include "truepose/math/dense.hpp"
 
 namespace truepose::python {
 /// Knowledge that owns its arrays.

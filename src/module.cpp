@@ -7,23 +7,7 @@
 #include "fields.hpp"
 #include "truepose/control/law.hpp"
 #include "truepose/model/geometry.hpp"
-
-/// Vectors of a robot as numpy arrays, copied.
-template <class Numbers>
-struct nanobind::detail::type_caster<truepose::Plain<Numbers>> {
-  using Caster = make_caster<Numbers>;
-  NB_TYPE_CASTER(truepose::Plain<Numbers>, Caster::Name)
-
-  bool from_python(handle from, std::uint8_t flags, cleanup_list* cleanup) noexcept {
-    Caster caster;
-    if (!caster.from_python(from, flags, cleanup)) return false;
-    value = caster.operator cast_t<Numbers&>();
-    return true;
-  }
-  static handle from_cpp(const Numbers& numbers, rv_policy, cleanup_list* cleanup) noexcept {
-    return Caster::from_cpp(numbers, rv_policy::copy, cleanup);
-  }
-};
+#include "vectors.hpp"
 
 namespace truepose::python {
 namespace {

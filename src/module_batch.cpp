@@ -4,6 +4,7 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
+#include "truepose/control/command.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/offline/assembly.hpp"
 #include "truepose/offline/stretch.hpp"
@@ -51,8 +52,7 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   std::vector<Pose> pose = random_starts(robot, q, starts, seed);
   std::vector<char> closed(pose.size());
   for_rows(pose.size(), [&](std::size_t i) {
-    closed[i] = with_mobility(robot.mobility,
-                              [&](auto robot.mobility) { return closes(search(robot, q, pose[i])); });
+    closed[i] = closes(search(robot, q, pose[i]));
   });
   std::vector<Pose> found;
   for (std::size_t i = 0; i < pose.size(); ++i)
@@ -136,18 +136,15 @@ auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance
 auto skeleton(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> points({n, 4, 3});
-  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    Closure closure;
-    const Outcome result = ikm(robot, to_pose(robot.mobility, x), closure);
-    for (std::size_t i = 0; i < n && result; ++i) {
-      const Vec3 P = robot.chain[i].base, B = P + closure.chain[i].p, A = B - closure.chain[i].v;
-      const Vec3 C = closure.placed().D + closure.chain[i].lever;
-      int k = 0;
-      for (const Vec3& point : {P, B, A, C})
-        for (int axis = 0; axis < 3; ++axis) points[i][k++] = point[axis];
-    }
-    return result;
-  });
+  Closure closure;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
+  for (std::size_t i = 0; i < n && outcome; ++i) {
+    const Vec3 P = robot.chain[i].base, B = P + closure.chain[i].p, A = B - closure.chain[i].v;
+    const Vec3 C = closure.placed().D + closure.chain[i].lever;
+    int k = 0;
+    for (const Vec3& point : {P, B, A, C})
+      for (int axis = 0; axis < 3; ++axis) points[i][k++] = point[axis];
+  }
   return answered(outcome, points.release());
 }
 
@@ -155,16 +152,12 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
 auto rod_rows(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> rows({n, n});
-  const Outcome outcome = with_mobility(robot.mobility, [&]<Mobility robot.mobility>(Fixed) {
-    Closure closure;
-    const Outcome result = ikm(robot, to_pose(robot.mobility, x), closure);
-    Coordinates row{};
-    for (int i = 0; i < dof(robot.mobility); ++i) {
-      if (result) jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, row);
-      std::memcpy(rows[i], row.data(), sizeof row);
-    }
-    return result;
-  });
+  Closure closure;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
+  for (std::size_t i = 0; i < n; ++i) {
+    std::fill_n(rows[i], n, 0.0);
+    if (outcome) jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, rows[i]);
+  }
   return nb::make_tuple(rows.release(), static_cast<int>(outcome.status));
 }
 
@@ -174,11 +167,7 @@ auto full_rod_rows(const Robot& robot) {
   Owned<double> result({rods, unknowns});
   Matrix<kMaxRods, kMaxUnknowns> rows{};
   const bool together = bars_together(robot, robot.full.bars);
-  Outcome outcome;
-  if (robot.mobility == Mobility::translation)
-    outcome = full_rows<Mobility::translation>(robot, together, rows);
-  if (robot.mobility == Mobility::schoenflies)
-    outcome = full_rows<Mobility::schoenflies>(robot, together, rows);
+  const Outcome outcome = full_rows(robot, together, rows);
   if (!outcome) throw nb::value_error(describe(outcome.status));
   for (std::size_t rod = 0; rod < rods; ++rod)
     std::memcpy(result[rod], rows[rod].data(), unknowns * sizeof(double));

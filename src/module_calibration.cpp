@@ -24,7 +24,7 @@ auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, con
       [&](std::size_t i, auto& out) {
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
         Pose pose = to_pose(robot.mobility, row<Coordinates>(guess, i));
-        const Found found =
+        const Estimate found =
             model.estimate(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
         std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, out[0]);
         write(found.covariance, n, n, out[1]);
@@ -78,13 +78,15 @@ auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected)
 
 RowMatrix homogeneous(const Frame& frame) {
   RowMatrix T = RowMatrix::Identity(4, 4);
-  T.topLeftCorner(3, 3) = frame.R;
-  T.topRightCorner(3, 1) = frame.t;
+  T.topLeftCorner(3, 3) = dense(frame.R);
+  for (int k = 0; k < 3; ++k) T(k, 3) = frame.t[k];
   return T;
 }
 Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
-  return {{base.topRightCorner(3, 1), base.topLeftCorner(3, 3)},
-          {marker.topRightCorner(3, 1), marker.topLeftCorner(3, 3)}};
+  const auto frame = [](const RowMatrix& T) {
+    return Frame{{T(0, 3), T(1, 3), T(2, 3)}, plain(T.topLeftCorner(3, 3))};
+  };
+  return {frame(base), frame(marker)};
 }
 
 /// Expected tracker coordinates at poses, (N, n); their derivatives by twist and registration,

@@ -52,16 +52,14 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
                   const std::vector<Fault>& faults) {
   const StaticsSettings settings{control, gravity};
   Owned<bool> by_truth({x_d.shape(0)});
-  const auto settled = with_mobility(nominal.mobility, [&](auto mobility) {
-    return map_rows<Coordinates, Coordinates>(
-        x_d, x_d.shape(1), [&](const Coordinates& at, Coordinates& x, std::size_t i) {
-          *by_truth[i] = false;
-          FaultyReadings lying(faults, control.period);
-          return settle(nominal, truth, settings, at, x, Weights(nominal, known).view(),
-                                    off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
-                                    faults.empty() ? nullptr : &lying);
-        });
-  });
+  const auto settled = map_rows<Coordinates, Coordinates>(
+      x_d, x_d.shape(1), [&](const Coordinates& at, Coordinates& x, std::size_t i) {
+        *by_truth[i] = false;
+        FaultyReadings lying(faults, control.period);
+        return settle(nominal, truth, settings, at, x, Weights(nominal, known).view(),
+                      off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
+                      faults.empty() ? nullptr : &lying);
+      });
   return nb::tuple(settled + together(by_truth));
 }
 

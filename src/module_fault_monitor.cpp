@@ -34,25 +34,23 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   FaultMonitor monitor;
   Multirate late;
   if (setup.late) require_started(*setup.late, late);
-  with_mobility(setup.robot.mobility, [&](auto mobility) {
-    for_rows_in_order(count, [&](std::size_t i) {
-      Extended values{};
-      late.arrived = arrivals(late.settings, late.cycle);
-      outcomes.set(
-          i, monitor_faults(setup.robot, setup.settings.monitor, weights.view(),
-                                        row<Joint>(desired, i), row<Extended>(q_e, i), monitor,
-                                        values, setup.late ? &late : nullptr));
-      for (std::size_t c = 0; c < e; ++c) {
-        believed[i][c] = values[c];
-        health[i][c] = static_cast<int>(monitor.reading[c].health);
-        symptom[i][c] = static_cast<int>(monitor.reading[c].symptom);
-      }
-      *chi2[i] = monitor.chi2;
-      *freedom[i] = monitor.freedom;
-      *doubted[i] = static_cast<int>(monitor.doubted);
-      *undecided[i] = monitor.undecided;
-      *warm[i] = monitor.warm_up.warm;
-    });
+  for_rows_in_order(count, [&](std::size_t i) {
+    Extended values{};
+    late.arrived = arrivals(late.settings, late.cycle);
+    outcomes.set(
+        i, monitor_faults(setup.robot, setup.settings.monitor, weights.view(),
+                                      row<Joint>(desired, i), row<Extended>(q_e, i), monitor,
+                                      values, setup.late ? &late : nullptr));
+    for (std::size_t c = 0; c < e; ++c) {
+      believed[i][c] = values[c];
+      health[i][c] = static_cast<int>(monitor.reading[c].health);
+      symptom[i][c] = static_cast<int>(monitor.reading[c].symptom);
+    }
+    *chi2[i] = monitor.chi2;
+    *freedom[i] = monitor.freedom;
+    *doubted[i] = static_cast<int>(monitor.doubted);
+    *undecided[i] = monitor.undecided;
+    *warm[i] = monitor.warm_up.warm;
   });
   return together(believed, health, symptom, chi2, freedom, doubted, undecided, warm,
                   outcomes.status);

@@ -1,5 +1,4 @@
 // The core's services for an external plant: readings, setpoints, reference motion. No mathematics.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
 
@@ -9,6 +8,7 @@
 #include "truepose/full/rkm.hpp"
 #include "truepose/kinematics/angles_of.hpp"
 #include "truepose/offline/plant.hpp"
+#include "vectors.hpp"
 
 namespace truepose::python {
 namespace {
@@ -19,19 +19,19 @@ auto readings(const Robot& robot, const Vec3& D, const Mat3& R,
   FullPose pose;
   pose.D = D, pose.R = R, pose.psi = psi, pose.theta = theta;
   Extended q_e{};
-  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    return read_standing(robot, pose, motor, arm, q_e);
-  });
+  const Outcome outcome = read_standing(robot, pose, motor, arm, q_e);
   return nb::make_tuple(q_e, static_cast<int>(outcome.status));
 }
 
-using Rows33 = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>;
+/// Row i of an array as a vector, or as a rotation by rows.
+Vec3 vector(const Rows& rows, std::size_t i) { return row<Vec3>(rows, i); }
+Mat3 rotation(const Rows& rows, std::size_t i) { return row<Mat3>(rows, i).transpose(); }
 
 /// R, (N, 3, 3), of rotation vectors, (N, 3).
 auto rotations(const Rows& vectors) {
   Owned<double> R({vectors.shape(0), 3, 3});
   for_rows(vectors.shape(0), [&](std::size_t i) {
-    const Mat3 columns = exp_so3(Vec3(vectors.data() + 3 * i)).transpose();
+    const Mat3 columns = exp_so3(vector(vectors, i)).transpose();
     std::copy_n(columns.data(), 9, R[i]);
   });
   return R.release();
@@ -41,26 +41,24 @@ auto rotations(const Rows& vectors) {
 auto rotation_vectors(const Rows& R) {
   Owned<double> vectors({R.shape(0), 3});
   for_rows(R.shape(0), [&](std::size_t i) {
-    const Vec3 vector = log_so3(Rows33(R.data() + 9 * i));
-    std::copy_n(vector.data(), 3, vectors[i]);
+    const Vec3 w = log_so3(rotation(R, i));
+    std::copy_n(w.data(), 3, vectors[i]);
   });
   return vectors.release();
 }
 
 /// Frames of the platform, (N, 4, 4). @param tilt  rotation not in x, (N, 3); with a θ, about x, y
 auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
-  using Frame = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
   Owned<double> all({x.shape(0), 4, 4});
-  with_mobility(robot.mobility, [&]<Mobility robot.mobility>(Fixed) {
-    for_rows(x.shape(0), [&](std::size_t i) {
-      const Pose pose = placed(robot, to_pose(robot.mobility, row<Coordinates>(x, i)));
-      Vec3 turn(tilt.data() + 3 * i);
-      if (turns_about_z(robot.mobility)) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
-      Eigen::Map<Frame> frame(all[i]);
-      frame.setIdentity();
-      frame.topLeftCorner<3, 3>() = exp_so3(turn) * pose.R;
-      frame.topRightCorner<3, 1>() = pose.D;
-    });
+  for_rows(x.shape(0), [&](std::size_t i) {
+    const Pose pose = placed(robot, to_pose(robot.mobility, row<Coordinates>(x, i)));
+    Vec3 turn = vector(tilt, i);
+    if (turns_about_z(robot.mobility)) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
+    const Mat3 R = exp_so3(turn) * pose.R;
+    for (int k = 0; k < 16; ++k) {
+      const int line = k / 4, column = k % 4;
+      all[i][k] = line == 3 ? column == 3 : column == 3 ? pose.D[line] : R(line, column);
+    }
   });
   return all.release();
 }
@@ -69,18 +67,15 @@ auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
 auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> x({D.shape(0), n});
-  with_mobility(robot.mobility, [&](auto mobility) {
-    for_rows(D.shape(0), [&](std::size_t i) {
-      Pose pose;
-      pose.D = Vec3(D.data() + 3 * i), pose.R = Rows33(R.data() + 9 * i);
-      pose.theta = theta_of(pose.R, 0);
-      if (is_rotational(robot.mobility)) {
-        Pose angles = to_pose(robot.mobility, robot.home);
-        angles_of(robot, pose, angles);
-        pose = angles;
-      }
-      std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, x[i]);
-    });
+  for_rows(D.shape(0), [&](std::size_t i) {
+    Pose pose{vector(D, i), rotation(R, i), 0};
+    pose.theta = theta_of(pose.R, 0);
+    if (is_rotational(robot.mobility)) {
+      Pose angles = to_pose(robot.mobility, robot.home);
+      angles_of(robot, pose, angles);
+      pose = angles;
+    }
+    std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, x[i]);
   });
   return x.release();
 }
@@ -88,7 +83,7 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
 /// Setpoint at a time of a straight quintic move.
 auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
               double time) {
-  const Setpoint at = quintic(from, to, duration, time);
+  const Setpoint at = quintic(robot.mobility, from, to, duration, time);
   return nb::make_tuple(at.x, at.rate, at.acceleration);
 }
 
@@ -124,13 +119,10 @@ auto batch_acceleration(const Robot& robot, const Rows& x, const Rows& rate, con
 auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& rate,
                   const Joint& torque, double duration, int steps) {
   Coordinates end{}, end_rate{};
-  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    PlantState state{to_pose(robot.mobility, x), rate};
-    const Outcome result = advance(robot, torque, duration, steps, state);
-    end = to_coordinates(robot.mobility, state.pose);
-    end_rate = state.rate;
-    return result;
-  });
+  PlantState state{to_pose(robot.mobility, x), rate};
+  const Outcome outcome = advance(robot, torque, duration, steps, state);
+  end = to_coordinates(robot.mobility, state.pose);
+  end_rate = state.rate;
   return nb::make_tuple(end, end_rate, static_cast<int>(outcome.status));
 }
 }  // namespace

@@ -58,10 +58,8 @@ struct SafeControl {
     cycle.request = {begins.second, false, begins.first};
     if (!frozen) ++frame;
     cycle.counter = {safety.counted, frame};
-    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_safely(robot, with, safety.limits, clock.paced(setpoint), q_e,
-                                        state, shell, cycle, weighing, monitored);
-    });
+    const Outcome outcome = control_safely(robot, with, safety.limits, clock.paced(setpoint), q_e,
+                                           state, shell, cycle, weighing, monitored);
     if (!shell.follows) clock.rate = 0;
     clock.advance(with.period, shell.path_stop);
     return answered(outcome);

@@ -127,12 +127,10 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
     LoopExtras with(of, seed);
     with.extras.law = own_law(of.nominal, torque_of);
     log.reserve(periods + 1);
-    outcome = with_mobility(of.nominal.mobility, [&](auto mobility) {
-      Loop loop(of.nominal, of.truth, of.settings, start, seed, with.extras);
-      return run(loop, [&](const Sample& sample) {
-        log.push_back(sample);
-        signals();
-      });
+    Loop loop(of.nominal, of.truth, of.settings, start, seed, with.extras);
+    outcome = run(loop, [&](const Sample& sample) {
+      log.push_back(sample);
+      signals();
     });
   }
   const std::size_t n = dof(of.nominal.mobility), e = n + of.nominal.r;
@@ -217,38 +215,36 @@ auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, i
     nb::gil_scoped_release release;
     Signals signals;
     LoopExtras with(of, seed);
-    with_mobility(of.nominal.mobility, [&]<Mobility robot.mobility>(Fixed) {
-      Coordinates from = of.nominal.home, standing = start;
-      std::optional<Loop> loop;
-      for (std::size_t i = 0; i < count; ++i) {
-        const Coordinates to = row<Coordinates>(x_d, i);
-        const double period = of.settings.period, end = duration + hold;
-        with.extras.began = i * period * std::lround(end / period);
-        if (!loop) loop.emplace(of.nominal, of.truth, of.settings, standing, seed + i, with.extras);
-        Visited visited;
-        const Outcome outcome =
-            loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
-              signals();
-              visited.add(of.nominal, sample, end, hold);
-            });
-        outcomes.set(i, outcome);
-        *swing[i] = 0;
-        for (std::size_t k = 0; k < n; ++k)
-          *swing[i] = std::max(*swing[i], visited.high[k] - visited.low[k]);
-        *saturated[i] = visited.saturated;
-        *unanswered[i] = visited.unanswered;
-        *reason[i] = static_cast<int>(visited.reason);
-        if (outcome) {
-          from = standing = to;
-        } else {
-          visited.last.x.fill(NAN);
-          visited.last.q_e.fill(NAN);
-          loop.reset();
-        }
-        std::copy_n(visited.last.x.begin(), n, x[i]);
-        std::copy_n(visited.last.q_e.begin(), e, q_e[i]);
+    Coordinates from = of.nominal.home, standing = start;
+    std::optional<Loop> loop;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Coordinates to = row<Coordinates>(x_d, i);
+      const double period = of.settings.period, end = duration + hold;
+      with.extras.began = i * period * std::lround(end / period);
+      if (!loop) loop.emplace(of.nominal, of.truth, of.settings, standing, seed + i, with.extras);
+      Visited visited;
+      const Outcome outcome =
+          loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
+            signals();
+            visited.add(of.nominal, sample, end, hold);
+          });
+      outcomes.set(i, outcome);
+      *swing[i] = 0;
+      for (std::size_t k = 0; k < n; ++k)
+        *swing[i] = std::max(*swing[i], visited.high[k] - visited.low[k]);
+      *saturated[i] = visited.saturated;
+      *unanswered[i] = visited.unanswered;
+      *reason[i] = static_cast<int>(visited.reason);
+      if (outcome) {
+        from = standing = to;
+      } else {
+        visited.last.x.fill(NAN);
+        visited.last.q_e.fill(NAN);
+        loop.reset();
       }
-    });
+      std::copy_n(visited.last.x.begin(), n, x[i]);
+      std::copy_n(visited.last.q_e.begin(), e, q_e[i]);
+    }
   }
   return together(x, q_e, swing, saturated, outcomes.status, unanswered, reason);
 }

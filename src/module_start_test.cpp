@@ -24,10 +24,8 @@ nb::dict simulate_start(const Robot& robot, const Robot& truth, const ControlSet
     const Weights weights(robot, &known);
     outcome = default_limits(robot, control, limits);
     if (outcome)
-      outcome = with_mobility(robot.mobility, [&](auto mobility) {
-        return simulate_start(robot, truth, settings, limits, weights.view(), effects,
-                                          {faults, incremental, referenced, start, seed}, run);
-      });
+      outcome = simulate_start(robot, truth, settings, limits, weights.view(), effects,
+                               {faults, incremental, referenced, start, seed}, run);
   }
   const StartTest& test = run.test;
   const int n = dof(robot.mobility), e = n + robot.r;

@@ -89,12 +89,7 @@ struct Copy {
   }
   template <class C, class Core, std::size_t N>
   void operator()(const char*, C (&c)[N], Core& core) const {
-    for (std::size_t k = 0; k < N; ++k) {
-      if constexpr (requires { core.number; })
-        (*this)("", c[k], core.number[k]);
-      else
-        (*this)("", c[k], core[k]);
-    }
+    for (std::size_t k = 0; k < N; ++k) (*this)("", c[k], core.data()[k]);
   }
 };
 

@@ -14,7 +14,7 @@ inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
   if (!robot.finished) return {Status::unfinished, -1};
   const Pose pose = to_pose(robot.mobility, x);
   const Carried carried = carried_frames(robot, pose);
-  const Mat3& R = placed(pose, carried).R;
+  const Mat3& R = carried.pose.R;
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < dof(robot.mobility); ++j) {
     Coordinates rate{};
