@@ -231,9 +231,7 @@ truepose_outcome truepose_controller_sensors(truepose_controller* controller,
   if (made == nullptr || (sensors && slow == nullptr)) return c::answer(c::kUnfinished);
   made->late = slow ? &slow->late : nullptr;
   made->compensate = [](const Robot& robot, Multirate& late, c::Present& now) {
-    now.weighing = with_mobility(robot.mobility, [&](auto mobility) {
-      return compensated(robot, now.weighing, late, now.known, now.q_e);
-    });
+    now.weighing = compensated(robot, now.weighing, late, now.known, now.q_e);
   };
   return c::answer({});
 }
@@ -282,11 +280,9 @@ truepose_outcome truepose_control_fault_tolerant(
     const c::Known weighs(robot, known, work, &made->kept);
     if (!weighs.sound) return weighs.sound;
     if (!c::monitors(*setup, robot, finest)) return c::kUnfinished;
-    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_fault_tolerant(
+    const Outcome outcome = control_fault_tolerant(
           robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
           c::values<Extended>(q_e), made->state, weighs.weighing, setup->state, made->late);
-    });
     c::give(made->state.torque, torque);
     c::report_on(*setup, report);
     return outcome;
@@ -306,11 +302,9 @@ truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
     if (!weighs.sound) return weighs.sound;
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
-    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return monitor_faults(robot, setup->settings.monitor, weighs.weighing,
+    const Outcome outcome = monitor_faults(robot, setup->settings.monitor, weighs.weighing,
                                         c::values<Joint>(desired), read, setup->state.monitor,
                                         stands);
-    });
     if (outcome) c::give(stands, believed);
     c::report_on(*setup, report);
     return outcome;

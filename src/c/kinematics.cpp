@@ -18,9 +18,17 @@ Mat3 matrix(const truepose_real* rows) {
 void by_rows(const Mat3& R, truepose_real* rows) {
   for (int k = 0; k < 9; ++k) rows[k] = R(k / 3, k % 3);
 }
+/// The largest entry; NaN where one is.
+template <class Numbers>
+Real largest(const Numbers& of) {
+  Real most = 0;
+  for (std::size_t k = 0; k < sizeof of / sizeof(Real); ++k)
+    most = std::fabs(of.data()[k]) <= most ? most : std::fabs(of.data()[k]);
+  return most;
+}
 Status rotation_status(const Mat3& R) {
   const Mat3 off = R * R.transpose() - Mat3::Identity();
-  if ((off.array().abs() < kRotation).all() && R.determinant() > 0) return Status::ok;
+  if (largest(off) < kRotation && R.col(0).cross(R.col(1)).dot(R.col(2)) > 0) return Status::ok;
   return R.allFinite() ? Status::no_such_value : Status::not_finite;
 }
 
@@ -44,7 +52,7 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
     const Real near = x[robot.motors - 1];
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
   }
-  const Coordinates found = with_mobility(robot.mobility, [&](auto mobility) {
+  const Coordinates found = [&] {
     if (is_rotational(robot.mobility)) {
       Pose angles = to_pose(robot.mobility, all_finite(x, robot.motors) ? x : robot.home);
       angles_of(robot, at, angles);
@@ -52,10 +60,9 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
     } else {
       return to_coordinates(robot.mobility, at);
     }
-  });
+  }();
   const Pose again = place_of(robot, found);
-  if (!((again.R - at.R).cwiseAbs().maxCoeff() < kRotation &&
-        (again.D - at.D).cwiseAbs().maxCoeff() < kRotation))
+  if (!(largest(again.R - at.R) < kRotation && largest(again.D - at.D) < kRotation))
     return {Status::no_such_value, -1};
   x = found;
   return {};
@@ -95,7 +102,6 @@ void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
 /// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
 Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
                bool to_joints, truepose_real* to) {
-  if (!is_rotational(Mobility::rotational_1)) return kNotRotational;
   auto given = values<Coordinates>(from);
   const int n = robot.motors;
   if (!all_finite(given, n)) return {Status::not_finite, -1};
@@ -126,7 +132,7 @@ Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
   if (robot.mobility == Mobility::spatial && !robot.rod_by_rod()) {  // any pose is feasible
     Pose at;
     outcome = body(pose, at);
-    if (outcome) outcome = command<Mobility::spatial>(robot, at, found, conditioned);
+    if (outcome) outcome = command(robot, at, found, conditioned);
   } else {
     Coordinates x = robot.home;
     outcome = coordinates(robot, pose, x);

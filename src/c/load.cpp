@@ -41,8 +41,10 @@ Status status_of(const truepose_sensor& c, const Sensor& sensor) {
 
 Status status_of(const truepose_body& c, const Body& body) {
   if (!finite(c, body)) return Status::not_finite;
-  const Mat3 inertia = body.inertia;
-  const bool symmetric = inertia == inertia.transpose() && inertia.diagonal().minCoeff() >= 0;
+  bool symmetric = true;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j <= i; ++j)
+      symmetric = symmetric && body.inertia(i, j) == body.inertia(j, i) && body.inertia(i, i) >= 0;
   return c.mass >= 0 && symmetric ? Status::ok : Status::no_such_value;
 }
 

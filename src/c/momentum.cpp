@@ -56,10 +56,8 @@ truepose_outcome truepose_fault_monitor_observe(const truepose_model* model,
   return c::asked(model, [&](const Robot& robot) {
     c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
     if (setup == nullptr) return c::kUnfinished;
-    with_mobility(robot.mobility, [&](auto mobility) {
-      observe_forces(robot, setup->settings, setup->settings.monitor.period, true,
+    observe_forces(robot, setup->settings, setup->settings.monitor.period, true,
                                  c::values<Joint>(torque), setup->state);
-    });
     return Outcome{};
   });
 }

@@ -17,12 +17,11 @@ std::size_t memory(const Robot& robot, std::int32_t count) {
          static_cast<std::size_t>(online_work(robot, count));
 }
 
-template <class Level, Mobility robot.mobility>
 truepose_estimate_result estimated(const Robot& robot, const Knowledge& known,
                                    const truepose_real* q_e, truepose_real* work,
                                    truepose_real* x) {
   Pose pose = to_pose(robot.mobility, values<Coordinates>(x));
-  const Estimate found = estimate<Level>(robot, known, values<Extended>(q_e), pose, work);
+  const Estimate found = estimate(level_of(robot), robot, known, values<Extended>(q_e), pose, work);
   truepose_estimate_result result{answer(found.outcome), found.iterations, 0, found.chi2, {}};
   if (!found) return result;
   for (int i = 0; i < dof(robot.mobility); ++i)
@@ -69,9 +68,7 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
     truepose_estimate_result refused = none;
     refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : weighs.sound);
     if (!weighs.sound || !weighs.weighing) return refused;
-    return with_model(robot, [&](auto model) {
-      return c::estimated<decltype(model), mobility()>(robot, weighs.knowledge, q_e, work, x);
-    });
+    return c::estimated(robot, weighs.knowledge, q_e, work, x);
   });
 }
 

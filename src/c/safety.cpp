@@ -112,11 +112,9 @@ truepose_outcome truepose_control_safely(
     SafetyCycle cycle = c::cycle_of(*marks);
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made->late};
-    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return control_safely(
+    const Outcome outcome = control_safely(
           robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
           c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
-    });
     c::report_on(safe->shell, report);
     return outcome;
   });

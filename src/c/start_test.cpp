@@ -57,10 +57,8 @@ truepose_outcome truepose_start_test_cycle(const truepose_model* model, truepose
     if (made == nullptr) return c::kUnfinished;
     const c::Known by(robot, known, work);
     if (!by.sound) return by.sound;
-    with_mobility(robot.mobility, [&](auto mobility) {
-      start_test(robot, made->settings, made->limits, c::values<Extended>(q_e),
+    start_test(robot, made->settings, made->limits, c::values<Extended>(q_e),
                              referenced != 0, made->test, by.weighing);
-    });
     const StartTest& now = made->test;
     *report = truepose_start_report{};
     report->state = static_cast<std::int32_t>(now.state);

@@ -14,9 +14,8 @@ inline constexpr Real kUpright = by_precision(1e-9, 1e-5);
 
 inline Mat3 from_roll_pitch_yaw(const RollPitchYaw& angles) {
   const Real r = angles[0], p = angles[1];
-  Mat3 roll, pitch;
-  roll << 1, 0, 0, 0, std::cos(r), -std::sin(r), 0, std::sin(r), std::cos(r);
-  pitch << std::cos(p), 0, std::sin(p), 0, 1, 0, -std::sin(p), 0, std::cos(p);
+  const Mat3 roll = Mat3::of(1, 0, 0, 0, std::cos(r), -std::sin(r), 0, std::sin(r), std::cos(r));
+  const Mat3 pitch = Mat3::of(std::cos(p), 0, std::sin(p), 0, 1, 0, -std::sin(p), 0, std::cos(p));
   return rotation_z(angles[2]) * pitch * roll;
 }
 
