@@ -9,10 +9,11 @@
 namespace pivots_tested {
 
 /// Limits, a shell, and a robot that follows its path exactly, but for counts.
+template <Mobility K>
 struct Guarded {
-  static const int n = dof(K);
+  static constexpr int n = kDof<K>;
   explicit Guarded(const Mechanism& mechanism) : robot(mechanism.robot) {
-    CHECK(inverse_dynamics(robot, to_pose(K, robot.home), {}, {}, weight));
+    CHECK(inverse_dynamics<K>(robot, to_pose<K>(robot.home), {}, {}, weight));
     ControlSettings one;
     CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
     for (int i = 0; i < n; ++i) {
@@ -28,8 +29,8 @@ struct Guarded {
     SafetyCycle cycle;
     cycle.x = robot.home;
     for (int j = 0; j < n; ++j) cycle.x[j] += 0.01 * (1 - std::cos((3 + j) * time));
-    Closure closure;
-    CHECK(ikm(robot, to_pose(K, cycle.x), closure));
+    Closure<K> closure;
+    CHECK(ikm<K>(robot, to_pose<K>(cycle.x), closure));
     cycle.q_d = closure.q();
     for (int i = 0; i < n; ++i) cycle.q[i] = quantized(cycle.q_d[i], robot.chain[i].encoder_step);
     cycle.torque = cycle.load = weight;
@@ -42,7 +43,7 @@ struct Guarded {
   /// One cycle, and what holds in every one.
   void step(const SafetyCycle& cycle) {
     const SafetyShell before = shell;
-    guard(robot, limits, cycle, shell);
+    guard<K>(robot, limits, cycle, shell);
     const SafetyState from = before.machine.state, state = shell.machine.state;
     const bool closed = from != SafetyState::running && from != SafetyState::stopping;
     for (int i = 0; i < n; ++i) {

@@ -75,7 +75,7 @@ class Prior {
     learner.work = filter_.data();
     learner.robot = robot;
     learner.pose = with_mobility(robot.mobility,
-                                 [&](auto mobility) { return to_pose(K, robot.home); });
+                                 [&](auto mobility) { return to_pose<mobility()>(robot.home); });
     return learner;
   }
 
@@ -138,7 +138,7 @@ inline void set_masses(Chain& chain, double drive, double arm, double rod) {
 inline void set_pair(Chain& chain, int bar = -1) {
   chain.bar = bar;
   chain.rod_spacing = 0.08;
-  chain.pair_axis = chain.axis.cross(chain.zero);  // of a carriage: across rail and rod
+  chain.pair_axis = chain.axis().cross(chain.zero());  // of a carriage: across rail and rod
   chain.pair_drawn = pair_direction(chain);
 }
 
@@ -221,8 +221,8 @@ inline Mechanism delta() {
   for (int i = 0; i < 3; ++i) {
     Chain& chain = robot.chain[i];
     chain.zero = polar(1, 119 * i);
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
-    chain.base = 0.2 * chain.zero + Vec3(0, 0, 0.005 * i);
+    chain.axis = Vec3::UnitZ().cross(chain.zero());
+    chain.base = 0.2 * chain.zero() + Vec3(0, 0, 0.005 * i);
     chain.arm = 0.3 + 0.004 * i;
     chain.rod = 0.7 - 0.005 * i;
     chain.pivot = polar(0.05, 120 * i);
@@ -244,7 +244,7 @@ inline Mechanism linear_delta() {
     chain.actuator = Actuator::prismatic;
     chain.base = polar(0.35 + 0.01 * i, 30 + 120 * i);
     chain.axis = (Vec3::UnitZ() + polar(0.1, 20 + 100 * i)).normalized();  // rails lean a little
-    chain.zero = chain.axis.cross(polar(1, 120 + 120 * i)).normalized();
+    chain.zero = chain.axis().cross(polar(1, 120 + 120 * i)).normalized();
     chain.rod = 0.6 - 0.01 * i;
     chain.working_mode = 1;  // carriages above the nacelle
     chain.pivot = polar(0.06, 30 + 120 * i);
@@ -265,8 +265,8 @@ inline Mechanism par4() {
   for (int i = 0; i < 4; ++i) {
     Chain& chain = robot.chain[i];
     chain.zero = polar(1, 45 + 90 * i + 2 * (i % 3));
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
-    chain.base = 0.275 * chain.zero;
+    chain.axis = Vec3::UnitZ().cross(chain.zero());
+    chain.base = 0.275 * chain.zero();
     chain.arm = 0.375 + 0.002 * i;
     chain.rod = 0.8 + 0.003 * i;
     chain.pivot = Vec3(i == 0 || i == 3 ? 0.08 : -0.08, 0, 0.004 * i);
@@ -294,14 +294,14 @@ inline Mechanism hexapod(const char* name, Actuator actuator) {
     chain.actuator = actuator;
     chain.base = polar(0.35 + 0.004 * i, base[i] + i, 0.003 * i);
     chain.zero = polar(1, base[i] + i);
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.axis = Vec3::UnitZ().cross(chain.zero());
     chain.arm = 0.25 + 0.002 * i;
     chain.rod = 0.6 - 0.003 * i;
     chain.pivot = polar(0.18 + 0.003 * i, nacelle[i] - 2 * i, 0.01 + 0.002 * i);
     set_masses(chain, actuator == Actuator::telescopic ? 0.8 : 0.02, 0.4, 0.25);
   }
   add_body(robot, 2, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.02, 0.025, 0.03});
-  robot.body[0].inertia(0, 1) = robot.body[0].inertia(1, 0) = 0.002;
+  robot.body[0].inertia()(0, 1) = robot.body[0].inertia()(1, 0) = 0.002;
   robot.home = {0.01, -0.02, -0.55, 0.03, -0.02, 0.05};
   complete(mechanism);
   return mechanism;
@@ -347,7 +347,7 @@ void for_each(F&& f) {
   for (const Mechanism& mechanism : all) {
     check::state().scene = mechanism.name;
     with_mobility(mechanism.robot.mobility, [&](auto mobility) {
-      if (!is_rotational(K)) f(mechanism, mobility);  // theirs: rotational.hpp
+      if constexpr (!kRotational<mobility()>) f(mechanism, mobility);  // theirs: rotational.hpp
     });
   }
 }
@@ -355,14 +355,14 @@ void for_each(F&& f) {
 /// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
 /// mobility K, its n freedoms and its mechanism.
 #define TEST_EACH(list, statement)                                     \
-  template <int n = dof(K)>                               \
+  template <Mobility K, int n = kDof<K>>                               \
   static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism); \
   TEST(statement) {                                                    \
     list([](const Mechanism& mechanism, auto mobility) {               \
-      CHECK_JOIN(each_, __LINE__)<K>(mechanism);              \
+      CHECK_JOIN(each_, __LINE__)<mobility()>(mechanism);              \
     });                                                                \
   }                                                                    \
-  template <int n>                                         \
+  template <Mobility K, int n>                                         \
   static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism)
 
 /// A random pose of the box, shrunk by `part`.
@@ -374,10 +374,11 @@ inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random
 }
 
 /// x moved by `size` metres and radians in every freedom, up or down.
+template <Mobility K>
 Pose nearby(const Pose& pose, check::Random& random, double size) {
   Coordinates step{};
-  for (int i = 0; i < dof(K); ++i) step[i] = random() < 0 ? -size : size;
-  return moved(K, pose, step);
+  for (int i = 0; i < kDof<K>; ++i) step[i] = random() < 0 ? -size : size;
+  return moved<K>(pose, step);
 }
 
 inline Joint random_joint(check::Random& random, double size) {
@@ -387,10 +388,11 @@ inline Joint random_joint(check::Random& random, double size) {
 }
 
 /// Largest entry of the difference of two poses.
+template <Mobility K>
 double distance(const Pose& a, const Pose& b) {
-  const Coordinates step = difference(K, a, b);
+  const Coordinates step = difference<K>(a, b);
   double largest = 0;
-  for (int i = 0; i < dof(K); ++i) {
+  for (int i = 0; i < kDof<K>; ++i) {
     if (std::isnan(step[i])) return INFINITY;
     largest = std::max(largest, std::fabs(step[i]));
   }

@@ -166,7 +166,7 @@ TEST_EACH(for_each_pivot,
     CHECK_NEAR(read[n], x[n - 1], 0);
     truepose_pose pose;
     CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
-    const Pose there = placed(robot, to_pose(K, x));
+    const Pose there = placed<K>(robot, to_pose<K>(x));
     for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
     truepose_real found[6] = {};
     CHECK(same(truepose_coordinates_of(&in_c.model, &pose, found), {}));
@@ -255,7 +255,7 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       truepose_setpoint setpoint_c{};
       std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
       Extended q_e{};
-      CHECK(bool(extended(robot, to_pose(K, setpoint.x), q_e)));
+      CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
       for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
       Joint e{};
       truepose_real e_c[6] = {}, torque[6] = {};
@@ -271,14 +271,14 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
                                   work.data(), torque),
                  control(robot, settings, setpoint, q_e, state, keeps)));
       CHECK(same(torque, state.torque));
-      Pose pose = to_pose(K, robot.home);
-      const auto estimated = estimate(robot, prior.known(), q_e, pose, work.data());
+      Pose pose = to_pose<K>(robot.home);
+      const auto estimated = estimate<K>(robot, prior.known(), q_e, pose, work.data());
       truepose_real x_c[6];
       std::copy_n(robot.home.begin(), 6, x_c);
       const truepose_estimate_result result =
           truepose_estimate(&in_c_model.model, &known, q_e.data(), work.data(), x_c);
       CHECK(same(result.outcome, estimated.outcome));
-      CHECK(same(x_c, to_coordinates(K, pose)) && result.chi2 == estimated.chi2);
+      CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
     }
   }
   truepose_real e[6];
@@ -344,7 +344,7 @@ TEST_EACH(for_each,
           truepose_setpoint setpoint_c{};
           std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
           Extended q_e{};
-          CHECK(bool(extended(robot, to_pose(K, setpoint.x), q_e)));
+          CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
           const bool comes = k % 10 == 8;
           if (k == 0 || comes) held = q_e;
           std::copy_n(held.begin() + n, robot.r, q_e.begin() + n);
@@ -361,7 +361,7 @@ TEST_EACH(for_each,
           truepose_real torque[6];
           Outcome outcome;
           if (monitors) {
-            outcome = control_fault_tolerant(robot, settings, watch, setpoint, q_e, state, keeps,
+            outcome = control_fault_tolerant<K>(robot, settings, watch, setpoint, q_e, state, keeps,
                                                 seen, &late);
             CHECK(same(truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
                                                        &monitor, &setpoint_c, q_e.data(), &known,
@@ -370,9 +370,9 @@ TEST_EACH(for_each,
           } else {
             Extended present = q_e;
             Knowledge weighed;
-            const Weighing by = compensated(robot, properties(law).weighs ? keeps : Weighing{},
+            const Weighing by = compensated<K>(robot, properties(law).weighs ? keeps : Weighing{},
                                                late, weighed, present);
-            outcome = control(robot, settings, setpoint, present, state, by);
+            outcome = control<K>(robot, settings, setpoint, present, state, by);
             CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(),
                                         &known, work.data(), torque),
                        outcome));
@@ -434,7 +434,7 @@ TEST_EACH(for_each,
   truepose_setpoint setpoint{};
   std::copy_n(robot.home.begin(), 6, setpoint.x);
   Extended q_e{};
-  CHECK(bool(extended(robot, to_pose(K, robot.home), q_e)));
+  CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), q_e)));
   const int sensor = robot.motors;
   truepose_fault_report report;
   truepose_outcome outcome{};
@@ -490,9 +490,9 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   for (int k = 0; k < 10; ++k) {
     Extended q_e{};
     const Coordinates x = random_pose(mechanism, random);
-    CHECK(bool(extended(truth, to_pose(K, x), q_e)));
+    CHECK(bool(extended<K>(truth, to_pose<K>(x), q_e)));
     CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
-               calibrate_online(core, q_e)));
+               calibrate_online<K>(core, q_e)));
   }
   truepose_model learnt;
   truepose_knowledge after;
@@ -771,7 +771,7 @@ TEST_EACH(for_each,
     Coordinates rate{};
     std::copy_n(joints.velocity, 6, rate.begin());
     for (Real& value : rate) value *= kStep;
-    CHECK(bool(ikm(robot, to_coordinates(K, moved(K, to_pose(K, x), rate)), q_near)));
+    CHECK(bool(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near)));
     for (int i = 0; i < n; ++i)
       along =
           std::max(along, std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));
@@ -797,7 +797,7 @@ TEST_EACH(for_each,
                          given.kd[i] * (given.state.velocity[i] - motors.velocity[i]);
     }
     CHECK(bool(model.joint_state(acting, felt)));
-    const Coordinates away = difference(K, to_pose(K, near), to_pose(K, x));
+    const Coordinates away = difference<K>(to_pose<K>(near), to_pose<K>(x));
     for (int i = 0; i < n; ++i) {
       const Real asked = wanted.state.torque[i] + wanted.kp[i] * away[i] +
                          wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]);

@@ -14,8 +14,9 @@ bool same(truepose_outcome a, Outcome b) {
 }
 
 /// A robot with torque limits, its controller and its shell as a C program has them.
+template <Mobility K>
 struct InC {
-  explicit InC(const Mechanism& mechanism) : robot(limited_robot(mechanism)) {
+  explicit InC(const Mechanism& mechanism) : robot(limited_robot<K>(mechanism)) {
     truepose_description table;
     c::describe(robot, table);
     CHECK(same(truepose_load(&model, sizeof model, &table), {}));
@@ -25,7 +26,7 @@ struct InC {
     CHECK(same(truepose_safety_shell_init(&shell, sizeof shell, &model, &limits), {}));
     std::copy_n(robot.home.begin(), kMaxDof, setpoint.x);
     Extended read{};
-    CHECK(bool(extended(robot, to_pose(K, robot.home), read)));
+    CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), read)));
     std::copy(read.begin(), read.end(), q_e);
   }
   truepose_outcome cycle(truepose_safety_marks marks = {}, bool frozen = false) {
@@ -62,7 +63,7 @@ struct InC {
 TEST_EACH(
     for_each,
     "a shell in C starts, names a frozen frame in three cycles, and moves on once acknowledged") {
-  InC c(mechanism);
+  InC<K> c(mechanism);
   c.begin();
   // The core's shell, one cycle for one cycle.
   ControlState state;
@@ -79,7 +80,7 @@ TEST_EACH(
     cycle.counter = {true, frame};
     cycle.request = {frame > 11, false, frame > 10};
     static_cast<void>(
-        control_safely(c.robot, settings, limits, setpoint, q_e, state, shell, cycle));
+        control_safely<K>(c.robot, settings, limits, setpoint, q_e, state, shell, cycle));
   }
   CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
   int until = 0;
@@ -93,7 +94,7 @@ TEST_EACH(
 }
 
 TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's law") {
-  InC c(mechanism);
+  InC<K> c(mechanism);
   truepose_safety_shell alone;
   CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, &c.model, &c.limits), {}));
   ControlState state;  // of any law: the core's
@@ -109,7 +110,7 @@ TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's 
     if (!report.follows) state = {};
     Setpoint setpoint;
     setpoint.x = c.robot.home;
-    const Outcome outcome = control(c.robot, settings, setpoint, q_e, state);
+    const Outcome outcome = control<K>(c.robot, settings, setpoint, q_e, state);
     truepose_safety_cycle cycle{};
     cycle.status = static_cast<int>(outcome.status);
     std::copy_n(setpoint.x.begin(), n, cycle.x);

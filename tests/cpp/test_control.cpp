@@ -17,7 +17,7 @@ TEST_EACH(
     Setpoint at_home;
     at_home.x = robot.home;
     Extended q_e{};
-    CHECK(extended(robot, to_pose(K, robot.home), q_e));
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
     q_e[0] += 1e-3;
     ControlState state;
     CHECK(control(robot, settings, at_home, q_e, state, weighing));
@@ -80,7 +80,7 @@ TEST("a setpoint in another assembly mode is a lost branch and holds the torque"
   Setpoint at_home;
   at_home.x = robot.home;
   Extended q_e{};
-  CHECK(extended<Mobility::translation>(robot, to_pose(Mobility::translation, robot.home), q_e));
+  CHECK(extended<Mobility::translation>(robot, to_pose<Mobility::translation>(robot.home), q_e));
   ControlState state;
   state.torque = {1, 2, 3};
   CHECK(control(other, settings, at_home, q_e, state).status == Status::branch_lost);
@@ -94,7 +94,7 @@ TEST_EACH(for_each,
   Extended q_e{};
   Setpoint at_home;
   at_home.x = robot.home;
-  CHECK(extended(robot, to_pose(K, robot.home), q_e));
+  CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
   for (const Law law : kLaws) {
     ControlState state;
     Prior prior(robot);
@@ -110,7 +110,7 @@ TEST(
   Extended q_e{};
   Setpoint at_home;
   at_home.x = robot.home;
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose(Mobility::schoenflies, robot.home), q_e));
+  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
   for (int c = 0; c < 5; ++c) q_e[c] += 1e-3 * (c - 1);
   for (const Law law : kLaws) {
     Prior prior(robot);
@@ -137,7 +137,7 @@ TEST("an integral adds ki times the error's sum where no limit is met") {
   at_home.x = robot.home;
   Extended q_e{};
   CHECK(extended<Mobility::planar_translation>(
-      robot, to_pose(Mobility::planar_translation, robot.home), q_e));
+      robot, to_pose<Mobility::planar_translation>(robot.home), q_e));
   q_e[0] -= 0.02;
   ControlState state;
   for (int k = 1; k <= 100; ++k) {
@@ -170,15 +170,15 @@ TEST("on the estimate, a hexapod that turns through a right angle is damped by i
   settings.feed_forward = FeedForward::none;
   const Joint twist{0.02, -0.01, 0.03, 0.3, -0.5, 1.0};
   ControlState state;
-  Pose pose = moved(K, to_pose(K, robot.home), {0, 0, 0, 0.3, 0.2, -0.4});
+  Pose pose = moved<K>(to_pose<K>(robot.home), {0, 0, 0, 0.3, 0.2, -0.4});
   Joint step{};
   for (int i = 0; i < 6; ++i) step[i] = twist[i] * settings.period;
   for (int k = 0; k < 600; ++k) {
-    Setpoint setpoint{to_coordinates(K, pose), {}, {}};
+    Setpoint setpoint{to_coordinates<K>(pose), {}, {}};
     Extended q_e{};
-    CHECK(extended(robot, pose, q_e));
+    CHECK(extended<K>(robot, pose, q_e));
     CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
-    pose = moved(K, pose, step);
+    pose = moved<K>(pose, step);
   }
   for (int i = 0; i < 6; ++i) CHECK_NEAR(state.rate[i], -twist[i], 1e-6);
 }
@@ -197,9 +197,9 @@ TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in moti
       step[i] = 1e-3 * random();
       still.rate[i] = 0.1 * random();
     }
-    away.x = to_coordinates(K, moved(K, to_pose(K, robot.home), step));
+    away.x = to_coordinates<K>(moved<K>(to_pose<K>(robot.home), step));
     Extended q_e{};
-    CHECK(extended(robot, to_pose(K, robot.home), q_e));
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
     ControlState state;
     const auto pushes_alone = [&](const Setpoint& setpoint) {
       CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
@@ -221,7 +221,7 @@ TEST_EACH(for_each, "a desired rate too large for a double fails its own cycle a
   const Robot& robot = mechanism.robot;
   Prior prior(robot);
   Extended q_e{};
-  CHECK(extended(robot, to_pose(K, robot.home), q_e));
+  CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
   for (const Law law : kLaws) {
     ControlSettings settings = settings_for(robot, law);
     settings.feed_forward = FeedForward::none;
@@ -258,8 +258,8 @@ TEST_EACH(for_each,
       setpoint.acceleration[i] = random();
     }
     Extended q_e{};
-    const Pose pose = to_pose(K, setpoint.x);
-    CHECK(extended(robot, pose, q_e));
+    const Pose pose = to_pose<K>(setpoint.x);
+    CHECK(extended<K>(robot, pose, q_e));
     Joint asked{};
     for (int i = 0; i < n; ++i) {
       const double error = 1e-3 * random();
@@ -269,7 +269,7 @@ TEST_EACH(for_each,
     ControlState state;
     CHECK(control(robot, settings, setpoint, q_e, state));
     Joint acceleration{};
-    CHECK(forward_dynamics(robot, pose, setpoint.rate, state.torque, acceleration));
+    CHECK(forward_dynamics<K>(robot, pose, setpoint.rate, state.torque, acceleration));
     JointMatrix J;
     CHECK(jacobian(robot, setpoint.x, J));
     for (int i = 0; i < n; ++i) {
@@ -284,17 +284,17 @@ TEST_EACH(for_each,
 
 TEST_EACH(for_each, "pole placement makes each motor alone a critically damped second order") {
   const ControlSettings settings = settings_for(mechanism.robot, Law::joint);
-  Closure closure;
-  Jacobians jacobians;
-  DynamicModel model;
-  CHECK(ikm(mechanism.robot, to_pose(K, mechanism.robot.home), closure));
-  CHECK(jacobian(closure, jacobians));
-  CHECK(dynamic_model(mechanism.robot, closure, Joint{}, model));
+  Closure<K> closure;
+  Jacobians<K> jacobians;
+  DynamicModel<K> model;
+  CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
+  CHECK(jacobian<K>(closure, jacobians));
+  CHECK(dynamic_model<K>(mechanism.robot, closure, Joint{}, model));
   for (int m = 0; m < n; ++m) {
     Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
     for (int i = 0; i < n; ++i) column[i] = jacobians.J[i][m];
-    const Joint still = inverse_dynamics(model, jacobians.J, Joint{});
-    const Joint torque = inverse_dynamics(model, jacobians.J, column);
+    const Joint still = inverse_dynamics<K>(model, jacobians.J, Joint{});
+    const Joint torque = inverse_dynamics<K>(model, jacobians.J, column);
     const double inertia = torque[m] - still[m];
     CHECK_NEAR(settings.kp[m] / inertia, 1e4, 1e-6);
     CHECK_NEAR(settings.kd[m] / inertia, 200, 1e-8);

@@ -31,6 +31,7 @@ long run_control(const Robot& robot, const ControlSettings& settings,
 }
 
 /// Every eighth cycle a reading is faulty, another each time; those that fail of it are restored.
+template <Mobility K>
 long run_fault_tolerant(const Robot& robot, const ControlSettings& settings,
                         const FaultTolerantSettings& fault_settings,
                         const std::vector<Cycle>& cycles, ControlState& state,
@@ -41,13 +42,13 @@ long run_fault_tolerant(const Robot& robot, const ControlSettings& settings,
   const Cycle* cycle = cycles.data();
   for (std::size_t k = 0; k < 4 * cycles.size(); ++k) {
     const std::size_t at = k % cycles.size();
-    const int c = static_cast<int>(k / 8) % (dof(K) + robot.r);
+    const int c = static_cast<int>(k / 8) % (kDof<K> + robot.r);
     Extended q_e = cycle[at].q_e;
     if (k % 8 == 7) q_e[c] = k % 16 == 7 ? NAN : q_e[c] + 1;
     clock.advance(settings.period, fault_state.stop);
     late.arrived = arrivals(late.settings, late.cycle);
     const Outcome outcome =
-        control_fault_tolerant(robot, settings, fault_settings, clock.paced(cycle[at].setpoint),
+        control_fault_tolerant<K>(robot, settings, fault_settings, clock.paced(cycle[at].setpoint),
                                   q_e, state, weighing, fault_state, &late);
     if (outcome.status == Status::disagree) ++faults;
     if (k % 128 == 127) acknowledge(fault_state.monitor, c);
@@ -56,6 +57,7 @@ long run_fault_tolerant(const Robot& robot, const ControlSettings& settings,
 }
 
 /// The same inside the safety shell, which is started again and again.
+template <Mobility K>
 long run_safely(const Robot& robot, const ControlSettings& settings, const SafetyLimits& limits,
                 const std::vector<Cycle>& cycles, ControlState& state, const Weighing& weighing,
                 const Monitored& monitored) noexcept [[clang::nonblocking]] {
@@ -66,7 +68,7 @@ long run_safely(const Robot& robot, const ControlSettings& settings, const Safet
     SafetyCycle marks;
     marks.request.acknowledge = k % 100 == 30;
     marks.request.start = k % 100 == 31;
-    static_cast<void>(control_safely(robot, settings, limits, cycle[k / 500].setpoint,
+    static_cast<void>(control_safely<K>(robot, settings, limits, cycle[k / 500].setpoint,
                                         cycle[k / 500].q_e, state, shell, marks, weighing,
                                         monitored));
     follows += shell.follows;
@@ -75,12 +77,13 @@ long run_safely(const Robot& robot, const ControlSettings& settings, const Safet
   return follows;
 }
 
+template <Mobility K>
 long run_learner(OnlineCalibrator& learner, const std::vector<Cycle>& cycles) noexcept
     [[clang::nonblocking]] {
   long failures = 0;
   const Cycle* cycle = cycles.data();
   for (std::size_t k = 0; k < cycles.size(); ++k)
-    if (!calibrate_online(learner, cycle[k].q_e)) ++failures;
+    if (!calibrate_online<K>(learner, cycle[k].q_e)) ++failures;
   return failures;
 }
 
@@ -133,8 +136,8 @@ TEST("no law and no model blocks, on any mechanism") {
       cycle.setpoint.x = random_pose(mechanism, random);
       cycle.setpoint.rate = random_joint(random, 0.5);
       cycle.setpoint.acceleration = random_joint(random, 5);
-      const Pose pose = nearby(to_pose(K, cycle.setpoint.x), random, 1e-3);
-      CHECK(extended(robot, pose, cycle.q_e));
+      const Pose pose = nearby<K>(to_pose<K>(cycle.setpoint.x), random, 1e-3);
+      CHECK(extended<K>(robot, pose, cycle.q_e));
     }
     for (const Law law : kLaws) {
       ControlSettings settings;
@@ -157,11 +160,11 @@ TEST("no law and no model blocks, on any mechanism") {
       MultirateSettings slow;
       slow.every.fill(3);
       CHECK(start(slow, late));
-      CHECK(run_fault_tolerant(robot, settings, fault_settings, cycles, state, prior.weighing(),
+      CHECK(run_fault_tolerant<K>(robot, settings, fault_settings, cycles, state, prior.weighing(),
                                   fault_state, late) > 0);
     }
     {
-      for (int i = 0; i < dof(K); ++i) robot.chain[i].torque_limit = 100;
+      for (int i = 0; i < kDof<K>; ++i) robot.chain[i].torque_limit = 100;
       ControlSettings settings;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
       SafetyLimits limits;
@@ -172,16 +175,16 @@ TEST("no law and no model blocks, on any mechanism") {
       ControlState state;
       limits.tracking.fill(1);
       limits.deviation.fill(2);
-      CHECK(run_safely(robot, settings, limits, cycles, state, prior.weighing(), {}) > 0);
+      CHECK(run_safely<K>(robot, settings, limits, cycles, state, prior.weighing(), {}) > 0);
       const Monitored monitored{&fault_settings, &fault_state, nullptr};
       static_cast<void>(
-          run_safely(robot, settings, limits, cycles, state, prior.weighing(), monitored));
+          run_safely<K>(robot, settings, limits, cycles, state, prior.weighing(), monitored));
     }
     CHECK(run_models(robot, cycles) == 0);
     for (const double gate : {kGate, 0.0}) {
       OnlineCalibrator learner = prior.learner(robot);
       learner.settings.gate = gate;
-      CHECK(run_learner(learner, cycles) < 200);  // ξ̂ wanders: these poses belong to no robot
+      CHECK(run_learner<K>(learner, cycles) < 200);  // ξ̂ wanders: these poses belong to no robot
     }
   });
 }

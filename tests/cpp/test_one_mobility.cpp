@@ -51,7 +51,7 @@ TEST("every law and the learner still work") {
     settings.law = law;
     if (!place_poles(robot, robot.home, 150, 1, settings)) CHECK(false);
     Extended q_e;
-    CHECK(extended<Mobility::schoenflies>(robot, to_pose(Mobility::schoenflies, robot.home), q_e));
+    CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
     ControlState state;
     CHECK(control(robot, settings, {robot.home}, q_e, state, prior.weighing()));
     OnlineCalibrator learner = prior.learner(robot);

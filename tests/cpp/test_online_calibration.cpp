@@ -34,13 +34,13 @@ class Scene {
   check::Random& random() { return random_; }
 
   /// What the true robot reads at a pose, off by at most √3 σ.
-  template <class Model>
+  template <Mobility K, class Model>
   Extended read(const Joint& x) {
     Extended q_e{};
-    PoseRows H_x;
+    Matrix<kMaxReadings, kDof<K>> H_x;
     Parasitic rest;
-    CHECK(Model::template linearise(truth, to_pose(K, x), q_e, H_x, nullptr, rest));
-    for (int c = 0; c < dof(K) + robot.r; ++c)
+    CHECK(Model::template linearise<K>(truth, to_pose<K>(x), q_e, H_x, nullptr, rest));
+    for (int c = 0; c < kDof<K> + robot.r; ++c)
       q_e[c] += std::sqrt(3) * learner_.state.sigma[c] * random_();
     return q_e;
   }
@@ -71,7 +71,7 @@ void for_each_level(F&& f) {
   for_each([&](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = decltype(mobility)::value;
     f(mechanism, mobility, IdealModel{});
-    if (paired(K))
+    if constexpr (kPaired<K>)
       if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, mobility, FullModel{});
   });
 }
@@ -101,27 +101,27 @@ TEST("one line is learnt as Kalman's formula has it, all of its equations togeth
   for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
     constexpr Mobility K = decltype(mobility)::value;
     using Model = decltype(model);
-    const int n = dof(K);
+    constexpr int n = kDof<K>;
     Scene scene(mechanism, 11, 2, 0.01);  // so little that nothing is of second order
     const int rows = n + scene.robot.r, p = scene.count();
     const Eigen::VectorXd before = scene.mean();
     const RowMatrix P = scene.covariance();
-    const Extended q_e = scene.read<Model>(mechanism.robot.home);
+    const Extended q_e = scene.read<K, Model>(mechanism.robot.home);
     // About a ξ of linearisation, so that nothing counts as curvature.
     std::vector<double> about(parameter_count(scene.robot));
     CHECK(drawn_parameters(scene.robot, about.data()));
     scene.learner().settings.linearised = about.data();
     OnlineCalibrator& learner = scene.learner();
-    CHECK((observe<Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
+    CHECK((observe<K, Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
                              learner.pose, learner.work)));
 
     // Densely: x unknown with a flat prior. Linearised at x̂ less the last small step.
     Pose pose = learner.pose;
     Extended expected, residual;
-    PoseRows H_x;
+    Matrix<kMaxReadings, n> H_x;
     RowMatrix H_xi(rows, parameter_count(scene.robot));
     Parasitic rest;
-    CHECK(Model::template linearise(learner.robot, pose, expected, H_x, H_xi.data(), rest));
+    CHECK(Model::template linearise<K>(learner.robot, pose, expected, H_x, H_xi.data(), rest));
     innovation(learner.robot, q_e, expected, residual);
     Eigen::MatrixXd A(rows, n), B(rows, p);
     Eigen::VectorXd e(rows);
@@ -153,9 +153,9 @@ TEST("a robot that differs within its tolerances passes the gate from its first 
     constexpr Mobility K = decltype(mobility)::value;
     Scene scene(mechanism, 12);
     for (long k = 0; k < check::sample_size(200); ++k)
-      CHECK((calibrate_online<decltype(model)>(
+      CHECK((calibrate_online<K, decltype(model)>(
                  scene.learner(),
-                 scene.read<decltype(model)>(random_pose(mechanism, scene.random(), 0.5)))
+                 scene.read<K, decltype(model)>(random_pose(mechanism, scene.random(), 0.5)))
                  .status == Status::ok));
   });
 }
@@ -164,19 +164,19 @@ TEST("where one reading alone is wrong, the others teach what they teach without
   for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
     constexpr Mobility K = decltype(mobility)::value;
     using Model = decltype(model);
-    const int n = dof(K);
+    constexpr int n = kDof<K>;
     const auto taught = [&](bool wrong) {
       Scene scene(mechanism, 13);
       for (int k = 0; k < 60; ++k)
-        CHECK((calibrate_online<Model>(
-            scene.learner(), scene.read<Model>(random_pose(mechanism, scene.random(), 0.5)))));
-      Extended q_e = scene.read<Model>(mechanism.robot.home);
+        CHECK((calibrate_online<K, Model>(
+            scene.learner(), scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
+      Extended q_e = scene.read<K, Model>(mechanism.robot.home);
       const std::vector<double> about(scene.state().xi,
                                       scene.state().xi + parameter_count(scene.robot));
       scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
       if (wrong) q_e[n + 1] += 1e3 * scene.state().sigma[n + 1];
       if (!wrong) scene.state().sigma[n + 1] *= 1e7;
-      const Outcome outcome = calibrate_online<Model>(scene.learner(), q_e);
+      const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
       CHECK(outcome.status == (wrong ? Status::disagree : Status::ok));
       CHECK(outcome.chain == (wrong ? n + 1 : -1));
       return scene.mean();
@@ -192,17 +192,17 @@ TEST("a line that nothing explains teaches nothing") {
     using Model = decltype(model);
     Scene scene(mechanism, 14, 1);
     for (int k = 0; k < 60; ++k)
-      CHECK((calibrate_online<Model>(
-          scene.learner(), scene.read<Model>(random_pose(mechanism, scene.random(), 0.5)))));
+      CHECK((calibrate_online<K, Model>(
+          scene.learner(), scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
     const Eigen::VectorXd mean = scene.mean();
     const RowMatrix P = scene.covariance();
-    Extended q_e = scene.read<Model>(mechanism.robot.home);
-    q_e[dof(K)] += 1000 * scene.state().sigma[dof(K)];
-    const Outcome outcome = calibrate_online<Model>(scene.learner(), q_e);
+    Extended q_e = scene.read<K, Model>(mechanism.robot.home);
+    q_e[kDof<K>] += 1000 * scene.state().sigma[kDof<K>];
+    const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
     CHECK(outcome.status == Status::disagree && outcome.chain == -1);
     CHECK(scene.mean() == mean && scene.covariance() == P);
     for (int cycle = 0; cycle < 100; ++cycle)
-      CHECK((calibrate_online<Model>(scene.learner(), q_e)));
+      CHECK((calibrate_online<K, Model>(scene.learner(), q_e)));
     CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
   });
 }
@@ -213,27 +213,27 @@ TEST("readings that keep disagreeing stop it within ten lines, at what was last 
     using Model = decltype(model);
     Scene scene(mechanism, 15);
     const auto line = [&] {
-      return scene.read<Model>(random_pose(mechanism, scene.random(), 0.5));
+      return scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5));
     };
     std::vector<Eigen::VectorXd> means;
     for (int k = 0; k < 60; ++k) {
-      CHECK((calibrate_online<Model>(scene.learner(), line())));
+      CHECK((calibrate_online<K, Model>(scene.learner(), line())));
       means.push_back(scene.mean());
     }
     int lines = 0;
     Status status = Status::ok;
     for (; lines < 20 && status != Status::stopped; ++lines) {
       Extended q_e = line();
-      q_e[dof(K) + 1] += 1000 * scene.state().sigma[dof(K) + 1];
-      status = calibrate_online<Model>(scene.learner(), q_e).status;
+      q_e[kDof<K> + 1] += 1000 * scene.state().sigma[kDof<K> + 1];
+      status = calibrate_online<K, Model>(scene.learner(), q_e).status;
     }
     CHECK(status == Status::stopped && lines <= 10);
-    CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == dof(K) + 1);
+    CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == kDof<K> + 1);
     const Eigen::VectorXd kept = scene.mean();
     bool earlier = false;
     for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
     CHECK(earlier);
-    CHECK((calibrate_online<Model>(scene.learner(), line()).status == Status::stopped));
+    CHECK((calibrate_online<K, Model>(scene.learner(), line()).status == Status::stopped));
     CHECK(scene.mean() == kept);
   });
 }

@@ -97,7 +97,7 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
       setpoints[k].x = random_pose(mechanism, random);
       setpoints[k].rate = random_joint(random, 0.5);
       setpoints[k].acceleration = random_joint(random, 5);
-      CHECK(extended(robot, nearby(to_pose(K, setpoints[k].x), random, 1e-3), readings[k]));
+      CHECK(extended<K>(robot, nearby<K>(to_pose<K>(setpoints[k].x), random, 1e-3), readings[k]));
     }
     for (const Law law : kLaws) {
       ControlSettings settings;
@@ -121,7 +121,7 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
     for (long cycle = 0; cycle < count / 10; ++cycle) {
       const std::size_t k = cycle % setpoints.size();
       Joint q{}, x = robot.home;
-      for (int i = 0; i < dof(K); ++i) q[i] = readings[k][i];
+      for (int i = 0; i < kDof<K>; ++i) q[i] = readings[k][i];
       if (!fkm(robot, q, x)) ++failures;
       if (k == 0 && fkm(robot, random_joint(random, 3), x)) x = robot.home;  // mostly fails
     }
@@ -171,17 +171,17 @@ TEST("the estimate allocates nothing at either level, whether it finds a pose or
     long failures = 0;
     const long before = allocations;
     for (long k = 0; k < 300; ++k) {
-      const Pose at = to_pose(K, random_pose(mechanism, random));
+      const Pose at = to_pose<K>(random_pose(mechanism, random));
       Extended q_e;
-      if (!extended(robot, at, q_e)) ++failures;
-      Pose pose = nearby(at, random, 1e-3);
-      if (!estimate(robot, known, q_e, pose, work.data())) ++failures;
-      if (paired(K))
+      if (!extended<K>(robot, at, q_e)) ++failures;
+      Pose pose = nearby<K>(at, random, 1e-3);
+      if (!estimate<K>(robot, known, q_e, pose, work.data())) ++failures;
+      if constexpr (kPaired<K>)
         if (robot.full.kind == FullKind::exists &&
-            !estimate<FullModel>(robot, known, q_e, pose, work.data()))
+            !estimate<K, FullModel>(robot, known, q_e, pose, work.data()))
           ++failures;
       q_e[0] += 3;  // mostly fails
-      static_cast<void>(estimate(robot, known, q_e, pose, work.data()));
+      static_cast<void>(estimate<K>(robot, known, q_e, pose, work.data()));
     }
     CHECK(allocations == before);
     CHECK(failures == 0);
@@ -192,7 +192,7 @@ TEST("control allocates nothing where the robot is understood rod by rod, under 
   for (const Mechanism& mechanism : {h4(), par4(), delta()})
     with_mobility(mechanism.robot.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
-      if (paired(K)) {
+      if constexpr (kPaired<K>) {
         Robot robot = mechanism.robot;
         robot.r = std::max(robot.r, 1);
         robot.level = Level::full;
@@ -211,12 +211,12 @@ TEST("control allocates nothing where the robot is understood rod by rod, under 
             setpoint.x = random_pose(mechanism, random);
             Extended q_e;
             Parasitic rest;
-            if (!exact_readings(robot, nearby(to_pose(K, setpoint.x), random, 1e-4), q_e,
+            if (!exact_readings<K>(robot, nearby<K>(to_pose<K>(setpoint.x), random, 1e-4), q_e,
                                    rest) ||
-                !control(robot, settings, setpoint, q_e, state, prior.weighing()))
+                !control<K>(robot, settings, setpoint, q_e, state, prior.weighing()))
               ++failures;
             q_e[0] += 3;  // mostly fails
-            static_cast<void>(control(robot, settings, setpoint, q_e, state, prior.weighing()));
+            static_cast<void>(control<K>(robot, settings, setpoint, q_e, state, prior.weighing()));
           }
           CHECK(allocations == before);
         }
@@ -248,11 +248,11 @@ TEST("a fault-tolerant controller allocates nothing, whatever its readings do") 
         Setpoint setpoint;
         setpoint.x = random_pose(mechanism, random, 1e-3);
         Extended q_e;
-        if (!extended(robot, to_pose(K, setpoint.x), q_e)) continue;
-        const int c = static_cast<int>(k / 50) % (dof(K) + robot.r);
+        if (!extended<K>(robot, to_pose<K>(setpoint.x), q_e)) continue;
+        const int c = static_cast<int>(k / 50) % (kDof<K> + robot.r);
         if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
         if (k % 200 == 199) acknowledge(fault_state.monitor, c);
-        const Outcome outcome = control_fault_tolerant(
+        const Outcome outcome = control_fault_tolerant<K>(
             robot, settings, fault_settings, setpoint, q_e, state, prior.weighing(), fault_state);
         if (outcome.status == Status::disagree) ++faults;
       }
@@ -266,7 +266,7 @@ TEST("the safety shell allocates nothing, whatever stops it") {
   for_each([&](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
-    for (int i = 0; i < dof(K); ++i) robot.chain[i].torque_limit = 100;
+    for (int i = 0; i < kDof<K>; ++i) robot.chain[i].torque_limit = 100;
     Prior prior(robot);
     ControlSettings settings;
     CHECK(place_poles(robot, robot.home, 100, 1, settings));
@@ -276,7 +276,7 @@ TEST("the safety shell allocates nothing, whatever stops it") {
     Setpoint setpoint;
     setpoint.x = robot.home;
     Extended q_e{};
-    CHECK(extended(robot, to_pose(K, robot.home), q_e));
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
     ControlState state;
     SafetyShell shell;
     long runs = 0, faults = 0;
@@ -287,7 +287,7 @@ TEST("the safety shell allocates nothing, whatever stops it") {
       cycle.request.start = k % 300 == 21;
       Extended read = q_e;
       if (k % 300 > 100) read[0] = k % 600 > 300 ? NAN : 3;
-      static_cast<void>(control_safely(robot, settings, limits, setpoint, read, state, shell,
+      static_cast<void>(control_safely<K>(robot, settings, limits, setpoint, read, state, shell,
                                           cycle, prior.weighing()));
       runs += shell.follows;
       faults += shell.machine.state == SafetyState::fault;
@@ -310,13 +310,13 @@ TEST("learning while it works, a controller allocates nothing, at either level")
       const long before = allocations;
       for (long k = 0; k < 300; ++k) {
         Extended q_e;
-        if (!extended(robot, to_pose(K, random_pose(mechanism, random)), q_e)) continue;
-        static_cast<void>(calibrate_online(learner, q_e));
-        if (paired(K))
+        if (!extended<K>(robot, to_pose<K>(random_pose(mechanism, random)), q_e)) continue;
+        static_cast<void>(calibrate_online<K>(learner, q_e));
+        if constexpr (kPaired<K>)
           if (robot.full.kind == FullKind::exists)
-            static_cast<void>(calibrate_online<FullModel>(learner, q_e));
+            static_cast<void>(calibrate_online<K, FullModel>(learner, q_e));
         q_e[0] += 3;  // mostly fails
-        static_cast<void>(calibrate_online(learner, q_e));
+        static_cast<void>(calibrate_online<K>(learner, q_e));
       }
       CHECK(allocations == before);
       CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);

@@ -26,8 +26,8 @@ Robot drawn() {
     Chain& chain = robot.chain[i];
     chain.base = base[i];
     chain.zero = Vec3(std::cos(angle[i]), std::sin(angle[i]), 0);
-    chain.pair_drawn = Vec3::UnitZ().cross(chain.zero);
-    chain.axis = exp_so3(2e-3 * (i - 1) * chain.zero) * chain.pair_drawn;
+    chain.pair_drawn = Vec3::UnitZ().cross(chain.zero());
+    chain.axis = exp_so3(2e-3 * (i - 1) * chain.zero()) * chain.pair_drawn();
     chain.pair_axis = chain.axis;
     chain.arm = 0.26;
     chain.rod = 0.48;

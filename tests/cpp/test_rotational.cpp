@@ -35,9 +35,9 @@ TEST_EACH(for_each_pivot, "FKM(IKM(x)) = x from neutral over the whole range, no
       continue;
     }
     Pose found;  // x = 0
-    lost += !fkm(robot, q, found);
+    lost += !fkm<K>(robot, q, found);
     for (int j = 0; j < n; ++j)
-      worst = std::max(worst, std::fabs(to_coordinates(K, found)[j] - x[j]));
+      worst = std::max(worst, std::fabs(to_coordinates<K>(found)[j] - x[j]));
   }
   CHECK(beyond < 0.2 * poses);
   CHECK(lost == 0);
@@ -49,28 +49,28 @@ TEST_EACH(for_each_pivot,
   const Robot& robot = mechanism.robot;
   check::Random random(74);
   for (int k = 0; k < 200; ++k) {
-    std::array<Driven, kMaxDof> driven;
+    std::array<Driven, n> driven;
     for (int i = 0; i < n; ++i) driven[i] = driven_point(robot.chain[i], 2 * random());
-    const Loops loops(robot, driven);
-    typename Loops::At from, at;
-    loops.start(to_pose(K, random_pose(mechanism, random)), from);
+    const Loops<K> loops(robot, driven);
+    typename Loops<K>::At from, at;
+    loops.start(to_pose<K>(random_pose(mechanism, random)), from);
     Coordinates motion{};
     for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
     loops.after(from, motion, at);
     for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
 
-    const Carried carried = carried_frames(robot, at.pose);
-    std::array<Lanes<n>, kMaxDof> columns;
+    const Carried<K> carried = carried_frames<K>(robot, at.pose);
+    std::array<Lanes<n>, n> columns;
     loops.jx(at, columns);
     const Points<n> rods = loops.rods(at);
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
-      const Vec3 lever = carried.pose.R * chain.pivot;
-      const Vec3 v = chain.base + driven[i].p - carried.pose.D - lever;
+      const Vec3 lever = carried.pose.R * chain.pivot();
+      const Vec3 v = chain.base() + driven[i].p - carried.pose.D - lever;
       CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
       CHECK_NEAR((rods[i] - v).norm(), 0, 1e-15);
-      Coordinates row;
-      jx_row(carried, v, lever, row);
+      std::array<double, n> row;
+      jx_row<K>(carried, v, lever, row);
       for (int j = 0; j < n; ++j) CHECK_NEAR(columns[j][i], row[j], 1e-16);
     }
     CHECK_NEAR(at.cost, (at.f * at.f).sum(), 1e-30);
@@ -107,16 +107,16 @@ TEST("a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
     check::Random random(75);
     for (int k = 0; k < 50; ++k) {
       const Coordinates x = random_pose(mechanism, random);
-      const Pose pose = to_pose(K, x);
-      const Mat3 R = placed(robot, pose).R;
+      const Pose pose = to_pose<K>(x);
+      const Mat3 R = placed<K>(robot, pose).R;
       GyroRows W{};
       CHECK(gyro(robot, x, W));
-      for (int j = 0; j < dof(K); ++j)
+      for (int j = 0; j < kDof<K>; ++j)
         for (int axis = 0; axis < 3; ++axis)
           CHECK_NEAR(W[axis][j], slope_of([&](double h) {
                        Coordinates step{};
                        step[j] = h;
-                       const Mat3 after = placed(robot, moved(K, pose, step)).R;
+                       const Mat3 after = placed<K>(robot, moved<K>(pose, step)).R;
                        return log_so3(R.transpose() * after)[axis];
                      }),
                      1e-10);
@@ -138,17 +138,17 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
   std::vector<double> xi(width), H(rows * width);
   CHECK(drawn_parameters(robot, xi.data()));
   for (int k = 0; k < 10; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random, 0.6));
+    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.6));
     Extended q_e{};
-    PoseRows H_x;
-    CHECK(linearise(robot, pose, q_e, H_x, H.data()));
+    Matrix<kMaxReadings, n> H_x;
+    CHECK(linearise<K>(robot, pose, q_e, H_x, H.data()));
     for (int j = 0; j < n; ++j)
       for (int m = 0; m < rows; ++m)
         CHECK_NEAR(H_x[m][j], slope_of([&](double h) {
                      Coordinates step{};
                      step[j] = h;
                      Extended there{};
-                     CHECK(extended(robot, moved(K, pose, step), there));
+                     CHECK(extended<K>(robot, moved<K>(pose, step), there));
                      return there[m];
                    }),
                    1e-7 * (1 + std::fabs(H_x[m][j])));
@@ -165,7 +165,7 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
               Robot changed = robot;
               CHECK(set_parameters(robot, other.data(), changed));
               Extended there{};
-              CHECK(extended(changed, pose, there));
+              CHECK(extended<K>(changed, pose, there));
               return there[m];
             },
             1e-5);
@@ -183,7 +183,7 @@ TEST_EACH(for_each_pivot,
     const Coordinates x = random_pose(mechanism, random, 0.6);
     Coordinates rate{}, acceleration{};
     for (int j = 0; j < n; ++j) rate[j] = 2 * random();
-    CHECK(forward_dynamics(robot, to_pose(K, x), rate, Joint{}, acceleration));
+    CHECK(forward_dynamics<K>(robot, to_pose<K>(x), rate, Joint{}, acceleration));
     const double power = slope_of(
         [&](double h) {  // along the arc with this rate, acceleration
           Coordinates there = x, then = rate;
@@ -192,13 +192,13 @@ TEST_EACH(for_each_pivot,
             then[j] += h * acceleration[j];
           }
           Energy energy_there;
-          CHECK(energy(robot, to_pose(K, there), then, energy_there));
+          CHECK(energy<K>(robot, to_pose<K>(there), then, energy_there));
           return energy_there.kinetic + energy_there.potential;
         },
         1e-4);
     CHECK_NEAR(power, 0, 1e-8);
     Joint torque{};
-    CHECK(inverse_dynamics(robot, to_pose(K, x), rate, acceleration, torque));
+    CHECK(inverse_dynamics<K>(robot, to_pose<K>(x), rate, acceleration, torque));
     for (int i = 0; i < n; ++i) CHECK_NEAR(torque[i], 0, 1e-12);
   }
 }
@@ -208,8 +208,8 @@ TEST("axes that coincide and rods that run through their axis are singular") {
   together.axis[1].direction = Vec3::UnitY();
   CHECK(finish(together).status == Status::singular);
   Robot through = lever().robot;  // its rod's end on the axis
-  through.chain[0].pivot = 0.03 * through.axis[0].direction;
-  through.chain[0].rod = (through.chain[0].base - through.axis[0].origin).norm();
+  through.chain[0].pivot = 0.03 * through.axis[0].direction();
+  through.chain[0].rod = (through.chain[0].base() - through.axis[0].origin()).norm();
   CHECK(finish(through).status == Status::singular);
 }
 
@@ -217,9 +217,9 @@ TEST_EACH(for_each_pivot, "angles are found from the place that the axes carry t
   const Robot& robot = mechanism.robot;
   check::Random random(78);
   for (int k = 0; k < 500; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
-    Pose found = to_pose(K, robot.home);
-    angles_of(robot, placed(robot, pose), found);
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    Pose found = to_pose<K>(robot.home);
+    angles_of<K>(robot, placed<K>(robot, pose), found);
     for (int j = 0; j < n; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-12);
   }
 }

@@ -22,9 +22,9 @@ std::vector<Miswiring> miswirings(const Robot& robot, bool incremental) {
 
 TEST("healthy robots of every kind pass and move by less than a millimetre") {
   for_each([&](const Mechanism& mechanism, auto mobility) {
-    const Robot robot = limited_robot(mechanism);
+    const Robot robot = limited_robot<mobility()>(mechanism);
     for (const Truth& real : {Truth{1, 1}, {0.7, 0.3}, {0.7, 3}, {1.3, 0.3}, {1.3, 3}}) {
-      StartBench bench(robot, real);
+      StartBench<mobility()> bench(robot, real);
       bench.run();
       CHECK(bench.passed());
       CHECK(bench.moved > 1e-5 && bench.moved < 1e-3);
@@ -33,9 +33,9 @@ TEST("healthy robots of every kind pass and move by less than a millimetre") {
 }
 
 TEST_EACH(for_each, "weak motors, whose pushes deflect the brakes, pass: no brake seems to slip") {
-  Robot robot = limited_robot(mechanism);
+  Robot robot = limited_robot<K>(mechanism);
   for (int i = 0; i < robot.motors; ++i) robot.chain[i].torque_limit /= 4;
-  StartBench bench(robot);
+  StartBench<K> bench(robot);
   bench.run();
   CHECK(bench.passed() && bench.moved < 1e-3);
 }

@@ -8,7 +8,7 @@ TEST("without the laws that weigh these are refused by name, and the others work
   const Robot robot = mechanisms::h4().robot;
   mechanisms::Prior prior(robot);
   Extended q_e;
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose(Mobility::schoenflies, robot.home), q_e));
+  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
   for (const Law law : mechanisms::kLaws) {
     const Status status = properties(law).weighs ? Status::not_compiled : Status::ok;
     ControlSettings settings;
