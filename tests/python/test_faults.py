@@ -21,12 +21,12 @@ AT_REST = ("bias", "jump", "sign", "gain", "swap")
 MOVE = np.array([[0.05, -0.05, -0.45, 0.1]])
 
 
-def fault(kind: str, reading: str = "theta", at: float = AT, until: float | None = None):
+def fault(kind, reading="theta", at=AT, until=None):
     other = "q2" if kind == "swap" else None
     return tp.faults.Fault(reading, kind, at, SIZES.get(kind), until, other)
 
 
-def reads(kind: str, time: np.ndarray, healthy: np.ndarray, column: int) -> np.ndarray:
+def reads(kind, time, healthy, column):
     """What the definition makes of healthy readings (T, n + r), from AT on."""
     s, since = healthy[:, column], time - AT
     first = int(np.argmax(since >= -1e-9))
@@ -48,12 +48,12 @@ def reads(kind: str, time: np.ndarray, healthy: np.ndarray, column: int) -> np.n
 
 
 @pytest.fixture(scope="module")
-def exact(h4) -> tp.Robot:
+def exact(h4):
     return h4.without_quantization()
 
 
 @pytest.fixture(scope="module")
-def whole(h4) -> tp.simulation.Simulation:
+def whole(h4):
     return tp.simulate(h4)
 
 
@@ -162,7 +162,7 @@ def test_at_rest_a_small_bias_moves_the_robot_as_its_law_leaks(h4, exact, law, r
     assert off.q_e == pytest.approx(expected, abs=1e-12)
 
 
-def _leakage(robot: tp.Robot, law: str, x: np.ndarray) -> np.ndarray:
+def _leakage(robot, law, x):
     believed, known = knowledge.for_law(robot, law)
     leak, status, _ = _core.leakage(believed.core, _core.laws[law].law, known, x)
     assert (status <= 0).all()
@@ -239,9 +239,9 @@ BAD = [
     (("theta", "stuck", 0, 0.1), "theta: stuck: size = 0.1: this kind has none"),
     (("theta", "stuck", -1.0), "at = -1.0: must be a finite number of at least 0"),
     (("theta", "stuck", np.nan), "at = nan: must be a finite number of at least 0"),
-    (("theta", "delay", 0, 0.0), "size = 0.0: must be greater than 0, s"),
-    (("theta", "coarse", 0, -1.0), "size = -1.0: must be greater than 0, a factor"),
-    (("theta", "stuck", 0.2, None, 0.1), "until = 0.1: must be a finite number greater than at"),
+    (("theta", "delay", 0, 0.0), "size = 0.0: must be a finite number greater than 0, s"),
+    (("theta", "coarse", 0, -1.0), "size = -1.0: must be a finite number greater than 0, a f"),
+    (("theta", "stuck", 0.2, None, 0.1), "until = 0.1: must be greater than at, 0.2"),
     (("theta", "jump", 0.2, 0.1, 0.3), "until = 0.3: has no end; a bias may have one"),
     (("theta", "swap"), "other = None: must name the reading that it is swapped with"),
     (("theta", "sign", 0, None, None, "q1"), "other = 'q1': only of a swap"),

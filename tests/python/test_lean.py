@@ -290,11 +290,11 @@ def test_a_lean_on_which_nothing_depends_is_refused(ankle):
         ({"base_lean_z": [0.0, 0.0]}, "unknown column 'base_lean_z'"),
         (
             {"base_lean_x": [np.nan, np.nan], "base_lean_y": [0.0, 0.0]},
-            "row 1, 2: base_lean_x: not read",
+            "row 1: base_lean_x = not read: every line needs",
         ),
         (
             {"base_lean_x": [0.0, 0.0], "base_lean_y": [0.0, 1.5]},
-            r"row 2: base_lean_y = 1.5: must be within ±45°.*degrees",
+            r"row 2: base_lean_y = 1.5: every line .* within ±45°.*degrees",
         ),
     ],
 )

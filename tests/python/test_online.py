@@ -39,17 +39,6 @@ def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
     assert online.covariance / scale == pytest.approx(fit.covariance / scale, abs=1e-4)
 
 
-def test_its_robot_estimates_the_pose_as_well_as_the_batchs(h4, lines, table2):
-    true, q_e = lines
-    online = tp.OnlineCalibrator(h4)
-    online.observe(q_e)
-    readings = true.read(table2, seed=1)
-    batch = tp.calibrate(h4, q_e).robot.estimate(readings)
-    own = online.robot.estimate(readings)
-    sigma = np.sqrt(np.diagonal(batch.covariance, axis1=-2, axis2=-1))
-    assert np.abs((own.x - batch.x) / sigma).max() < 0.3
-
-
 def test_the_first_line_is_kalmans(h4, table2):
     """Against the dense formula: P - P hᵀ (h P hᵀ + R)⁻¹ h P, h free of the pose."""
     robot = h4.expected()

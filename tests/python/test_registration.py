@@ -6,7 +6,6 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.calibration import CalibrationOptions
-from truepose.calibration.registration import Registered
 from truepose.robot import frames
 
 #: σ of a measured coordinate: m, rad.
@@ -44,7 +43,7 @@ def measured(robot, base, marker, x, rng):
     return found[0] + noise
 
 
-def error(found: Registered, base, marker):
+def error(found, base, marker):
     """What was found less what is, (12,), as the covariance has it."""
     parts = []
     for one, other in ((found.base, base), (found.marker, marker)):

@@ -249,16 +249,12 @@ def test_readings_of_a_wrong_shape_are_told(ankle, readings):
 
 @pytest.mark.parametrize("columns", [("measured_pitch", "measured_roll"), ("measured_pitch",)])
 def test_poses_measured_in_degrees_are_refused(ankle, rng, columns):
-    """Calibrate's check where there is enough to tell; else they are off beyond tolerance."""
+    """They are off beyond tolerance."""
     x = rng.uniform(-0.15, 0.15, (6, 2))
     log = dict(zip(ankle.readings, ankle.extended_positions(x).T, strict=True))
     log |= dict(zip(columns, np.degrees(x).T, strict=False))
-    with pytest.raises(InputError, match="in degrees") as error:
+    with pytest.raises(InputError, match="in degrees"):
         tp.calibration.zero(ankle, log)
-    if len(columns) == 2:
-        assert (
-            str(error.value) == "readings: measured_pitch, measured_roll: in degrees, must be rad"
-        )
     with pytest.raises(InputError, match="in degrees"):
         tp.calibration.zero(ankle, {name: column[:1] for name, column in log.items()})
 

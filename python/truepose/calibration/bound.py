@@ -13,7 +13,7 @@ from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import conditions, knowledge
-from truepose.robot.batches import flattened, require_answers
+from truepose.robot.batches import as_row, flattened, require_answers
 from truepose.robot.maps import draw_map
 from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_table, summed
@@ -156,9 +156,7 @@ def accuracy(
     def one(pose: ArrayLike | None, name: str) -> Array:
         if pose is None:
             return nowhere
-        at, shape = flattened(robot, pose, robot.n, name, "raise")
-        if shape:
-            raise InputError(f"{name}: shape {np.shape(pose)}, must be ({robot.n},)")
+        at = as_row(robot, pose, name)[None]
         _bound(model, known, at, (), level, "raise", name)
         return at
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.causes.columns import DEGREES, UNITS
+from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.registration import Registration, registration_of
@@ -194,17 +194,8 @@ def _held(view: View, P: Array, columns: Array, mirrored: bool) -> str:
     size = len(P)
     if mirrored and view.unknown and not (view.told and len(columns) == size):
         return f"{', '.join(names)}: mirrored: two axes exchanged, or one with its sign flipped"
-    moved = np.flatnonzero((np.eye(size) != P).any(axis=0))
-    signs, source = P.T[moved].sum(axis=1), np.abs(P.T[moved]).argmax(axis=1)
-    if (source == moved).all():
-        shown = ", ".join(names[k] for k in moved)
-        said = f"{shown}: {'its sign is' if len(moved) == 1 else 'their signs are'} flipped"
-    elif len(moved) == 2 and (signs > 0).all():
-        said = f"{names[moved[0]]} and {names[moved[1]]}: swapped"
-    else:
-        held = (("-" if s < 0 else "") + names[k] for k, s in zip(source, signs, strict=True))
-        shown = ", ".join(names[k] for k in moved)
-        said = f"{shown}: in another order, they hold {', '.join(held)}"
+    source = zip(np.abs(P).argmax(axis=0), P.sum(axis=0), strict=True)
+    said = reordered(names[:size], [("-" if sign < 0 else "") + names[k] for k, sign in source])
     said += f", and so {', '.join(names[size:])}" * (len(names) > size)
     if mirrored or size < 2 or view.angle[columns[0]]:
         return said
