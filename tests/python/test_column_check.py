@@ -73,21 +73,17 @@ def stuck(column):
 
 
 CASES = [
-    ("delta", scaled(0, by=-1), "q1: its sign is flipped"),
     ("delta", scaled(1, by=DEGREES), "q2: in degrees, must be rad"),
     ("delta", scaled(0, 1, 2, by=DEGREES), "q1, q2, q3: in degrees, must be rad"),
     ("delta", scaled(0, 1, 2, by=-1), "q1, q2, q3: their signs are flipped"),
     ("delta", scaled(4, by=-DEGREES), "elbow2: in degrees, must be rad, and its sign is flipped"),
     ("delta", ordered(3, 1, 0), "elbow1 and elbow2: swapped"),
-    ("delta", ordered(0, 1, 0), "q1 and q2: swapped"),
     ("delta", ordered(0, 1, 2, 0), "q1, q2, q3: in another order, they hold q2, q3, q1"),
     ("delta", stuck(1), "q2: stuck at "),
     ("h4", stuck(3), "q4: stuck at "),
     ("stewart", scaled(0, 1, 2, 3, 4, 5, by=1000), "q1, q2, q3, q4, q5, q6: in mm, must be m"),
-    ("stewart", scaled(3, by=1000), "q4: in mm, must be m"),
     ("stewart", scaled(6, by=-1), "roll: its sign is flipped"),
     ("stewart", ordered(6, 1, 0), "roll and pitch: swapped"),
-    ("stewart", ordered(1, 1, 0), "q2 and q3: swapped"),
     ("stewart", ordered(0, 1, 2, 3, 4, 5, 0), "they hold q2, q3, q4, q5, q6, q1"),
     ("stewart", stuck(2), "q3: stuck at "),
 ]

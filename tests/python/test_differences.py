@@ -7,7 +7,12 @@ import pytest
 from posteriors import changes, maximum_a_posteriori
 
 import truepose as tp
-from truepose.calibration import CalibrationOptions
+from truepose.calibration import (
+    CalibrationOptions,
+    DistanceMeasurements,
+    PlaneContacts,
+    RepeatedPoses,
+)
 from truepose.calibration.bound import after_visiting
 
 TOOL = (0.01, -0.02, -0.03)
@@ -40,10 +45,10 @@ def printed(rng, x, own, sigma=2e-5):
     length = np.linalg.norm(x[pairs[:, 0]] - x[pairs[:, 1]], axis=1)
     measured = (1 + scale) * length + times * width + sigma * rng.standard_normal(len(pairs))
     return [
-        tp.calibration.PlaneContacts(
+        PlaneContacts(
             lines=touched, sigma=sigma, above=above, height=(0, FREE[0]), slope_sigma=FREE[1]
         ),
-        tp.calibration.DistanceMeasurements(
+        DistanceMeasurements(
             pairs=pairs,
             measured=measured,
             sigma=sigma,
@@ -66,7 +71,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
     pairs = np.array([(0, 1), (1, 2), (3, 1), (0, 4), (5, 6)])
     apart = p[pairs[:, 0]] - p[pairs[:, 1]]
     length = np.linalg.norm(apart, axis=1)
-    plane = tp.calibration.PlaneContacts(
+    plane = PlaneContacts(
         lines=[0, 2, 5],
         sigma=[1e-5, 2e-5, 1e-5],
         above=p[[0, 2, 5], 2] - 0.002 - 0.003 * p[[0, 2, 5], 0] + 3e-5 * rng.standard_normal(3),
@@ -75,7 +80,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         tool=(0, 0, 0),
         tool_sigma=0.05,
     )
-    distances = tp.calibration.DistanceMeasurements(
+    distances = DistanceMeasurements(
         pairs=pairs,
         measured=0.997 * length + 4e-4 + 2e-5 * rng.standard_normal(5),
         sigma=2e-5,
@@ -84,7 +89,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         tool=(0, 0, 0),
         tool_sigma=0.05,
     )
-    revisits = tp.calibration.RepeatedPoses(pairs=[(6, 3)], apart=p[6] - p[3], sigma=5e-5)
+    revisits = RepeatedPoses(pairs=[(6, 3)], apart=p[6] - p[3], sigma=5e-5)
 
     def further(w, x):
         p = x[:, :3] + np.einsum("kij,j->ki", tp.robot.frames.frames(robot, x)[:, :3, :3], w[:3])
@@ -226,36 +231,36 @@ LINES = np.arange(12, 40)
     ("difference", "message"),
     [
         (
-            tp.calibration.PlaneContacts(lines=[40], sigma=1e-5),
+            PlaneContacts(lines=[40], sigma=1e-5),
             r"^plane: lines: line 40: must be 0 to 39$",
         ),
         (
-            tp.calibration.PlaneContacts(lines=[0.5], sigma=1e-5),
+            PlaneContacts(lines=[0.5], sigma=1e-5),
             r"^plane: lines: must be numbers of lines from 0",
         ),
         (
-            tp.calibration.PlaneContacts(lines=LINES, sigma=0),
-            r"^plane: sigma = 0.0: must be greater than 0",
+            PlaneContacts(lines=LINES, sigma=0),
+            r"^plane: sigma = 0: must be greater than 0",
         ),
         (
-            tp.calibration.PlaneContacts(lines=LINES, sigma=1, above=[1, 2]),
+            PlaneContacts(lines=LINES, sigma=1, above=[1, 2]),
             r"^plane: above: must be a number or",
         ),
-        (tp.calibration.PlaneContacts(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
+        (PlaneContacts(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
         (
-            tp.calibration.PlaneContacts(lines=LINES, sigma=1, height=(0, -1)),
+            PlaneContacts(lines=LINES, sigma=1, height=(0, -1)),
             r"^plane: height: 0, σ -1",
         ),
         (
-            tp.calibration.DistanceMeasurements(pairs=[(1, 1)], measured=[1], sigma=1),
+            DistanceMeasurements(pairs=[(1, 1)], measured=[1], sigma=1),
             r"^distances: pairs: line 1 twice",
         ),
         (
-            tp.calibration.DistanceMeasurements(pairs=[(1, 2)], measured=[-1], sigma=1),
-            r"^distances: measured = -1.0",
+            DistanceMeasurements(pairs=[(1, 2)], measured=[-1], sigma=1),
+            r"^distances: measured = -1",
         ),
         (
-            tp.calibration.RepeatedPoses(pairs=[1, 2], sigma=1),
+            RepeatedPoses(pairs=[1, 2], sigma=1),
             r"^revisits: pairs: must be numbers of lines",
         ),
         (

@@ -9,6 +9,7 @@ import truepose as tp
 from truepose.commands.options import disturbances_of
 from truepose.faults.disturbance import KINDS
 from truepose.faults.monitor import HEALTH, SYMPTOMS
+from truepose.simulation import Run
 
 Fault, Disturbance = tp.faults.Fault, tp.faults.Disturbance
 
@@ -78,13 +79,11 @@ def test_a_payload_is_identified_and_fed_forward(mass, seed):
     poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (60, robot.n))
     robot = tp.calibrate(robot, truth.read(poses, seed=seed)).robot
     picked = [Disturbance("payload", 0.05, mass)]
-    healthy = tp.simulate(robot, truth, run=tp.simulation.Run(hold=0.4))
+    healthy = tp.simulate(robot, truth, run=Run(hold=0.4))
     sag = []
     for carry in (False, True):
         monitor = tp.FaultMonitor(carry=carry)
-        run = tp.simulate(
-            robot, truth, monitor=monitor, run=tp.simulation.Run(disturbances=picked, hold=0.4)
-        )
+        run = tp.simulate(robot, truth, monitor=monitor, run=Run(disturbances=picked, hold=0.4))
         assert KINDS[run.disturbance[-1]] == "payload"
         assert abs(run.disturbance_size[-1] - mass) < 0.1 * mass
         assert not run.failed and not run.payload_refused.any()
@@ -98,7 +97,7 @@ def test_ten_times_the_assumed_friction_is_no_failed_encoder(motor, at):
     robot = tp.load("h4").with_sensors("theta")
     limit = robot.spec.chain[0].torque_limit
     rough = [Disturbance("friction", at, 0.1 * limit, motor)]
-    run = tp.simulate(robot, monitor=tp.FaultMonitor(), run=tp.simulation.Run(disturbances=rough))
+    run = tp.simulate(robot, monitor=tp.FaultMonitor(), run=Run(disturbances=rough))
     assert not run.failed
     assert KINDS[run.disturbance[-1]] == "friction"
     assert f"more at {motor}" in run.status
@@ -111,9 +110,7 @@ def test_a_blow_is_a_contact_with_its_direction(axis, force):
     run = tp.simulate(
         tp.load("h4"),
         monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(
-            disturbances=[Disturbance("contact", 0.1, force=blow, until=0.12)], hold=0.4
-        ),
+        run=Run(disturbances=[Disturbance("contact", 0.1, force=blow, until=0.12)], hold=0.4),
     )
     assert not run.failed
     assert "contact of" in run.status
@@ -127,7 +124,7 @@ def test_a_payload_beyond_the_motors_is_not_fed_forward():
     run = tp.simulate(
         tp.load("h4"),
         monitor=tp.FaultMonitor(carry=True),
-        run=tp.simulation.Run(disturbances=heavy),
+        run=Run(disturbances=heavy),
     )
     assert run.payload_refused.any()
     assert "too heavy to be fed forward" in run.status
@@ -143,7 +140,7 @@ def test_a_healthy_robot_with_all_effects_has_no_disturbance_and_no_fault(seed):
         robot.sample(seed),
         effects=effects,
         monitor=monitor,
-        run=tp.simulation.Run(seed=seed),
+        run=Run(seed=seed),
     )
     assert not run.failed and not run.stops.any()
     assert (run.disturbance == 0).all()
@@ -152,7 +149,7 @@ def test_a_healthy_robot_with_all_effects_has_no_disturbance_and_no_fault(seed):
 @pytest.mark.parametrize("safety", [None, tp.control.SafetyShell()], ids=["bare", "shell"])
 def test_a_payload_that_the_motors_cannot_hold_ends_the_run_with_its_log(safety):
     h4, heavy = tp.load("h4"), [Disturbance("payload", 0.1, 200.0)]
-    run = tp.simulate(h4, run=tp.simulation.Run(disturbances=heavy, safety=safety))
+    run = tp.simulate(h4, run=Run(disturbances=heavy, safety=safety))
     assert run.status == run.ended and run.status.startswith("stopped after 0.3")
     assert 300 < len(run.time) < 401 and len(list(run.table())) == 5
 
@@ -188,7 +185,7 @@ def test_a_disturbance_without_a_meaning_is_refused(words, said):
 )
 def test_a_disturbance_of_another_robot_is_refused(disturbance, said):
     with pytest.raises(tp.InputError, match=said):
-        tp.simulate(tp.load("h4"), run=tp.simulation.Run(disturbances=[disturbance]))
+        tp.simulate(tp.load("h4"), run=Run(disturbances=[disturbance]))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
+from truepose.faults import Fault
 from truepose.faults.monitor import (
     HEALTH,
     SYMPTOMS,
@@ -17,6 +18,7 @@ from truepose.faults.monitor import (
     first,
 )
 from truepose.robot.laws import usual
+from truepose.simulation import Run
 
 SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}
 
@@ -34,6 +36,12 @@ def calibrated():
     return robots
 
 
+def watched(robot, truth, law, *faults, **run):
+    """Simulate the faults of a robot under the fault monitor."""
+    monitor = tp.FaultMonitor()
+    return tp.simulate(robot, truth, law, faults=faults, monitor=monitor, run=Run(**run))
+
+
 @pytest.mark.parametrize(
     ("name", "law"),
     [(n, law) for n in tp.list_robots() for law in dict.fromkeys(("joint", usual(tp.load(n))))],
@@ -41,10 +49,8 @@ def calibrated():
 def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name, law):
     robot = tp.load(name)
     truth = robot.expected().sample(1)
-    blind = tp.simulate(robot, truth, law, run=tp.simulation.Run(hold=0.1))
-    seen = tp.simulate(
-        robot, truth, law, monitor=tp.FaultMonitor(), run=tp.simulation.Run(hold=0.1)
-    )
+    blind = tp.simulate(robot, truth, law, run=Run(hold=0.1))
+    seen = tp.simulate(robot, truth, law, monitor=tp.FaultMonitor(), run=Run(hold=0.1))
     assert (seen.health == HEALTH.index("valid")).all()
     assert np.array_equal(seen.x, blind.x)
     assert not seen.stops.any()
@@ -64,8 +70,8 @@ def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name, law):
 )
 def test_an_abrupt_fault_is_named_within_30_ms(calibrated, sensors, reading, kind, size, symptom):
     robot, truth = calibrated[sensors]
-    fault = tp.faults.Fault(reading, kind, at=0.1, size=size)
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault(reading, kind, at=0.1, size=size)
+    run = watched(robot, truth, "estimated", fault)
     assert run.failed == [reading]
     column = robot.readings.index(reading)
     first = np.flatnonzero(run.health.any(axis=1))[0]
@@ -80,8 +86,8 @@ def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(calibrated, law, kind
     """With θ gone the motors are left: the calibrated geometry keeps it within 1 mm, 1°."""
     robot, truth = calibrated["θ"]
     healthy = tp.simulate(robot, truth, law)
-    fault = tp.faults.Fault("theta", kind, at=0.1, size=size)
-    run = tp.simulate(robot, truth, law, faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault("theta", kind, at=0.1, size=size)
+    run = watched(robot, truth, law, fault)
     off = np.abs(run.x - healthy.x).max(axis=0)
     assert off[:3].max() < 1e-3
     assert off[3] < np.radians(1)
@@ -92,8 +98,8 @@ def test_four_elbows_stand_for_a_motors_encoder(calibrated):
     robot, truth = calibrated["θ, elbows"]
     healthy = tp.simulate(robot, truth, "estimated")
     for motor in ("q1", "q3"):
-        fault = tp.faults.Fault(motor, "dropout", at=0.1)
-        run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
+        fault = Fault(motor, "dropout", at=0.1)
+        run = watched(robot, truth, "estimated", fault)
         assert run.failed == [motor]
         assert not run.stops.any()
         assert np.abs(run.x - healthy.x)[:, :3].max() < 2e-3
@@ -102,13 +108,7 @@ def test_four_elbows_stand_for_a_motors_encoder(calibrated):
 def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated):
     """θ says little of q1: the robot brakes on its path within the stated time."""
     robot, truth = calibrated["θ"]
-    run = tp.simulate(
-        robot,
-        truth,
-        "joint",
-        faults=[tp.faults.Fault("q1", "dropout", at=0.1)],
-        monitor=tp.FaultMonitor(),
-    )
+    run = watched(robot, truth, "joint", Fault("q1", "dropout", at=0.1))
     assert run.failed == ["q1"]
     assert run.brakes[-1] == 1
     begins = run.time[run.stops.argmax()]
@@ -129,8 +129,8 @@ def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_a
     """θ hardly depends on it: only its own standstill shows it, over the last counts of its way."""
     robot, truth = calibrated["θ"]
     healthy = tp.simulate(robot, truth, "joint")
-    fault = tp.faults.Fault(reading, "stuck", at=at)
-    run = tp.simulate(robot, truth, "joint", faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault(reading, "stuck", at=at)
+    run = watched(robot, truth, "joint", fault)
     assert run.failed == [reading]
     off = np.linalg.norm((run.x - healthy.x)[~run.stops, :3], axis=1)
     assert off.max() < 2e-3
@@ -144,9 +144,9 @@ def test_in_the_shell_a_drift_stops_the_robot_along_its_path(calibrated, reading
     run = tp.simulate(
         robot,
         truth,
-        faults=[tp.faults.Fault(reading, "drift", at=at, size=-0.1)],
+        faults=[Fault(reading, "drift", at=at, size=-0.1)],
         monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(safety=tp.control.SafetyShell(), hold=0.6),
+        run=Run(safety=tp.control.SafetyShell(), hold=0.6),
     )
     assert not run.failed
     assert run.status.startswith("safety shell: readings disagree")
@@ -158,15 +158,8 @@ def test_in_the_shell_a_drift_stops_the_robot_along_its_path(calibrated, reading
 
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated):
     robot, truth = calibrated["θ"]
-    fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
-    run = tp.simulate(
-        robot,
-        truth,
-        "tej",
-        faults=[fault],
-        monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(hold=0.5),
-    )
+    fault = Fault("theta", "drift", at=0.05, size=0.2)
+    run = watched(robot, truth, "tej", fault, hold=0.5)
     assert run.stops.any()
     assert not run.failed
     assert "readings disagree" in run.status
@@ -181,7 +174,7 @@ def test_a_motors_drift_fails_no_healthy_motor_that_turns_back(calibrated, readi
     box = robot.spec.workspace
     poses = np.random.default_rng(7).uniform(box.minimum, box.maximum, (24, robot.n))
     path = tp.simulation.Waypoints(poses=poses[4 * way : 4 * way + 4], duration=0.3)
-    fault = tp.faults.Fault(reading, "drift", at=0.25, size=0.8)
+    fault = Fault(reading, "drift", at=0.25, size=0.8)
     run = tp.simulate(
         robot, truth, "estimated", path=path, faults=[fault], monitor=tp.FaultMonitor()
     )
@@ -197,7 +190,7 @@ def test_a_reading_beyond_its_range_fails_for_that(sensor, ends, size):
     unknown = tp.load("h4").with_sensors(sensor)
     section = unknown.spec.used[0].model_copy(update={"range": ends})
     robot = tp.Robot(unknown.spec.model_copy(update={"sensor": (section,)}))
-    monitor, fault = tp.FaultMonitor(), tp.faults.Fault(sensor, "bias", at=0.1, size=size)
+    monitor, fault = tp.FaultMonitor(), Fault(sensor, "bias", at=0.1, size=size)
     healthy = tp.simulate(robot, monitor=monitor)
     assert (healthy.health == HEALTH.index("valid")).all()
     assert np.array_equal(healthy.x, tp.simulate(unknown, monitor=monitor).x)
@@ -209,8 +202,8 @@ def test_a_reading_beyond_its_range_fails_for_that(sensor, ends, size):
 
 def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated):
     robot, truth = (r.without_quantization() for r in calibrated["θ, elbows"])
-    fault = tp.faults.Fault("theta", "dropout", at=0.3)  # at rest
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault("theta", "dropout", at=0.3)  # at rest
+    run = watched(robot, truth, "estimated", fault)
     assert run.failed == ["theta"]
     step = np.abs(np.diff(run.torque[run.time > 0.28], axis=0)).max()
     limit = robot.spec.chain[0].torque_limit
@@ -285,8 +278,8 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
 ):
     robot = tp.load(name).expected()
     truth = robot.sample(seed)
-    fault = tp.faults.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)
-    run = tp.simulate(robot, truth, usual(robot), faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)
+    run = watched(robot, truth, usual(robot), fault)
     assert (np.diff(run.brakes) >= 0).all()  # none opens again
     motor = robot.readings.index(reading)
     assert run.brakes[-1] == 1 << motor
@@ -309,14 +302,14 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
 def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(name, seed):
     robot = tp.load(name).with_sensors("theta" if name == "h4" else "z_telemeter").expected()
     truth = robot.sample(seed)
-    lost = [tp.faults.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
+    lost = [Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
     run = tp.simulate(
         robot,
         truth,
         "joint",
         faults=lost,
         monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(hold=0.3),
+        run=Run(hold=0.3),
     )
     held = run.brakes == (1 << robot.n) - 1
     assert held[-1]
@@ -375,7 +368,7 @@ def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time
         control,
         effects=effects,
         monitor=monitor,
-        run=tp.simulation.Run(seed=0, time=time),
+        run=Run(seed=0, time=time),
     )
     assert not run.health.any()
     assert run.warm[-1] == (time > 0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.faults import detectability, isolate
 
 POSES = 100
 
@@ -25,7 +26,7 @@ def learnt(request):
 
 
 def test_a_healthy_tour_contradicts_nothing(learnt):
-    found = tp.faults.isolate(learnt[0], learnt[2])
+    found = isolate(learnt[0], learnt[2])
     assert not found.faulty and found.may_be == ()
     assert 0.7 < found.chi2 / found.freedom < 1.4
 
@@ -33,7 +34,7 @@ def test_a_healthy_tour_contradicts_nothing(learnt):
 @pytest.mark.parametrize("kind", ["bias", "gain"])
 def test_a_fault_of_one_reading_is_named_with_its_size_from_one_redundant_sensor(learnt, kind):
     robot, _, tour = learnt
-    limits = tp.faults.detectability(robot, robot.fkm(tour[:40, : robot.n]))
+    limits = detectability(robot, robot.fkm(tour[:40, : robot.n]))
     for c, reading in enumerate(robot.readings):
         wrong = tour.copy()
         if kind == "bias":
@@ -44,7 +45,7 @@ def test_a_fault_of_one_reading_is_named_with_its_size_from_one_redundant_sensor
         else:
             size = 0.03
             wrong[:, c] *= 1 + size
-        found = tp.faults.isolate(robot, wrong)
+        found = isolate(robot, wrong)
         assert found.faulty
         assert found.readings == (reading,)
         likeliest = found.may_be[0]
@@ -60,24 +61,22 @@ def test_two_faults_are_no_single_one_and_are_not_blamed_on_a_third():
     there = h4.read(poses, seed=4)
     there[:, 5] += 0.02
     there[:, 7] -= 0.02
-    found = tp.faults.isolate(robot, there)
+    found = isolate(robot, there)
     assert found.faulty and found.may_be == ()
 
 
 def test_before_a_calibration_tolerances_hide_what_a_calibration_shows(learnt):
     robot, _, tour = learnt
     wrong = tour.copy()
-    wrong[:, 0] += (
-        4 * tp.faults.detectability(robot, robot.fkm(tour[:20, : robot.n])).moving_detected[0]
-    )
-    assert tp.faults.isolate(robot, wrong).faulty
-    assert not tp.faults.isolate(tp.load(robot.name).with_sensors(*robot.sensors), wrong).faulty
+    wrong[:, 0] += 4 * detectability(robot, robot.fkm(tour[:20, : robot.n])).moving_detected[0]
+    assert isolate(robot, wrong).faulty
+    assert not isolate(tp.load(robot.name).with_sensors(*robot.sensors), wrong).faulty
 
 
 def test_a_robot_without_redundant_sensors_is_told_so():
     robot = tp.load("h4").with_sensors()
     with pytest.raises(tp.InputError, match="no redundant sensor in use"):
-        tp.faults.isolate(robot, robot.read(robot.home[None]))
+        isolate(robot, robot.read(robot.home[None]))
 
 
 def test_the_command_names_it(run, tmp_path, monkeypatch):
@@ -110,7 +109,7 @@ def test_readings_that_explain_the_same_at_one_pose_are_all_named():
     fit = tp.calibrate(h4, h4.read(np.linspace(h4.home - 0.05, h4.home + 0.05, 20), seed=3))
     wrong = fit.robot.extended_positions(pose)
     wrong[:, h4.n] += 0.5
-    found = tp.faults.isolate(fit.robot, wrong)
+    found = isolate(fit.robot, wrong)
     assert found.faulty and set(found.readings) == set(h4.readings)
 
 
@@ -120,5 +119,5 @@ def test_whole_turns_of_a_sensor_are_no_fault(learnt):
         return
     turned = tour.copy()
     turned[::2, robot.n] += 2 * np.pi * robot.parameters["theta.gain"].value
-    here, there = (tp.faults.isolate(robot, rows) for rows in (tour, turned))
+    here, there = (isolate(robot, rows) for rows in (tour, turned))
     assert there.chi2 == pytest.approx(here.chi2, rel=1e-9)

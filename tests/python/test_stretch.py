@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.calibration import CalibrationOptions
+from truepose.calibration import CalibrationOptions, Payloads
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot import compliance
 from truepose.robotfile.schema import Compliance
@@ -143,9 +143,7 @@ def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
         true, rng = robot.sample(seed), np.random.default_rng(seed)
         x = anywhere(robot, 60, rng) * ([1, 1, 1, 0.7, 0.7, 0.7] if robot.n == 6 else 1)
         force = rng.uniform(0, 1, (60, 1)) * [0, 0, -300.0]
-        fit = tp.calibrate(
-            robot, read(true, x, force, seed), loads=tp.calibration.Payloads(force=force)
-        )
+        fit = tp.calibrate(robot, read(true, x, force, seed), loads=Payloads(force=force))
         error = np.array([p.value - true.parameters[n].value for n, p in fit.parameters.items()])
         at = [k for k, n in enumerate(fit.names) if "compliance" in n]
         every.append(error @ np.linalg.solve(fit.covariance, error) / len(error))
@@ -168,12 +166,12 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     both = tp.calibrate(
         robot,
         q_e,
-        loads=tp.calibration.Payloads(force=force),
+        loads=Payloads(force=force),
     )
     first = tp.calibrate(
         robot,
         q_e[:40],
-        loads=tp.calibration.Payloads(force=force[:40]),
+        loads=Payloads(force=force[:40]),
     )
     first.robot.save(tmp_path / "first.toml")
     again = tp.load(tmp_path / "first.toml").with_sensors("roll", "pitch")
@@ -181,7 +179,7 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     then = tp.calibrate(
         again,
         q_e[40:],
-        loads=tp.calibration.Payloads(force=force[40:]),
+        loads=Payloads(force=force[40:]),
     )
     for name, of in both.parameters.items():
         last = then.parameters[name]
@@ -206,7 +204,7 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     of = fit.parameters["compliance.all_chains"]
     assert of.verdict == "identified" and abs(of.value - 4e-6) < 3 * of.sigma
     assert not any("not used" in note for note in fit.notes)
-    wrong = tp.calibration.Payloads(tension=pull[:, :2])
+    wrong = Payloads(tension=pull[:, :2])
     with pytest.raises(InputError, match=r"tension: shape \(40, 2\), must be \(40, 3\)"):
         tp.calibrate(robot, np.column_stack(list(table.values())), loads=wrong)
 
@@ -336,7 +334,7 @@ def test_a_load_is_saved(tmp_path, delta):
 def test_a_known_pose_is_read_under_the_load_of_the_file(yielding, anywhere, rng):
     robot = yielding("delta", {"compliance.all_chains": 2e-7}).with_sensors("z_telemeter")
     true = robot.sample(1)
-    x, loads = anywhere(robot, 20, rng), tp.calibration.Payloads(force=[(0.0, 0.0, -50.0)] * 20)
+    x, loads = anywhere(robot, 20, rng), Payloads(force=[(0.0, 0.0, -50.0)] * 20)
     heavy = true.with_payload((0.0, 0.0, -50.0)).extended_positions(x)
     known = (true.extended_positions(robot.home), robot.home)
     fit = tp.calibrate(robot, heavy, loads=loads, known_pose=known)

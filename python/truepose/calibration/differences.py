@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, numbers_like
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
@@ -205,7 +205,7 @@ def assemble(
             )
         numbered = (f"{given.name}{number}" for number in ("", *range(2, len(differences) + 2)))
         name = next(of for of in numbered if of not in renamed)
-        tool = _numbers(name, "tool", given.tool, (3,)).tolist()
+        tool = numbers_like(f"{name}: tool", given.tool, (3,)).tolist()
         if (key := (*tool, given.tool_sigma)) not in tools:
             of = "tool" if not tools else f"tool{len(tools) + 1}"
             tools[key] = add(of, *zip(AXES, tool, [given.tool_sigma] * 3, strict=True))
@@ -252,7 +252,7 @@ def _links(
         if (same := np.flatnonzero(pairs[:, 0] == pairs[:, 1])).size:
             raise InputError(f"{name}: pairs: line {pairs[same[0], 0]} twice: must be two lines")
         if isinstance(given, DistanceMeasurements):
-            times = _numbers(name, "times", given.times, (len(pairs),))[:, None]
+            times = numbers_like(f"{name}: times", given.times, (len(pairs),))[:, None]
             kind = _core.LinkKind.distance
             unknown = add(name, ("scale", *given.scale), ("width", *given.width))
             what, measured = "measured", given.measured
@@ -260,28 +260,15 @@ def _links(
             axis = np.arange(sum(unit == "m" for _, unit in robot.coordinates))
             what, measured = "apart", given.apart
     shape = (len(pairs), len(axis)) if isinstance(given, RepeatedPoses) else (len(pairs),)
-    sigma = _numbers(name, "sigma", given.sigma, shape)
-    if not (sigma > 0).all():
-        raise InputError(f"{name}: sigma = {sigma.min()}: must be greater than 0 (m)")
-    values = _numbers(name, what, measured, shape)
-    if what == "measured" and not (values > 0).all():
-        raise InputError(f"{name}: measured = {values.min()}: must be greater than 0 (m)")
+    sigma = numbers_like(f"{name}: sigma", given.sigma, shape, "greater than 0")
+    must = "greater than 0" if what == "measured" else "a finite number"
+    values = numbers_like(f"{name}: {what}", measured, shape, must)
     values, sigma = (of.reshape(len(pairs), -1) for of in (values, sigma))
     table = np.broadcast_arrays(pairs[:, :1], pairs[:, 1:], axis, times, values, sigma)
     return [
         (kind, (i, j), tool, unknown, *row)
         for i, j, *row in zip(*(column.ravel().tolist() for column in table), strict=True)
     ], shape
-
-
-def _numbers(name: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    try:
-        result = np.broadcast_to(np.asarray(value, dtype=float), shape)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {what}: must be a number or {shape} of them") from None
-    if not np.isfinite(result).all():
-        raise InputError(f"{name}: {what}: must be finite numbers")
-    return result
 
 
 def _at(name: str, lines: ArrayLike, count: int, width: int) -> Array:

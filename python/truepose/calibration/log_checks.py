@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike
 from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
-from truepose.calibration.causes.rows import runs_of
+from truepose.calibration.causes.rows import runs_of, stuck_at
 from truepose.calibration.expectation import expect, poses_of
 from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.batches import as_rows
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_samples
+from truepose.robot.workspace import samples_or_home
 from truepose.show.units import printed
 
 #: Median deviation of a reading from its prediction, σ, that no geometry explains.
@@ -47,9 +47,10 @@ def log_of(
     """Return the log of a table or an array, (N, n + r); N may be 0 with known poses."""
     if logs.is_table(readings):
         return logs.of(robot, readings, euler=euler)
-    width, none = robot.n + robot.r, readings is None
-    given = np.zeros((0, width)) if none else readings
-    rows = as_rows(robot, given, "readings", int(not (known or none)), width, "nan")
+    width, least = robot.n + robot.r, int(not known)
+    if readings is None:
+        readings, least = np.zeros((0, width)), 0
+    rows = as_rows(robot, readings, "readings", least, width, "nan")
     return Log(robot.readings, rows, None, np.arange(1, len(rows) + 1), "row")
 
 
@@ -147,7 +148,7 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     q = log.readings[rows, :n]
     still = np.ptp(q, axis=0) < np.maximum(robot.resolution[:n], 1e-9)
     if len(q) >= 5 and still.any() and not still.all():
-        texts = [_stuck_at(log, k, q[0, k], rows) for k in np.flatnonzero(still).tolist()]
+        texts = [stuck_at(log, k, rows) for k in np.flatnonzero(still).tolist()]
         return [Finding(text, refused=True) for text in texts]
     if near >= 0.5:
         return []
@@ -191,8 +192,7 @@ def _beyond(robot: Robot, q: Array) -> Iterator[str]:
     """Yield what motors read that none of their readings (N, n) may be, over the workspace."""
     if robot.spec.workspace is None:
         return
-    samples = workspace_samples(robot, 100, np.random.default_rng(0))
-    spans = robot.ikm(samples, errors="nan")
+    spans = robot.ikm(samples_or_home(robot, 100), errors="nan")
     low, high = np.nanmin(spans, axis=0), np.nanmax(spans, axis=0)
     margin, units = 0.1 * (high - low), reading_units(robot)
     away = (q < low - margin).all(axis=0) | (q > high + margin).all(axis=0)
@@ -203,11 +203,6 @@ def _beyond(robot: Robot, q: Array) -> Iterator[str]:
             f"q{i + 1} reads {reads}, and spans {spans_over} over the workspace (chain {i + 1} "
             "encoder_offset)"
         )
-
-
-def _stuck_at(log: Log, column: int, value: float, rows: Array) -> str:
-    where = f"{log.lines[rows[0]]} to {log.lines[rows[-1]]}"
-    return f"{log.names[column]}: stuck at {value:.6g} on {_count(len(rows), log.word)} ({where})"
 
 
 def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
@@ -241,7 +236,7 @@ def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
         part = len(others) >= len(lost)
         if not runs or (k < n and not (part and odd[others].mean() < 0.2)):
             continue
-        text = _stuck_at(log, k, readings[lost[0], k], lost)
+        text = stuck_at(log, k, lost)
         if not part:
             text += "; leave it out (--sensors, with_sensors)"
             findings.append(Finding(text, refused=True))

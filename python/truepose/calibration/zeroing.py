@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Array, require
+from truepose.arguments import Array, numbers_like, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import left_out
 from truepose.calibration.expectation import expect
-from truepose.calibration.fit import Calibration
+from truepose.calibration.fit import Calibration, joint_prior
 from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.lean import Leaning, leaning_of, require_effect
 from truepose.calibration.log_checks import APART
@@ -211,11 +211,8 @@ def _sigma_of(robot: Robot, sigma: ArrayLike | float | None) -> Array:
     """Return σ of the pose, (n,), m or rad."""
     if sigma is None and robot.spec.mobility != "rotational":
         raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
-    sigma = logs.reading.FLAT if sigma is None else sigma
-    values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    if not (np.isfinite(values) & (values > 0)).all():
-        raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
-    return values
+    given = logs.reading.FLAT if sigma is None else sigma
+    return numbers_like("sigma", given, (robot.n,), "greater than 0")
 
 
 def _postures_of(
@@ -309,14 +306,11 @@ def _require_agreement(
     if len(of) < 2:
         return
     robot, x = fit.robot, np.asarray(postures.measured)
-    names = leaning.names if leaning else ()
     acting = leaning.by_unknown(leaning.effect.reading) if leaning else None
     spread = np.broadcast_to(sigma, x.shape)
     rows = rows_of(robot, fit.names, postures.readings, fit.x[of], x, spread, acting)
-    every = [*fit.parameters.values(), *(fit.influences[name] for name in names)]
-    own = len(fit.names)
-    prior = np.diag([u.prior_sigma**-2 for u in every])
-    prior[:own, :own] = np.linalg.inv(fit.prior_covariance)
+    every = [*fit.parameters.values(), *fit.others.values()]
+    prior = np.linalg.inv(joint_prior(fit))
     off = np.array([u.prior - u.value for u in every])
     covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))

@@ -142,7 +142,7 @@ def read(
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
     """Read columns of any CSV file: numbers (N, k), no cell empty, and their lines."""
     cells = texts(path, names)
-    return np.column_stack([cells.numbers(n, empty=False) for n in names]), cells.lines
+    return cells.full(names), cells.lines
 
 
 def texts(path: str | Path, names: Sequence[str]) -> Cells:
@@ -182,7 +182,7 @@ def read_samples(robot: Robot, path: Path) -> tuple[Array | None, Array]:
 def _poses(robot: Robot, path: Path) -> tuple[Cells, Array]:
     names = [name for name, _ in robot.coordinates]
     cells = texts(path, names)
-    return cells, np.column_stack([cells.numbers(name, empty=False) for name in names])
+    return cells, cells.full(names)
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
@@ -273,6 +273,10 @@ class Cells(NamedTuple):
         for k in np.flatnonzero(np.isnan(values) & (not empty)):
             self._refuse(k, name, f"'{one_line(column[k], 60)}': must be a {must}")
         return values
+
+    def full(self, names: Sequence[str]) -> Array:
+        """Return columns without an empty cell as floats, (N, k)."""
+        return np.column_stack([self.numbers(name, empty=False) for name in names])
 
     def _number(self, cell: Any, line: int, name: str, must: str) -> float:
         if cell is None or str(cell).strip().lower() in _EMPTY:

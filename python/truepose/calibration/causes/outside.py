@@ -13,6 +13,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
+from truepose.calibration.causes.rows import later
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.registration import Registration, registration_of
 from truepose.logs import orientation
@@ -274,10 +275,5 @@ def _shifted(view: View, given: Array) -> Iterator[Candidate]:
     names = ", ".join(np.array(view.names)[some])
     for size in range(1, min(LATE, len(given) // 4) + 1):
         for by in (size, -size):
-            moved = np.full_like(given, np.nan)
-            if by > 0:
-                moved[:-by] = given[by:]
-            else:
-                moved[-by:] = given[:by]
             text = f"{names}: their rows are {size} too {'late' if by > 0 else 'early'}"
-            yield Candidate(text, moved)
+            yield Candidate(text, later(given, by))

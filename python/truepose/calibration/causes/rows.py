@@ -18,6 +18,7 @@ from truepose.calibration.influences import patterns
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.parity import parity
 from truepose.calibration.registration import sigmas
+from truepose.logs import Log
 from truepose.robot.units import reading_units
 
 #: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
@@ -40,12 +41,16 @@ def shifted(case: Case) -> Iterator[Hypothesis]:
             if abs(by) >= len(case.log.readings):
                 continue
             readings = case.log.readings.copy()
-            readings[:, k] = np.roll(readings[:, k], -by, axis=0)
-            readings[-by:, k] = readings[-by:, k] if by < 0 else np.nan
-            if by < 0:
-                readings[:-by, k] = np.nan
+            readings[:, k] = later(readings[:, k], by)
             text = f"{name}: {its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
             yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
+
+
+def later(values: Array, by: int) -> Array:
+    """Return each row's values `by` rows later; NaN where there are none."""
+    result = np.roll(values, -by, axis=0)
+    result[slice(-by, None) if by > 0 else slice(-by)] = np.nan
+    return result
 
 
 def runs_of(read: Array, rows: Array, step: float) -> list[Array]:
@@ -55,21 +60,24 @@ def runs_of(read: Array, rows: Array, step: float) -> list[Array]:
     return [rows[a:b] for a, b in zip(starts, ends, strict=True) if b - a >= STUCK]
 
 
+def stuck_at(log: Log, column: int, rows: Array) -> str:
+    """Say where a column is stuck, and at which reading."""
+    value, where = log.readings[rows[0], column], f"{log.lines[rows[0]]} to {log.lines[rows[-1]]}"
+    return f"{log.names[column]}: stuck at {value:.6g} on {len(rows)} {log.word}s ({where})"
+
+
 def stuck(case: Case) -> Iterator[Hypothesis]:
     """Readings of one column that are stuck for part of the log."""
     steps = np.maximum(case.robot.resolution, 1e-9)
-    for k, name in enumerate(case.log.names):
-        read = case.log.readings[:, k]
+    for k, read in enumerate(case.log.readings.T):
         if not (found := runs_of(read, np.flatnonzero(np.isfinite(read)), steps[k])):
             continue
         lost = np.concatenate(found)
         if len(lost) > 0.7 * len(case.log.readings):
             continue
         readings = case.log.readings.copy()
-        value, readings[lost, k] = readings[lost[0], k], np.nan
-        where = case.log.at([lost[0]]), case.log.lines[lost[-1]]
-        text = f"{name}: stuck at {value:.6g} on {len(lost)} rows ({where[0]} to {where[1]})"
-        yield case.with_readings(readings, text=text)
+        readings[lost, k] = np.nan
+        yield case.with_readings(readings, text=stuck_at(case.log, k, lost))
 
 
 def slipped(case: Case) -> Iterator[Hypothesis]:
