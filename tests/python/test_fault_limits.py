@@ -42,17 +42,6 @@ def test_one_sensor_detects_at_a_pose_and_isolates_over_poses(h4, table2):
     assert found.alike_at_rest == (("q1", "q2", "q3", "q4", "theta"),) and found.alike == ()
 
 
-def test_one_false_alarm_in_1000_hours_costs_a_quarter_and_play_doubles_the_limit(h4, table2):
-    def theta(robot=h4, level="full", false_alarm=None, model_error=True):
-        args = (table2, table2, level, model_error)
-        return np.median(detectability(robot, *args, false_alarm=false_alarm).detected[:, 4])
-
-    assert theta() / theta(false_alarm=1e-6) == pytest.approx(1.23, abs=0.02)
-    assert 2 < theta(tp.Effects().allowed_for(h4)) / theta() < 2.5
-    assert theta() == pytest.approx(theta(level="ideal", model_error=False), rel=0.01)
-    assert theta(level="ideal") > 5 * theta()
-
-
 @pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter"), ELBOWS])
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):

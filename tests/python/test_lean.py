@@ -150,21 +150,6 @@ def test_a_constant_lean_of_a_degree_is_within_the_stated_sigma(ankle, anywhere,
     assert inside[0][0] < 0.3 and inside[0][1] < 0.5
 
 
-def test_a_base_imu_restores_most_of_the_accuracy(ankle):
-    sigma = {}
-    for name, bias, given in (
-        ("unknown", None, None),
-        ("imu", 0.0, 0.05 * DEGREE),
-        ("upright", None, 0),
-    ):
-        made = {"lean_of": (0, 0)} if name == "upright" else {}
-        _, log = standing(ankle, 1, 1, bias=bias, **made)
-        found = zero(ankle, log, lean=given)
-        sigma[name] = np.sqrt(np.trace(found.accuracy(np.zeros((1, 2)))[1][0]))
-    assert sigma["imu"] < 0.4 * sigma["unknown"]
-    assert sigma["upright"] < sigma["imu"] < 1.6 * sigma["upright"]
-
-
 def test_the_notes_have_the_lean_and_its_sigma(ankle):
     """A foot's IMU and motors at poses known relative to the shank determine it."""
     ankle = ankle.with_sensors(*IMU)

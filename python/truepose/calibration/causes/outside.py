@@ -44,9 +44,8 @@ class View:
 
     def __init__(self, case: Case):
         robot = case.robot.expected()
-        self.robot, self.names = robot, case.log.outside_names(robot)
-        self.angle = angles(robot)
-        self.by: Registration = registration_of(case.options.registration)
+        self.names, self.angle = case.log.outside_names(robot), angles(robot)
+        self.by = registration_of(case.options.registration)
         self.x = poses_of(robot, case.log.readings[:, : robot.n])
         self.spatial = robot.spec.mobility == "spatial"
         self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
@@ -61,7 +60,8 @@ class View:
         total = 0.0
         good = np.isfinite(self.x).all(axis=1)
         place = np.flatnonzero(~self.angle)
-        R = np.eye(3) if self.by.base is None else np.asarray(self.by.base)[:3, :3]
+        base = self.by.begin()[0]
+        R = base[:3, :3]
         some = good & np.isfinite(measured[:, place]).all(axis=1)
         if len(place) and some.sum() >= 4:
             p, D = (
@@ -70,8 +70,8 @@ class View:
             if self.unknown:
                 p, D = p - np.median(p, axis=0), D - np.median(D, axis=0)
                 R = nearest(p.T @ D)
-            elif self.by.base is not None:
-                p = p - np.asarray(self.by.base)[:3, 3]
+            else:
+                p = p - base[:3, 3]
             total += _share(np.linalg.norm(p - D @ R.T, axis=1), D)
         some = good & np.isfinite(measured[:, self.angle]).all(axis=1)
         if not self.angle.any() or some.sum() < 4:
