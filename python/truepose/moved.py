@@ -35,6 +35,7 @@ STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
     "truepose.deploy.json_export": "truepose_printers.robot_json",
+    "truepose.faults.parity": "truepose.calibration.parity",
     "truepose.integrations.importers": "truepose_mujoco.importers",
     "truepose.integrations.klipper": "truepose_printers",
     "truepose.integrations.linuxcnc": "truepose_linuxcnc",

@@ -6,15 +6,12 @@ import re
 
 import numpy as np
 import pytest
-from spoiling import spoiled
 
 import truepose as tp
 from truepose import logs
 from truepose.calibration import CalibrationOptions, log_checks, review
 from truepose.calibration.between import Between, read
 from truepose.calibration.causes.hypothesis import Case
-from truepose.calibration.differences import measurements
-from truepose.calibration.fitting import fit_to
 from truepose.commands import cli
 
 SIGMA = 2e-5
@@ -169,19 +166,6 @@ def test_what_is_left_of_a_log_keeps_its_own_differences(tmp_path):
         assert whole["distance"].measured[at] == measured
 
 
-def test_a_print_has_its_drawn_size_unless_a_shrinkage_or_a_line_width_is_given(tmp_path):
-    _, table, distances = scene(1)
-    write(tmp_path / "distances.csv", ("from", "to", "distance"), distances)
-    log = logs.of(printer(), table)
-    given = {"distances": read(tmp_path / "distances.csv", log)}
-    for own in ({}, {"shrinkage": 0.01}, {"line_width": 1e-4}):
-        print_ = Between(**given, **own).of(printer(), log)[-1]
-        assert (print_.scale, print_.width) == (
-            (0, own.get("shrinkage", 0)),
-            (0, own.get("line_width", 0)),
-        )
-
-
 def test_held_out_lines_are_predicted_without_their_touches():
     """A touch that is wrong on a held-out line does not reach the fit that predicts this line."""
     robot = tp.load("stewart").with_sensors("roll", "pitch")
@@ -207,20 +191,6 @@ def test_lines_of_the_file_are_ends_where_no_point_has_a_name(run, tmp_path):
     status, out, err = run(*WORDS, "--format", "csv")
     assert status == 0 and "Wrote c.html" in err
     assert "lines 3 and 2" in out and "point" not in out
-
-
-def test_a_plan_goes_on_from_what_was_touched(monkeypatch, tmp_path, capsys):
-    written(tmp_path)
-    before = []
-    monkeypatch.chdir(tmp_path)
-    words = ["linear-delta", "--count", "2", "--outside", "0.05mm", "--format", "json"]
-    for after in ([], ["--after", "log.csv"]):
-        monkeypatch.setattr("sys.argv", ["truepose", "plan", *words, *after])
-        with pytest.raises(SystemExit) as left:
-            cli.main()
-        assert not left.value.code
-        before.append(json.loads(capsys.readouterr().out)["plan"][0]["position (mm)"])
-    assert before[1] < 0.7 * before[0]
 
 
 def changed(name, old, new):
@@ -303,34 +273,3 @@ def test_a_pin_touched_from_many_sides_finds_the_tip_of_the_tool(run, tmp_path):
     for axis, true in zip("xyz", tip, strict=True):
         tool = found[f"tool.{axis}"]
         assert abs(tool["value"] - true) < 4 * tool["σ"] < 5e-3
-
-
-@pytest.mark.filterwarnings("error")
-def test_spoiled_files_are_a_calibration_or_one_line(tmp_path, rng, count):
-    written(tmp_path)
-    names = ("log.csv", "distances.csv")
-    texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names}
-    robot, refused, fitted = printer(), 0, 0
-    for k in range(max(count // 1000, 60)):
-        for name in names:
-            (tmp_path / name).write_text(texts[name], encoding="utf-8")
-        name = names[k % 2]
-        text = spoiled(texts[name], rng, ("bed", "pin", "A", '"'))
-        (tmp_path / name).write_text(text, encoding="utf-8")
-        try:
-            log = logs.read(robot, tmp_path / "log.csv")
-            between = Between(distances=read(tmp_path / "distances.csv", log))
-            between.check(robot, log)
-            differences = between.of(robot, log)
-            log, findings = log_checks.check(robot, log, measurements(differences))
-            if not any(finding.refused for finding in findings):
-                fit = fit_to(
-                    Case(robot, log, CalibrationOptions(loss="student"), differences=differences)
-                )
-                assert np.isfinite(fit.covariance).all()
-        except tp.TrueposeError as error:
-            refused += 1
-            assert "\n" not in str(error) and len(str(error)) < 2000
-        else:
-            fitted += 1
-    assert refused > 10 and fitted > 10

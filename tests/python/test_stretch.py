@@ -7,9 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.calibration import CalibrationOptions
-from truepose.design.candidates import CandidatePoses
-from truepose.design.where import Use
+from truepose.calibration import CalibrationOptions, Payloads
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot import compliance
 from truepose.robotfile.schema import Compliance
@@ -145,9 +143,7 @@ def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
         true, rng = robot.sample(seed), np.random.default_rng(seed)
         x = anywhere(robot, 60, rng) * ([1, 1, 1, 0.7, 0.7, 0.7] if robot.n == 6 else 1)
         force = rng.uniform(0, 1, (60, 1)) * [0, 0, -300.0]
-        fit = tp.calibrate(
-            robot, read(true, x, force, seed), loads=tp.calibration.Payloads(force=force)
-        )
+        fit = tp.calibrate(robot, read(true, x, force, seed), loads=Payloads(force=force))
         error = np.array([p.value - true.parameters[n].value for n, p in fit.parameters.items()])
         at = [k for k, n in enumerate(fit.names) if "compliance" in n]
         every.append(error @ np.linalg.solve(fit.covariance, error) / len(error))
@@ -170,14 +166,12 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     both = tp.calibrate(
         robot,
         q_e,
-        loads=tp.calibration.Payloads(force=force),
-        options=CalibrationOptions(loss="squares"),
+        loads=Payloads(force=force),
     )
     first = tp.calibrate(
         robot,
         q_e[:40],
-        loads=tp.calibration.Payloads(force=force[:40]),
-        options=CalibrationOptions(loss="squares"),
+        loads=Payloads(force=force[:40]),
     )
     first.robot.save(tmp_path / "first.toml")
     again = tp.load(tmp_path / "first.toml").with_sensors("roll", "pitch")
@@ -185,8 +179,7 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     then = tp.calibrate(
         again,
         q_e[40:],
-        loads=tp.calibration.Payloads(force=force[40:]),
-        options=CalibrationOptions(loss="squares"),
+        loads=Payloads(force=force[40:]),
     )
     for name, of in both.parameters.items():
         last = then.parameters[name]
@@ -211,7 +204,7 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     of = fit.parameters["compliance.all_chains"]
     assert of.verdict == "identified" and abs(of.value - 4e-6) < 3 * of.sigma
     assert not any("not used" in note for note in fit.notes)
-    wrong = tp.calibration.Payloads(tension=pull[:, :2])
+    wrong = Payloads(tension=pull[:, :2])
     with pytest.raises(InputError, match=r"tension: shape \(40, 2\), must be \(40, 3\)"):
         tp.calibrate(robot, np.column_stack(list(table.values())), loads=wrong)
 
@@ -259,23 +252,6 @@ def test_estimates_under_load_are_as_far_off_as_their_covariance_says(yielding, 
             to.append(off @ np.linalg.solve(found.covariance, off) / 4)
     assert np.mean(nees) == pytest.approx(1, abs=0.5)
     assert np.mean(less) > 1.2 * np.mean(nees)
-
-
-def test_a_plan_promises_what_the_bound_says_of_its_poses(yielding):
-    robot = yielding("stewart", {"chain*.compliance": 1e-6}, (0, 0, -500))
-    robot = robot.with_sensors("roll", "pitch")
-    x = np.random.default_rng(2).uniform(-0.04, 0.04, (40, 6)) + robot.home
-    over = x[:7]
-    plan = tp.plan_poses(robot, 12, candidates=CandidatePoses(poses=x), use=Use(poses=over))
-    visited = np.vstack([step.poses for step in plan.steps])
-    for chosen, promised in ((None, plan.sigma[0]), (visited, plan.sigma[-1])):
-        P = tp.accuracy(robot, over, calibrated_on=chosen)
-        position = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
-        assert promised[-1] == pytest.approx(position, rel=1e-6)
-    stiff = tp.plan_poses(
-        tp.load("stewart").with_sensors("roll", "pitch"), 12, candidates=x, use=Use(poses=over)
-    )
-    assert plan.sigma[0, -1] > 1.001 * stiff.sigma[0, -1]
 
 
 # The command line, and what does not know of compliance.
@@ -358,7 +334,7 @@ def test_a_load_is_saved(tmp_path, delta):
 def test_a_known_pose_is_read_under_the_load_of_the_file(yielding, anywhere, rng):
     robot = yielding("delta", {"compliance.all_chains": 2e-7}).with_sensors("z_telemeter")
     true = robot.sample(1)
-    x, loads = anywhere(robot, 20, rng), tp.calibration.Payloads(force=[(0.0, 0.0, -50.0)] * 20)
+    x, loads = anywhere(robot, 20, rng), Payloads(force=[(0.0, 0.0, -50.0)] * 20)
     heavy = true.with_payload((0.0, 0.0, -50.0)).extended_positions(x)
     known = (true.extended_positions(robot.home), robot.home)
     fit = tp.calibrate(robot, heavy, loads=loads, known_pose=known)

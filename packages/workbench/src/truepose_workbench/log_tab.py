@@ -53,7 +53,7 @@ class Playback:
 def opened(robot: Robot, log: Log) -> Playback:
     """Check a log, and predict every row.
 
-    InputError: units, signs or columns are wrong, or no sensor was read.
+    InputError: no pose from the motors, a stuck reading, or no sensor was read.
     """
     log, findings = log_checks.check(robot, log)
     if refused := [finding.text for finding in findings if finding.refused]:
