@@ -7,9 +7,6 @@ identifiable if its hypothesis gains at least 18 in log likelihood (6 σ) over n
 the poses of a log are in units of the covariance of a robot whose wrong part is known.
 """
 
-from __future__ import annotations
-
-import argparse
 import math
 import time
 from collections import defaultdict
@@ -19,6 +16,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from printing import arguments
 
 import truepose as tp
 from truepose.calibration import log_checks
@@ -223,10 +221,7 @@ def show(found: list[Found]) -> None:
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("logs", 1000), ("clean", 1000), ("seed", 0), ("jobs", 2)):
-        parse.add_argument(f"--{name}", type=int, default=default)
-    asked = parse.parse_args()
+    asked = arguments(__doc__, logs=1000, clean=1000, seed=0, jobs=2)
     with ProcessPoolExecutor(asked.jobs) as pool:
         show(list(pool.map(partial(searched, seed=asked.seed), range(asked.logs))))
         good = list(pool.map(partial(clean, seed=asked.seed), range(asked.clean)))

@@ -9,15 +9,12 @@ are homed again with zeros off by up to 20 mm, and calibrated from ten poses. Mo
 hexapods sampled from the same tolerances, anywhere in a tracker's view, test the stated σ.
 """
 
-import argparse
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.console import Console
-from rich.table import Table
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose import logs, robotfile
@@ -175,18 +172,13 @@ def rms(values: np.ndarray) -> float:
 
 def main() -> None:
     """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--drawn", type=int, default=1000, help="number of sampled hexapods")
-    parser.add_argument("--picture", type=Path, help="picture of the first seed's errors to write")
-    arguments = parser.parse_args()
-    seeds, shown = range(arguments.seeds), {}
+    given = arguments(__doc__, seeds=20, drawn=1000, picture="")
+    seeds, shown = range(given.seeds), {}
     robot = tp.load("jugglebot")
     log = logs.read(robot, robotfile.shipped()["jugglebot"].parent / "log.csv")
     q, seen = log.readings, log.measured
 
-    table = Table("held-out ninths", "position rms, mm", "at most", "angle rms, °", "at most",
-                  "NEES/6")  # fmt: skip
+    head("held-out ninths", "position rms, mm", "at most", "angle rms, °", "at most", "NEES/6")
     for name, sigma in MODELS.items():
         model = with_tolerances(robot, sigma)
         each = [
@@ -195,17 +187,13 @@ def main() -> None:
             for seed in seeds
         ]  # fmt: skip
         shown[name] = each[0]
-        numbers = np.mean(
-            [
-                (rms(m.position), m.position.max(), rms(m.angle), m.angle.max(), m.nees.mean())
-                for m in each
-            ],
-            axis=0,
-        )
-        table.add_row(name, *(f"{number:.2f}" for number in numbers))
-    Console(width=100).print(table)
-    if arguments.picture:
-        picture(shown).savefig(arguments.picture)
+        numbers = [
+            (rms(m.position), m.position.max(), rms(m.angle), m.angle.max(), m.nees.mean())
+            for m in each
+        ]
+        row(name, *(f"{number:.2f}" for number in np.mean(numbers, axis=0)))
+    if given.picture:
+        picture(shown).savefig(given.picture)
 
     trials = [homed(robot, q, seen, np.random.default_rng(seed)) for seed in seeds]
     ratios = np.array([[rms(m.position) / rms(before.position) for m in after]
@@ -219,8 +207,8 @@ def main() -> None:
         print(f"{name}: {np.median(ratio):.2f} (median of {len(seeds)}; {ratio.min():.2f} to "
               f"{ratio.max():.2f})")  # fmt: skip
 
-    if arguments.drawn:
-        nees, each = zip(*(drawn(robot, seed) for seed in range(arguments.drawn)), strict=True)
+    if given.drawn:
+        nees, each = zip(*(drawn(robot, seed) for seed in range(given.drawn)), strict=True)
         apart = np.sqrt(2 / (48 * len(nees)))
         print(f"{len(nees)} sampled hexapods, {POSES} poses each: NEES/48 of the parameters "
               f"{np.mean(nees):.3f} (1 ± {apart:.3f}); {OTHERS} other poses each, rms over the "

@@ -12,6 +12,7 @@ more than 2 % of its limit, rms about its mean.
 import argparse
 
 import numpy as np
+from printing import head, row
 
 import truepose as tp
 from truepose.control.gains import REST, REST_TORQUE
@@ -31,7 +32,7 @@ def chosen(robot: tp.Robot, law: str, period: float) -> tp.Controller | None:
         return None
 
 
-def bears(robot: tp.Robot, controller: tp.Controller) -> str:
+def bears(robot: tp.Robot, controller: tp.Controller) -> list[str]:
     """Return gains and margins: of all motors together, then the least of any single one."""
     found = tp.control.stability_margins(robot, controller)
     together, *each = found.loops
@@ -42,7 +43,7 @@ def bears(robot: tp.Robot, controller: tp.Controller) -> str:
         cells.append(f"{gain:.1f} dB, {np.degrees(least.phase):.0f}°, {least.delay:.1f}")
     lengths, angles = _lengths(robot), ~_lengths(robot)
     swing = [found.limit_cycle[:, part].max(initial=0.0) for part in (lengths, angles)]
-    return " | ".join([*cells, f"{1e6 * swing[0]:.1f} µm, {np.degrees(swing[1]):.3f}°"])
+    return [*cells, f"{1e6 * swing[0]:.1f} µm, {np.degrees(swing[1]):.3f}°"]
 
 
 def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
@@ -91,15 +92,16 @@ def main() -> None:
                     "refused" if controller is None else rests(robot, controller, asked.seeds)
                 )
                 if controller is not None and rate == asked.rates[0]:
-                    loops.append(f"| {name} | {law} | {bears(robot, controller)} |")
-            held.append(f"| {name} | {law} | " + " | ".join(cells) + " |")
-            print(held[-1], flush=True)
-    kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles | one motor or reading"
-    print(f"\n| robot | law | poles, filter (rad/s) | {kept} | limit cycle |")
-    print("|---|---|---:|---:|---:|---:|", *loops, sep="\n")
-    rates = " | ".join(f"{rate:g} kHz" for rate in asked.rates)
-    print(f"\n| robot | law | {rates} |")
-    print("|---|---|" + "---:|" * len(asked.rates), *held, sep="\n")
+                    loops.append((name, law, *bears(robot, controller)))
+            held.append((name, law, *cells))
+            row(*held[-1])
+    kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles", "one motor or reading"
+    rates = [f"{rate:g} kHz" for rate in asked.rates]
+    for names, rows in ((["poles, filter (rad/s)", *kept, "limit cycle"], loops), (rates, held)):
+        print()
+        head("robot", "law", *names, words=2)
+        for cells in rows:
+            row(*cells)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ import time
 
 import numpy as np
 from held_out import SIGMA, learn, predict, rms
+from printing import head, row
 
 import truepose as tp
 from truepose import logs, robotfile
@@ -82,18 +83,16 @@ def logged(count: int, sets: int) -> None:
     print(f"60 random poses: {sixty:.2f} mm (median of {sets}); {count} random ones: median "
           f"{middle:.3f} of that, a tenth below {tenth:.3f}")  # fmt: skip
     among = [rng.permutation(len(q))[:81] for _ in range(20)]
-    head = ["minimised", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat"]
-    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    head("minimised", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat")
     for of_tracker in (False, True):
         for name, over in (("the workspace", None), ("the log's poses", x)):
             one = planned(np.arange(len(q)), of_tracker, over)
             many = np.array([planned(own, of_tracker, over) for own in among])
             ratio = np.quantile(many, [0.5, 0, 1]) / sixty
-            cells = ["measured pose" if of_tracker else "the position", name, f"{one / sixty:.3f}"]
-            cells += [f"{100 * (few > one).mean():.0f} %"]
-            cells += ["{:.3f} ({:.3f} to {:.3f})".format(*ratio)]
-            cells += [f"{100 * (few > many[:, None]).mean():.0f} %"]
-            print("| " + " | ".join(cells) + " |", flush=True)
+            beats = [f"{100 * (few > of).mean():.0f} %" for of in (one, many[:, None])]
+            spread = "{:.3f} ({:.3f} to {:.3f})".format(*ratio)
+            what = "measured pose" if of_tracker else "the position"
+            row(what, name, f"{one / sixty:.3f}", beats[0], spread, beats[1])
 
 
 def main() -> None:
@@ -106,8 +105,7 @@ def main() -> None:
     if asked.logged:
         logged(asked.logged, asked.sets)
         return
-    head = ["robot, sensors", "before", "planned", "random", "5 to 95 %", "beats", "s", "gap"]
-    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    head("robot, sensors", "before", "planned", "random", "5 to 95 %", "beats", "s", "gap")
     for robot in cases(asked.robots):
         start = time.perf_counter()
         plan = tp.plan_poses(robot, asked.poses, candidates=COUNT)
@@ -116,11 +114,10 @@ def main() -> None:
         others = np.array([promised(robot, plan.over, x) for x in sets])
         before, after = 1e3 * plan.sigma[[0, -1], -1]
         low, median, high = np.quantile(others, [0.05, 0.5, 0.95])
-        cells = [f"{robot.name}, {len(robot.sensors)}"]
-        cells += [f"{value:.3g}" for value in (before, after, median)]
-        cells += [f"{low:.3g} to {high:.3g}", f"{100 * (others > after).mean():.0f} %"]
-        cells += [f"{took:.1f}", f"{plan.gap:.1%}"]
-        print("| " + " | ".join(cells) + " |", flush=True)
+        sigmas = (f"{value:.3g}" for value in (before, after, median))
+        beats = f"{100 * (others > after).mean():.0f} %"
+        row(f"{robot.name}, {len(robot.sensors)}", *sigmas, f"{low:.3g} to {high:.3g}", beats,
+            f"{took:.1f}", f"{plan.gap:.1%}")  # fmt: skip
 
 
 if __name__ == "__main__":

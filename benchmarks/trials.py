@@ -6,11 +6,11 @@ calibration that assumes this; and both with the ideal level and its model error
 trials.py [--robots 400] [--jobs 2]     # ten minutes on two cores
 """
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import robot_trials as trials
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose.robot.workspace import workspace_grid
@@ -79,25 +79,22 @@ def one(task: tuple[str, str, int, int]) -> trials.Trials:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=400)
-    parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args()
+    given = arguments(__doc__, robots=400, jobs=2)
     tasks = [(kind, name, POSES[-1], given.robots) for kind in KINDS for name in SETS]
     tasks += [("real", name, poses, given.robots) for poses in POSES[:-1] for name in SETS]
     with ProcessPoolExecutor(given.jobs) as pool:
         ran = dict(zip((task[:3] for task in tasks), pool.map(one, tasks), strict=True))
     whole = {(kind, name): cells(ran[kind, name, POSES[-1]]) for kind in KINDS for name in SETS}
     for header, part in ((ABSOLUTE, slice(0, 7)), (REFERENCED, slice(7, None))):
-        print("| | " + " | ".join(header) + " |\n" + "|---" * (len(header) + 1) + "|")
+        head("", *header)
         for (kind, name), values in whole.items():
-            print(f"| {kind}: {name} | " + " | ".join(values[part]) + " |")
+            row(f"{kind}: {name}", *values[part])
         print()
-    print("| 95 % intervals hold | " + " | ".join(COVERED) + " |\n" + "|---" * 4 + "|")
+    head("95 % intervals hold", *COVERED)
     for name in SETS:
         held = [ran["real", name, poses].coverage for poses in POSES]
         shown = (" ".join(f"{100 * v:.0f}" for v in coverage) + " %" for coverage in held)
-        print(f"| real: {name} | " + " | ".join(shown) + " |")
+        row(f"real: {name}", *shown)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ Finds the wheel's Python versions on the path and among pyenv's. Each gets a new
 the wheel and a copy of some of the tests; missing versions are reported.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ Every folder beside this file has a `check.py` whose `rows()` compares printed f
 truepose's. The exit status is 1 if a verdict failed.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Sequence

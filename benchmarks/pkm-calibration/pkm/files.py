@@ -1,7 +1,5 @@
 """Files of the benchmark: logs, truth, manifest, submissions."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json
