@@ -24,6 +24,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.causes import search as causes
 from truepose.calibration.causes.hypothesis import GROSS, Case, evidence
 from truepose.robot.units import reading_units
+from truepose.robot.workspace import workspace_samples
 
 ROBOTS = {
     "h4, θ": ("h4", ("theta",)),
@@ -57,8 +58,7 @@ class Made:
         self.rng = rng = np.random.default_rng([seed, number])
         name, sensors = list(ROBOTS.values())[number % len(ROBOTS)]
         self.robot = robot = tp.load(name).with_sensors(*sensors)
-        box = robot.spec.workspace
-        self.x = rng.uniform(box.minimum, box.maximum, (POSES, robot.n))
+        self.x = workspace_samples(robot, POSES, rng)
         self.true = robot.sample(seed=int(rng.integers(1 << 30)))
         self.noise = int(rng.integers(1 << 30))
 

@@ -29,8 +29,8 @@ from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
 from truepose.faults.monitor import first
 from truepose.robot.laws import LAWS
-from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.units import angles, reading_units
+from truepose.robot.workspace import workspace_grid, workspace_samples
 from truepose.simulation.paths import default_move
 
 SETS = {
@@ -63,8 +63,7 @@ def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[t
 
 def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
     """Return random poses of the workspace."""
-    box = robot.spec.workspace
-    return np.random.default_rng([seed, 1]).uniform(box.minimum, box.maximum, (count, robot.n))
+    return workspace_samples(robot, count, np.random.default_rng([seed, 1]))
 
 
 def way(robot: tp.Robot, count: int, seed: int, each: float) -> tp.simulation.Waypoints:
@@ -109,7 +108,7 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     limits = Shell().limits(robot, controller)
     detectable = tp.faults.detectability(robot, healthy.x[::20], poses(robot, POSES, seed))
     stated = detectable.pose_error(law)[..., 0].reshape(-1, len(robot.readings))
-    turning = np.array([unit == "rad" for _, unit in robot.coordinates])
+    turning = angles(robot)
     results = []
     for c, reading in enumerate(robot.readings):
         limit = float(np.median(detectable.detected[:, c]))

@@ -10,6 +10,7 @@ hexapods sampled from the same tolerances, anywhere in a tracker's view, test th
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from printing import arguments, head, row
 import truepose as tp
 from truepose import logs, robotfile
 from truepose.robot import frames
+from truepose.robot.workspace import workspace_samples
 
 #: σ of motion capture, m and rad: assumed.
 SIGMA = np.array([0.5e-3] * 3 + [np.radians(0.1)] * 3)
@@ -117,11 +119,10 @@ def homed(
 
 def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
     """Sample and calibrate a hexapod; return NEES/48 of ξ and errors at other poses."""
-    rng, box = np.random.default_rng((0, seed)), robot.spec.workspace
-    true = robot.sample(seed)
-    x = rng.uniform(box.minimum, box.maximum, (POSES + OTHERS, 6))
+    rng, true = np.random.default_rng((0, seed)), robot.sample(seed)
+    x, placed = workspace_samples(robot, POSES + OTHERS, rng), partial(frames.frames, robot)
     base, marker = (placed(rng.standard_normal((1, 6)) * [*3 * [far], 1, 1, 1]) for far in (1, 0.1))
-    there = base @ frames.frames(true, x) @ marker
+    there = base @ placed(x) @ marker
     noise = placed(SIGMA * rng.standard_normal((POSES, 6)))
     read = there[:POSES].copy()
     read[:, :3, :3] @= noise[:, :3, :3]
@@ -133,14 +134,6 @@ def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
     found = fit.robot.fkm(q[POSES:])
     off = fit.registration.see(fit.robot, found, frames.coordinates(robot, there[POSES:])).residual
     return float(nees), Misses(off, fit.accuracy_seen(found))
-
-
-def placed(moved: np.ndarray) -> np.ndarray:
-    """Return frames shifted (m) and rotated (rotation vectors); (N, 6) -> (N, 4, 4)."""
-    frame = np.tile(np.eye(4), (len(moved), 1, 1))
-    frame[:, :3, :3] = [frames.rotation(v) for v in moved[:, 3:]]
-    frame[:, :3, 3] = moved[:, :3]
-    return frame
 
 
 def over_bound(each: list[Misses]) -> np.ndarray:

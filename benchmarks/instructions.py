@@ -76,9 +76,7 @@ def compare(counts: dict, before: dict) -> bool:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("executable")
     parser.add_argument("--compiler", required=True)
     parser.add_argument("--update", action="store_true")

@@ -7,6 +7,7 @@ Every robot is sampled from the tolerances, each rod on its own. Minutes on one 
 """
 
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -33,12 +34,9 @@ CASES = {
 }
 
 
-def circle(frequency: float, turns: float) -> tp.simulation.Circle:
-    return tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=frequency, turns=turns)
-
-
+CIRCLE = tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=1.0)
 PATHS = {
-    "circle": tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=1.0),
+    "circle": CIRCLE,
     "square": tp.simulation.Waypoints(
         poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in CORNERS], duration=0.4
     ),
@@ -102,7 +100,7 @@ def contour(seed: int) -> dict:
             controller = bears if soft else tp.Controller(law=law)
             followed = tp.simulation.path_accuracy(
                 robot,
-                circle(2, 3),
+                replace(CIRCLE, frequency=2.0, turns=3),
                 controller=controller,
                 effects=effects,
                 time=time,

@@ -198,8 +198,8 @@ def measure_peer(peer, robot, x, near):
     )
 
 
-def measure_truepose(robot, x, near, copies=100):
-    x, near = np.tile(x, (copies, 1)), np.tile(near, (copies, 1))
+def measure_truepose(robot, x, near):
+    x, near = np.tile(x, (100, 1)), np.tile(near, (100, 1))
     q = robot.ikm(x)
     calls = (
         lambda: (robot.ikm(x), robot.jacobian(x)),

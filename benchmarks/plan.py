@@ -15,16 +15,15 @@ all 108, and the median (lowest to highest) of 20 plans among 81 sampled ones. P
 position in the base's frame, and for the tracker's; over the workspace, and over the log's poses.
 """
 
-import argparse
 import time
 
 import numpy as np
 from held_out import SIGMA, learn, predict, rms
-from printing import head, row
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose import logs, robotfile
-from truepose.robot.workspace import workspace
+from truepose.robot.workspace import workspace_samples
 
 COUNT = 2000
 
@@ -41,17 +40,8 @@ def cases(names: list[str]) -> list[tp.Robot]:
     return found
 
 
-def promised(robot: tp.Robot, over: np.ndarray, visited: np.ndarray) -> float:
-    """Return the rms of the position, mm, predicted after a calibration."""
-    P = tp.accuracy(robot, over, calibrated_on=visited)
-    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
-    squares = np.diagonal(P, axis1=1, axis2=2)[..., linear]
-    return 1e3 * float(np.sqrt(squares.sum(axis=-1).mean()))
-
-
 def random_sets(robot: tp.Robot, count: int, sets: int) -> list[np.ndarray]:
-    box, rng = workspace(robot), np.random.default_rng(1)
-    x = rng.uniform(box.minimum, box.maximum, (2 * sets * count, robot.n))
+    x = workspace_samples(robot, 2 * sets * count, np.random.default_rng(1))
     x = x[np.isfinite(robot.ikm(x, "nan", "ideal", own_mode=True)).all(axis=1)]
     return [x[k * count : (k + 1) * count] for k in range(min(sets, len(x) // count))]
 
@@ -96,12 +86,7 @@ def logged(count: int, sets: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=tp.list_robots())
-    parser.add_argument("--poses", type=int, default=30)
-    parser.add_argument("--sets", type=int, default=100)
-    parser.add_argument("--logged", type=int)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, robots=tuple(tp.list_robots()), poses=30, sets=100, logged=0)
     if asked.logged:
         logged(asked.logged, asked.sets)
         return
@@ -111,7 +96,7 @@ def main() -> None:
         plan = tp.plan_poses(robot, asked.poses, candidates=COUNT)
         took = time.perf_counter() - start
         sets = random_sets(robot, asked.poses, asked.sets)
-        others = np.array([promised(robot, plan.over, x) for x in sets])
+        others = np.array([1e3 * tp.accuracy(robot, plan.over, calibrated_on=x).rms for x in sets])
         before, after = 1e3 * plan.sigma[[0, -1], -1]
         low, median, high = np.quantile(others, [0.05, 0.5, 0.95])
         sigmas = (f"{value:.3g}" for value in (before, after, median))

@@ -3,13 +3,17 @@
 import argparse
 
 
-def arguments(text: str, *what: str, **defaults: int | float | str) -> argparse.Namespace:
-    """Parse a command line: one word of `what`, if any, and options with these defaults."""
+def arguments(text: str, *what: str, **defaults: int | float | str | tuple) -> argparse.Namespace:
+    """Parse a command line: one word of `what`, if any, and options with these defaults.
+
+    An option whose default is a tuple takes one value or more.
+    """
     parser = argparse.ArgumentParser(description=text.partition("\n")[0])
     if what:
         parser.add_argument("what", choices=what)
     for name, default in defaults.items():
-        parser.add_argument(f"--{name}", type=type(default), default=default)
+        one, many = (default[0], "+") if isinstance(default, tuple) else (default, None)
+        parser.add_argument(f"--{name}", type=type(one), default=default, nargs=many)
     return parser.parse_args()
 
 

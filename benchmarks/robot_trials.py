@@ -15,8 +15,9 @@ from truepose.calibration import CalibrationOptions
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.options import ModelError
-from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
+from truepose.robot.units import angles
+from truepose.simulation.chart import difference
 
 #: Largest offset of a pose, m and rad: rounding errors do not recur.
 JITTER = 5e-4
@@ -49,7 +50,7 @@ class Trials:
     @property
     def linear(self) -> Array:
         """Return which coordinates are lengths, (n,)."""
-        return np.array([unit == "m" for _, unit in self.robot.coordinates])
+        return ~angles(self.robot)
 
     def squares(self, error: Array) -> Array:
         """Return the mean square position error of every robot, m², (R,)."""
@@ -140,26 +141,6 @@ def run(
         bound_touched=predicted(held_out, reference_pose=reference_pose),
         parameters=len(off),
     )
-
-
-def difference(robot: Robot, x: Array, reference: Array) -> Array:
-    """Return x − reference along the free twist; rotations as small vectors in the base frame.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from robot_trials import difference
-    >>> print(difference(tp.load("h4"), [0.1, 0, -0.4, 0.2], [0, 0, -0.4, 0.1]).round(3))
-    [0.1 0.  0.  0.1]
-    """
-    apart = np.subtract(x, reference)
-    if robot.spec.mobility == "spatial":
-        turn = rotation(np.asarray(x)[..., 3:]) @ np.swapaxes(
-            rotation(np.asarray(reference)[..., 3:]), -1, -2
-        )
-        skew = turn - np.swapaxes(turn, -1, -2)
-        apart[..., 3:] = 0.5 * np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], -1)
-    return apart
 
 
 def _nees(error: Array, covariance: Array) -> Array:

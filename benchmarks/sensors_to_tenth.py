@@ -18,7 +18,7 @@ import truepose as tp
 from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
 from truepose.robot.robot import Robot
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import workspace_grid, workspace_samples
 from truepose.robotfile.schema import RobotFile
 
 #: Assumed prices, any currency: of a sensor by the beginning of its name.
@@ -148,14 +148,12 @@ def verify(task: tuple[Setup, int, int]) -> np.ndarray:
     """Return errors of robots, mm: (robots, poses, 3): usual, in closed loop, and with counts."""
     setup, first, last = task
     robot = nominal(setup)
-    table = workspace_grid(robot)
-    box = robot.spec.workspace
-    found = []
+    table, found = workspace_grid(robot), []
     for source in np.random.SeedSequence(5).spawn(last)[first:]:
         draw, noise = source.spawn(2)
         rng = np.random.default_rng(noise)
         true = robot.sample(draw)
-        judged = rng.uniform(box.minimum, box.maximum, (JUDGED, 4))
+        judged = workspace_samples(robot, JUDGED, rng)
         log = true.read(tp.steady_state(robot, true, table, "joint"), seed=int(rng.integers(2**31)))
         options = {}
         if setup.dowel:

@@ -13,7 +13,7 @@ import robot_trials as trials
 from printing import arguments, head, row
 
 import truepose as tp
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import workspace_grid, workspace_samples
 
 SETS = {
     "θ": ["theta"],
@@ -71,8 +71,7 @@ def one(task: tuple[str, str, int, int]) -> trials.Trials:
     """Run the trials of one kind of robot with one sensor set."""
     kind, sensors, poses, robots = task
     h4, rng = tp.load("h4"), np.random.default_rng(5)
-    table, box = workspace_grid(h4), h4.spec.workspace
-    others = rng.uniform(box.minimum, box.maximum, (200, 4))
+    table, others = workspace_grid(h4), workspace_samples(h4, 200, rng)
     visited = table if poses == len(table) else table[rng.permutation(len(table))[:poses]]
     robot = h4.with_sensors(*SETS[sensors])
     return trials.run(robot, visited, TOUCH_OFF, others, robots, **KINDS[kind])

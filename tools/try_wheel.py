@@ -60,12 +60,12 @@ def main() -> int:
     for version in VERSIONS:
         python = find(version)
         print(f"== Python {version}: {python or 'not found'}", flush=True)
-        said[version] = "not found, not run" if python is None else works(python, wheel)
+        said[version] = works(python, wheel) if python else None
     print(f"\n{wheel.name}")
+    words = {True: "works", False: "FAILED", None: "not found, not run"}
     for version, result in said.items():
-        print(f"  Python {version}: {({True: 'works', False: 'FAILED'}).get(result, result)}")
-    tried = [result for result in said.values() if isinstance(result, bool)]
-    return 0 if tried and all(tried) else 1
+        print(f"  Python {version}: {words[result]}")
+    return int(False in said.values() or True not in said.values())
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from robot_trials import difference
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 from scipy.stats import chi2
@@ -13,6 +12,7 @@ import truepose as tp
 from truepose import files
 from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
+from truepose.simulation.chart import difference
 
 
 def equipped(robot):
