@@ -198,10 +198,8 @@ def searched(number: int, seed: int) -> Found:
 def clean(number: int, seed: int) -> bool:
     """Return whether a cause is claimed in a good log."""
     made = Made(number, seed + 1)
-    found = causes.search(
-        Case(made.robot, log_checks.log_of(made.robot, made.read(made.true)))
-    ).causes
-    return found.verdict not in ("none", "unexplained")
+    case = Case(made.robot, log_checks.log_of(made.robot, made.read(made.true)))
+    return causes.search(case).causes.verdict not in ("none", "unexplained")
 
 
 def show(found: list[Found]) -> None:

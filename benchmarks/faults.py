@@ -177,7 +177,7 @@ def print_faults(found: Iterable[list[dict]], by: str) -> None:
             ", ".join(str(names[verdict]) for verdict in ("right", "none", "wrong")),
             f"{np.median(off):.2f}, {np.quantile(off, 0.99):.1f}, {off.max():.1f}, "
             f"{turned.max():.1f}",
-            int((off > stated).sum()),
+            (off > stated).sum(),
             f"{ways.max():.2f}" if len(ways) else "",
         )
 

@@ -56,11 +56,9 @@ def works(python: str, wheel: Path) -> bool:
 def main() -> int:
     """Test the wheel, and print the result for each version."""
     wheel = Path(sys.argv[1]).resolve()
-    said = {}
-    for version in VERSIONS:
-        python = find(version)
-        print(f"== Python {version}: {python or 'not found'}", flush=True)
-        said[version] = works(python, wheel) if python else None
+    said = {
+        version: works(python, wheel) if (python := find(version)) else None for version in VERSIONS
+    }
     print(f"\n{wheel.name}")
     words = {True: "works", False: "FAILED", None: "not found, not run"}
     for version, result in said.items():
