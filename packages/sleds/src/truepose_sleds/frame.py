@@ -1,5 +1,6 @@
 """Starting values of a sled's anchors: any four anchors, from its belts' lengths alone."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -48,14 +49,12 @@ def nearest(lengths: Array) -> tuple[Array, float, float]:
     """
     from scipy.optimize import least_squares
 
-    diagonal, best = float(np.median(lengths[:, :2] + lengths[:, :1:-1])), None
-    for ratio in RATIOS:
+    diagonal, answers = float(np.median(lengths[:, :2] + lengths[:, :1:-1])), []
+    for ratio, by in itertools.product(RATIOS, EXTENSIONS):
         width, height = diagonal * np.array([ratio, 1.0]) / np.hypot(ratio, 1.0)
-        for by in EXTENSIONS:
-            at = [0.0, height, width, height, width, by]
-            answer = least_squares(_predictor(lengths), at, loss="soft_l1", f_scale=SOFT)
-            if best is None or answer.cost < best.cost:
-                best = answer
+        at = [0.0, height, width, height, width, by]
+        answers.append(least_squares(_predictor(lengths), at, loss="soft_l1", f_scale=SOFT))
+    best = min(answers, key=lambda of: of.cost)
     corners = np.zeros((4, 2))
     corners[[0, 0, 1, 1, 3], [0, 1, 0, 1, 0]] = best.x[:5]
     return corners, float(best.x[5]), float(np.median(np.abs(best.fun)))
