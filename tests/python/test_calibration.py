@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from posteriors import changes, maximum_a_posteriori
-from robot_trials import difference
 from scipy.linalg import eigh
 from scipy.stats import chi2
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
+from truepose.simulation.chart import difference
 
 
 def equipped(robot):

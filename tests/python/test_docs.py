@@ -145,7 +145,10 @@ def scripts() -> dict[str, str]:
             of = re.search(r"\bpython (-m pkm\.\w+|\S+\.py)(.*?)(?: #|$)", line)
             if of and re.match(r"packages/|-m pkm\.generate", of[1]):
                 continue
-            if of and (of[1].startswith("-m") or "argparse" in (ROOT / of[1]).read_text("utf-8")):
+            if of and (
+                of[1].startswith("-m")
+                or re.search(r"argparse|\barguments\(", (ROOT / of[1]).read_text("utf-8"))
+            ):
                 found[of[1]] = found.get(of[1], "") + of[2]
     return found
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from robot_trials import difference
 
 import truepose as tp
 from truepose.robot import knowledge
+from truepose.simulation.chart import difference
 
 
 def sensor_sets(robot):
@@ -52,8 +52,8 @@ def test_gain_and_covariance_are_those_of_generalised_least_squares(any_robot, a
         assert est.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
         step = 1e-6
         for reading, column in zip(np.eye(len(q_e)), gain.T, strict=True):
-            ends = [robot.estimate(q_e + s * reading, guess=x).x for s in (step, -step)]
-            slope = difference(robot, *ends) / (2 * step)
+            ends = [robot.estimate(q_e + s * reading, guess=x).x[None] for s in (step, -step)]
+            slope = difference(robot, *ends)[0] / (2 * step)
             assert slope == pytest.approx(column, rel=1e-4, abs=1e-4 * np.abs(gain).max())
 
 

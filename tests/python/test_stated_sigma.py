@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from robot_trials import difference
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
 from truepose.robot.frames import rotation, rotation_vector
+from truepose.simulation.chart import difference
 
 OUTSIDE = 1e-5  #: σ of an outside measurement, m and rad
 
