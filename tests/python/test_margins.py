@@ -13,7 +13,8 @@ from truepose.control.effects import Effects
 from truepose.control.linear import plants
 from truepose.control.loci import Responses, worst
 from truepose.control.settings import ControllerSettings
-from truepose.simulation.paths import default_move
+from truepose.simulation import Run
+from truepose.simulation.paths import MOVE_FROM, default_move
 
 
 @pytest.mark.parametrize("law", ["joint", "tej", "estimated"])
@@ -32,7 +33,7 @@ def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups)
             robot,
             controller=controller,
             effects=effects,
-            run=tp.simulation.Run(
+            run=Run(
                 start=robot.home + np.array([1e-5, 0, 0, 0]),
                 end=robot.home,
                 duration=0.01,
@@ -72,9 +73,7 @@ def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
 def test_with_all_effects_a_robot_comes_to_rest_under_chosen_gains(name, law, period):
     robot = tp.load(name)
     controller = tp.Controller.for_robot(robot, law=law, period=period)
-    run = tp.simulate(
-        robot, controller=controller, effects=Effects(), run=tp.simulation.Run(hold=2)
-    )
+    run = tp.simulate(robot, controller=controller, effects=Effects(), run=Run(hold=2))
     last = run.time >= run.time[-1] - 0.2
     swing = np.ptp(run.x[last], axis=0)
     for (_, unit), far in zip(robot.coordinates, swing, strict=True):
@@ -93,12 +92,20 @@ def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, p
     swings = []
     for seed in range(3):
         truth = robot.sample(seed)
-        run = tp.simulate(
-            robot, truth, controller, effects=effects, run=tp.simulation.Run(hold=1.2, seed=seed)
-        )
+        run = tp.simulate(robot, truth, controller, effects=effects, run=Run(hold=1.2, seed=seed))
         swings.append(np.ptp(run.x[-200:], axis=0))
     ratio = np.max(swings, axis=0)[:3].max() / found.limit_cycle[0, :3].max()
     assert 0.6 < ratio < 1.6
+
+
+def test_diagonal_gains_place_their_poles_where_they_were_set_up_alone(h4, table2):
+    """What is 150 rad/s at the move's start is 84 to 254 over Table 2, or stays, by the inertia."""
+    J = h4.jacobian(table2)
+    inertia = np.swapaxes(J, -1, -2) @ h4.mass_matrix(table2) @ J
+    kp = np.array(tp.Controller(gains="diagonal").settings(h4, MOVE_FROM).kp[:4])
+    poles = np.sqrt(np.linalg.eigvals(np.linalg.solve(inertia, np.diag(kp))).real)
+    assert poles.min() == pytest.approx(84, abs=1) and poles.max() == pytest.approx(254, abs=1)
+    assert tp.Controller().settings(h4, h4.home).kp[:4] == [150**2] * 4
 
 
 def test_less_damping_is_stiffer_at_the_same_limit_cycle(h4):
@@ -113,18 +120,16 @@ def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
     controller = tp.Controller(law="joint", period=2e-3, **soft)
     effects = Effects().only("compliance")
     run = tp.simulate(delta, controller=controller, effects=effects)
-    fine = tp.simulate(
-        delta, controller=controller, effects=effects, run=tp.simulation.Run(steps=60)
-    )
+    fine = tp.simulate(delta, controller=controller, effects=effects, run=Run(steps=60))
     assert abs(run.x - fine.x).max() < 1e-5
     with pytest.raises(tp.PoseError):
-        tp.simulate(delta, controller=controller, effects=effects, run=tp.simulation.Run(steps=4))
+        tp.simulate(delta, controller=controller, effects=effects, run=Run(steps=4))
 
 
 @pytest.mark.parametrize("law", ["joint", "tej"])
 def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     chosen = gains.choose(h4, law, Effects(), ControllerSettings())
-    run = tp.simulate(h4, controller=law, effects=Effects(), run=tp.simulation.Run(hold=0.8))
+    run = tp.simulate(h4, controller=law, effects=Effects(), run=Run(hold=0.8))
     loop = Responses(plants(h4, [run.x_d[-1]], law, Effects()))
     predicted = loop.dither(chosen, h4.reading_sigma).max()
     # Counts at rest are no white noise: a loop hunts by one.
@@ -282,9 +287,7 @@ def test_a_calibrated_robot_has_gains_for_the_law_of_its_estimate(h4, sensors, s
     assert controller.sigma_scale == scale and controller.frequency > 35
     assert tp.control.stability_margins(fit.robot, controller).kept
     assert not tp.control.stability_margins(fit.robot, replace(controller, sigma_scale=1)).kept
-    run = tp.simulate(
-        fit.robot, truth, controller, effects=Effects(), run=tp.simulation.Run(hold=2.0)
-    )
+    run = tp.simulate(fit.robot, truth, controller, effects=Effects(), run=Run(hold=2.0))
     last = run.x[run.time >= run.time[-1] - 0.2]
     swing = np.ptp(last, axis=0)
     assert run.status == "ok"
