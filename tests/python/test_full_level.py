@@ -181,14 +181,6 @@ def test_what_cannot_be_reached_is_an_error_or_nan_at_the_full_level(h4):
     assert np.isnan(h4.residual_motion(far, errors="nan")[1]).all()
 
 
-@pytest.mark.parametrize("lead", [(), (3,), (2, 0), (2, 3)])
-def test_any_leading_shape(h4, lead):
-    x = np.broadcast_to(X_D, (*lead, 4))
-    assert h4.ikm(x, level="full").shape == h4.residual_motion(x).shape == (*lead, 4)
-    assert h4.jacobian(x, level="full").shape == (*lead, 4, 4)
-    assert h4.extended_positions(x, level="full").shape == (*lead, 5)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

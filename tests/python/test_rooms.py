@@ -1,6 +1,5 @@
 """The rooms of the package: imports, public names, and the core without each integration."""
 
-import ast
 import importlib
 import os
 import pkgutil
@@ -15,8 +14,6 @@ import truepose as tp
 from truepose.plugins import plugins
 
 ROOT = Path(tp.__file__).parent
-SOURCES = sorted(ROOT.rglob("*.py"))
-ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
 
 def test_the_api_works_once_every_module_is_imported(h4):
@@ -31,17 +28,6 @@ def test_the_api_works_once_every_module_is_imported(h4):
     assert tp.accuracy(robot, poses).shape == (2, 4, 4)
     assert tp.calibrate(robot, truth.extended_positions([run.x[0], run.x[-1]])).robot.n == 4
     assert len(robot.assembly_modes(robot.ikm(robot.home), starts=50)) >= 1
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_only_rooms_and_the_compiled_module_come_from_the_root(path):
-    """The contract leaves out imports of the root, as which the linter takes those of `_core`."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            assert all(name.name != "truepose" for name in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module == "truepose":
-            assert {name.name for name in node.names} <= ROOMS
 
 
 INTEGRATIONS = sorted(path.parent.name for path in (ROOT / "integrations").glob("*/__init__.py"))

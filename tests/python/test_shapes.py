@@ -75,10 +75,8 @@ def test_errors_nan_marks_the_bad_rows_and_only_them(h4):
     ("call", "message"),
     [
         (lambda r: r.ikm([0, 0, -0.4]), r"^x: shape \(3,\), must be \(..., 4\) for h4$"),
-        (lambda r: r.ikm(0.0), r"^x: shape \(\), must be \(..., 4\) for h4$"),
         (lambda r: r.rkm(np.zeros((2, 5))), r"^x: shape \(2, 5\), must be"),
         (lambda r: r.jacobian([[0, 0], [0]]), "^x: must be numbers$"),
-        (lambda r: r.tej(["a", "b", "c", "d"]), "^x: must be numbers$"),
         (lambda r: r.ikm([0, 0, 1j, 0]), "^x: must be numbers$"),
         (lambda r: r.ikm(np.array(POSE) + 0j), "^x: complex numbers: must be real$"),
         (lambda r: r.ikm([*POSE[:3], np.complex64(0.2)]), "^x: complex numbers: must be real$"),
@@ -93,7 +91,6 @@ def test_errors_nan_marks_the_bad_rows_and_only_them(h4):
             "^readings: column q1: a masked array: fill",
         ),
         (lambda r: r.ikm([0, 0, np.nan, 0]), r"^x = \[0, 0, nan, 0\]: must be finite numbers$"),
-        (lambda r: r.fkm([0, 0, np.inf, 0]), r"^q = \[0, 0, inf, 0\]: must be finite numbers$"),
         (lambda r: r.fkm(np.zeros(4), guess=[0, 0]), r"^guess: wrong shape, must be \(4,\) or"),
         (lambda r: r.fkm(np.zeros((3, 4)), guess=np.zeros((2, 4))), "^guess: wrong shape"),
         (lambda r: r.fkm(np.zeros(4), guess=[0, 0, np.nan, 0]), "^guess = .*: must be finite"),
