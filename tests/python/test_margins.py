@@ -16,13 +16,21 @@ from truepose.control.settings import ControllerSettings
 from truepose.simulation import Run
 from truepose.simulation.paths import MOVE_FROM, default_move
 
+SLOW = {"frequency": 40, "velocity_bandwidth": 300}
+
+
+def loops(robot, effects=None, law="tej", poses=None):
+    """Return the responses of a robot's loops, at home if at no other poses."""
+    at = [robot.home] if poses is None else poses
+    return Responses(plants(robot, at, law, effects or Effects()))
+
 
 @pytest.mark.parametrize("law", ["joint", "tej", "estimated"])
 @pytest.mark.parametrize("groups", [["delay"], ["compliance"], ["delay", "compliance"]])
 def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups):
     robot, effects = h4.without_quantization(), Effects().only(*groups)
-    loop = Responses(plants(robot, [robot.home], law, effects))
-    margin = loop.common(ControllerSettings(frequency=40, velocity_bandwidth=300))[0].more
+    loop = loops(robot, effects, law)
+    margin = loop.common(ControllerSettings(**SLOW))[0].more
     late = []
     for share in (0.93, 1.07):  # gains times k: poles times √k, damping times √k
         root = np.sqrt(share * margin)
@@ -46,7 +54,7 @@ def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups)
 
 
 def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_between(h4):
-    loop = Responses(plants(h4, [h4.home], "tej", Effects().only("delay")))
+    loop = loops(h4, Effects().only("delay"))
     asked = [ControllerSettings(frequency=f, velocity_bandwidth=10 * f) for f in range(60, 150)]
     poles = next(found for found in asked if 2.2 < loop.common(found)[0].delay < 2.8)
     radius = []
@@ -58,7 +66,7 @@ def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_bet
 
 def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
     chosen = gains.choose(h4, "tej", Effects(), ControllerSettings())
-    found = Responses(plants(h4, gains.poses(h4), "tej", Effects()))
+    found = loops(h4, poses=gains.poses(h4))
     assert len(found.plants) == 17 and found.stable(chosen).all()
     of_each = sum(found.alone(chosen), found.common(chosen))
     assert gains.kept(worst(of_each))
@@ -116,8 +124,8 @@ def test_less_damping_is_stiffer_at_the_same_limit_cycle(h4):
 
 def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
     # Four steps in 2 ms are beyond Runge-Kutta's stability, 2.8 radians each.
-    delta, soft = tp.load("delta"), {"frequency": 40, "velocity_bandwidth": 300}
-    controller = tp.Controller(law="joint", period=2e-3, **soft)
+    delta = tp.load("delta")
+    controller = tp.Controller(law="joint", period=2e-3, **SLOW)
     effects = Effects().only("compliance")
     run = tp.simulate(delta, controller=controller, effects=effects)
     fine = tp.simulate(delta, controller=controller, effects=effects, run=Run(steps=60))
@@ -130,7 +138,7 @@ def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
 def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     chosen = gains.choose(h4, law, Effects(), ControllerSettings())
     run = tp.simulate(h4, controller=law, effects=Effects(), run=Run(hold=0.8))
-    loop = Responses(plants(h4, [run.x_d[-1]], law, Effects()))
+    loop = loops(h4, law=law, poses=[run.x_d[-1]])
     predicted = loop.dither(chosen, h4.reading_sigma).max()
     # Counts at rest are no white noise: a loop hunts by one.
     assert 0.5 < run.torque[-200:].std(axis=0).max() / predicted < 3
@@ -163,10 +171,10 @@ def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):
 
 
 def test_margins_are_those_of_the_loops_that_they_name(h4):
-    controller = tp.Controller(frequency=40, velocity_bandwidth=300)
+    controller = tp.Controller(**SLOW)
     found = tp.control.stability_margins(h4, controller, poses=[h4.home])
-    loop = Responses(plants(h4, [h4.home], "tej", Effects()))
-    asked = ControllerSettings(frequency=40, velocity_bandwidth=300)
+    loop = loops(h4)
+    asked = ControllerSettings(**SLOW)
     assert list(found.loops) == ["all motors", *(f"motor {i}" for i in "1234"), *h4.readings]
     assert found.loops["all motors"] == loop.common(asked)
     assert found.worst("motor 3") == loop.alone(asked)[0][2]
@@ -176,9 +184,9 @@ def test_margins_are_those_of_the_loops_that_they_name(h4):
 
 def test_a_sensor_alone_may_be_so_much_stronger(h4):
     # The sensor's own loop: its gain in the law times k, all other readings' as they are.
-    asked = tp.Controller(frequency=40, velocity_bandwidth=300)
+    asked = tp.Controller(**SLOW)
     found = tp.control.stability_margins(h4, asked, poses=[h4.home])
-    margin, plant = found.worst("theta").more, plants(h4, [h4.home], "tej", Effects())
+    margin, plant = found.worst("theta").more, loops(h4).plants
     radius = []
     for share in (0.98, 1.02):
         E = plant[0].E.copy()
