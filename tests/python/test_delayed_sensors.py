@@ -215,14 +215,13 @@ def test_learning_goes_on_with_late_readings(camera):
     ("key", "value"),
     [("sample_period", -0.1), ("latency", -1.0), ("latency", 11.0), ("sample_period", "x")],
 )
-def test_bad_numbers_in_a_file_are_named_in_one_line(tmp_path, key, value):
-    path = tmp_path / "robot.toml"
-    path.write_text(
+def test_bad_numbers_in_a_file_are_named_in_one_line(load, key, value):
+    text = (
         'based_on = "h4"\nsensors = ["eye"]\n\n[[sensor]]\nname = "eye"\n'
         f'kind = "platform_angle"\n{key} = {value!r}\n'
     )
     with pytest.raises(tp.RobotFileError, match=key) as error:
-        tp.load(path)
+        load(text)
     assert "\n" not in str(error.value).strip()
 
 

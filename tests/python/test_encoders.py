@@ -16,10 +16,10 @@ def error(phi):
 
 
 @pytest.fixture
-def spoil(h4_text, tmp_path):
+def spoil(h4_text, load):
     """Return a function that loads an H4 with keys put after other lines of its file."""
 
-    def load(**additions: str) -> tp.Robot:
+    def with_keys(**additions: str) -> tp.Robot:
         text = h4_text
         for after, line in additions.items():
             old = {
@@ -30,11 +30,9 @@ def spoil(h4_text, tmp_path):
             head, found, tail = text.partition(old[after])
             end = tail.index("\n")
             text = head + found + tail[:end] + "\n" + line + tail[end:]
-        path = tmp_path / "robot.toml"
-        path.write_text(text, encoding="utf-8")
-        return tp.load(path)
+        return load(text)
 
-    return load
+    return with_keys
 
 
 def test_a_motors_encoder_off_its_centre_reads_its_angle_and_the_error_there(h4, spoil, table2):

@@ -37,18 +37,6 @@ chain = [
 
 
 @pytest.fixture
-def load(tmp_path):
-    """Return a function that loads a robot file's text."""
-
-    def from_text(text: str) -> tp.Robot:
-        path = tmp_path / "robot.toml"
-        path.write_text(text, encoding="utf-8")
-        return tp.load(path)
-
-    return from_text
-
-
-@pytest.fixture
 def paired(request, load, h4, delta):
     """Return a robot whose chains are spatial parallelograms."""
     return {"h4": h4, "delta": delta}.get(request.param) or load(LINEAR_DELTA)

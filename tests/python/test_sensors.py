@@ -230,10 +230,8 @@ def test_an_inclinometer_reads_against_the_files_gravity(any_robot):
         ('name = "e"\nkind = "distance"', "origin: is missing"),
     ],
 )
-def test_a_sensor_that_cannot_be_is_named(tmp_path, text, words):
-    path = tmp_path / "robot.toml"
-    path.write_text(f'based_on = "h4"\nsensors = []\n[[sensor]]\n{text}\n')
+def test_a_sensor_that_cannot_be_is_named(load, text, words):
     with pytest.raises(tp.RobotFileError) as error:
-        tp.load(path)
+        load(f'based_on = "h4"\nsensors = []\n[[sensor]]\n{text}\n')
     assert words in str(error.value)
     assert "\n" not in str(error.value)

@@ -25,13 +25,9 @@ def text_of(name, compliances, load=(0, 0, 0)):
 
 
 @pytest.fixture
-def yielding(tmp_path):
-    def make(name, compliances, load=(0, 0, 0)):
-        path = tmp_path / "yielding.toml"
-        path.write_text(text_of(name, compliances, load), encoding="utf-8")
-        return tp.load(path)
-
-    return make
+def yielding(load):
+    """Return a function that loads a shipped robot with compliant rods."""
+    return lambda *of: load(text_of(*of))
 
 
 def at_level(robot, level):
@@ -304,11 +300,9 @@ SPOILT = {
 
 
 @pytest.mark.parametrize("added", SPOILT)
-def test_a_wrong_word_of_stretch_is_refused(tmp_path, added):
-    path = tmp_path / "wrong.toml"
-    path.write_text(tp.load("delta").spec._text + f"\n{added}\n", encoding="utf-8")
+def test_a_wrong_word_of_stretch_is_refused(load, delta, added):
     with pytest.raises(RobotFileError) as error:
-        tp.load(path)
+        load(delta.spec._text + f"\n{added}\n")
     assert SPOILT[added] in str(error.value)
 
 
