@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,24 +13,15 @@ from truepose import logs
 from truepose.calibration import CalibrationOptions, log_checks, review
 from truepose.calibration.between import Between, read
 from truepose.calibration.causes.hypothesis import Case
-from truepose.commands import cli
 
 SIGMA = 2e-5
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
+def calibrate(run, monkeypatch):
     """Return a function that runs `truepose calibrate` in a folder: status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-
-    def command(*words):
-        monkeypatch.setattr("sys.argv", ["truepose", "calibrate", *map(str, words)])
-        with pytest.raises(SystemExit) as left:
-            cli.main()
-        return (left.value.code or 0, *capsys.readouterr())
-
-    return command
+    return partial(run, "calibrate")
 
 
 def printer():
@@ -92,9 +84,9 @@ WORDS = (
 )
 
 
-def test_touches_and_callipers_calibrate_a_printer_that_has_no_sensor(run, tmp_path):
+def test_touches_and_callipers_calibrate_a_printer_that_has_no_sensor(calibrate, tmp_path):
     written(tmp_path)
-    status, out, err = run(*WORDS)
+    status, out, err = calibrate(*WORDS)
     assert (status, err) == (0, "")
     assert "plane bed.slope.x" in out and "pin, z.height (mm)" in out and "wrong?" not in out
     page = (tmp_path / "c.html").read_text(encoding="utf-8")
@@ -111,22 +103,22 @@ def test_touches_and_callipers_calibrate_a_printer_that_has_no_sensor(run, tmp_p
     assert np.std(after) < 0.2 * np.std(before)
 
 
-def test_a_calliper_typed_10_mm_off_is_named_by_its_points(run, tmp_path):
+def test_a_calliper_typed_10_mm_off_is_named_by_its_points(calibrate, tmp_path):
     written(tmp_path, wrong=0.010)
-    status, out, err = run(*WORDS)
+    status, out, err = calibrate(*WORDS)
     assert status == 0
     (name,) = re.findall(r"^log.csv: (distance: [0-9.]+ mm, E to B): \+(?:9|10)\.\d+ mm off", err)
     (row,) = [line for line in out.splitlines() if "wrong?" in line]
     assert row.startswith(name)
 
 
-def test_a_wrong_touch_is_named_by_its_line_in_the_file(run, tmp_path):
+def test_a_wrong_touch_is_named_by_its_line_in_the_file(calibrate, tmp_path):
     written(tmp_path)
     rows = (tmp_path / "log.csv").read_text(encoding="utf-8").splitlines()
     cells = rows[11].split(",")
     rows[11] = ",".join([*(repr(float(cell) + 5e-4) for cell in cells[:3]), *cells[3:]])
     (tmp_path / "log.csv").write_text("# a comment\n" + "\n".join(rows) + "\n", encoding="utf-8")
-    status, _, err = run(*WORDS)
+    status, _, err = calibrate(*WORDS)
     assert status == 0 and err.startswith("log.csv: plane bed: line 13: ")
 
 
@@ -183,12 +175,12 @@ def test_held_out_lines_are_predicted_without_their_touches():
     np.testing.assert_array_equal(*held)
 
 
-def test_lines_of_the_file_are_ends_where_no_point_has_a_name(run, tmp_path):
+def test_lines_of_the_file_are_ends_where_no_point_has_a_name(calibrate, tmp_path):
     written(tmp_path, drop=("point",))
     _, _, distances = scene(3)
     rows = [("ABCDEF".index(a) + 2, "ABCDEF".index(b) + 2, d, SIGMA) for a, b, d in distances]
     write(tmp_path / "distances.csv", ("from", "to", "distance", "sigma"), rows)
-    status, out, err = run(*WORDS, "--format", "csv")
+    status, out, err = calibrate(*WORDS, "--format", "csv")
     assert status == 0 and "Wrote c.html" in err
     assert "lines 3 and 2" in out and "point" not in out
 
@@ -226,22 +218,22 @@ def changed(name, old, new):
     ],
 )  # fmt: skip
 def test_wrong_touches_and_distances_are_one_line_and_write_nothing(
-    run, tmp_path, change, words, said
+    calibrate, tmp_path, change, words, said
 ):
     written(tmp_path)
     change(tmp_path)
     before = sorted(path.name for path in tmp_path.iterdir())
-    status, out, err = run(*WORDS, *words)
+    status, out, err = calibrate(*WORDS, *words)
     assert (status, out) == (2, "") and said in err and len(err.splitlines()) == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def test_distances_in_millimetres_are_said_to_be(run, tmp_path):
+def test_distances_in_millimetres_are_said_to_be(calibrate, tmp_path):
     written(tmp_path)
     _, _, distances = scene(3)
     rows = [(a, b, 1e3 * d) for a, b, d in distances]
     write(tmp_path / "distances.csv", ("from", "to", "distance"), rows)
-    status, out, err = run(*WORDS)
+    status, out, err = calibrate(*WORDS)
     assert (status, out) == (2, "")
     assert err == "truepose: error: distances.csv: distance: in mm, must be m\n"
 
@@ -254,7 +246,7 @@ def test_a_planar_robot_has_no_plane_across_z():
         tp.calibrate(robot, table)
 
 
-def test_a_pin_touched_from_many_sides_finds_the_tip_of_the_tool(run, tmp_path):
+def test_a_pin_touched_from_many_sides_finds_the_tip_of_the_tool(calibrate, tmp_path):
     """A hexapod without sensors, its tip 23 mm beside where it was taken to be."""
     robot, rng = tp.load("stewart").with_sensors(), np.random.default_rng(5)
     tip, box = np.array([0.012, -0.020, 0.055]), robot.spec.workspace
@@ -267,7 +259,7 @@ def test_a_pin_touched_from_many_sides_finds_the_tip_of_the_tool(run, tmp_path):
     names = [*robot.readings, "point"]
     write(tmp_path / "log.csv", names, [[*row, "pin"] for row in q.tolist()])
     words = ("--tool", "0,0,0.05", "--tool-sigma", "20mm", "--format", "json")
-    status, out, _ = run("stewart", "log.csv", *words, "--sensors", "none")
+    status, out, _ = calibrate("stewart", "log.csv", *words, "--sensors", "none")
     assert status == 0
     found = {row["unknown"]: row for row in json.loads(out)["differences_own"]}
     for axis, true in zip("xyz", tip, strict=True):

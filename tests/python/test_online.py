@@ -82,24 +82,6 @@ def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng
     assert error[True] < 0.2 * error[False]
 
 
-@pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter")])
-@pytest.mark.parametrize("level", ["ideal", "full"])
-def test_a_gross_error_teaches_nothing(h4, table2, rng, sensors, level):
-    robot = h4.with_sensors(*sensors)
-    poses = table2[rng.permutation(len(table2))[:300]]
-    q_e = robot.sample(5).read(poses, seed=6, level=level)
-    spoilt = q_e.copy()
-    spoilt[200, 4] += 0.2
-    gated, clean = (tp.OnlineCalibrator(robot, level=level) for _ in range(2))
-    gated.observe(spoilt)
-    clean.observe(q_e if len(sensors) > 1 else np.delete(q_e, 200, axis=0))
-    assert (gated.lines, gated.left_out, gated.stopped) == (299, 1, None)
-    # Where z is read as well, the line still teaches what z says of it.
-    within = 0.2 if len(sensors) > 1 else 1e-9
-    for name, learnt in clean.parameters.items():
-        assert abs(gated.parameters[name].value - learnt.value) <= within * learnt.sigma
-
-
 def position(online, robot, true, poses):
     """Position rms of its robot's estimates without any fault, and what it states, m."""
     off = online.robot.estimate(true.extended_positions(poses)).x - poses
