@@ -168,7 +168,7 @@ inline Config parse_config(string_view text) {
     if (end == lines.end()) config.fail("ends within the configuration of Klipper's last start");
     lines.erase(end, lines.end());
     if (lines.empty()) lines.emplace_back();
-    text = {lines[0].data(), size_t(lines.back().end() - lines[0].begin())};
+    text = {lines[0].data(), size_t(lines.back().data() + lines.back().size() - lines[0].data())};
   }
   if (text.size() > kMostBytes) config.fail(format("more than %d bytes", int(kMostBytes)));
   if (!is_utf8(text) || text.find('\0') != text.npos) config.fail("not a text file (UTF-8)");

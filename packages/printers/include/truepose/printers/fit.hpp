@@ -117,16 +117,15 @@ inline Vector fit(const Delta& delta, const Vector& start, const Readings& readi
 /// Columns of theta that Klipper adjusts, with distances (extended) or without; `common`: the rods
 /// together as one unknown more.
 inline Matrix adjusted(const Delta& delta, bool extended, bool common = false) {
+  const int angle = delta.angle(), rod = delta.rod(), end = delta.endstop();
+  vector<int> free{end, end + 1, end + 2, delta.rotary};  // radius, or a rotary delta's height
+  if (!delta.rotary || extended) free.insert(free.end(), {angle, angle + 1});
+  if (extended && delta.rotary) free.push_back(0);
+  if (extended && !delta.rotary) free.insert(free.end(), {rod, rod + 1, rod + 2});
   const Matrix all = Matrix::Identity(delta.count() + 2, delta.count() + 2);
-  Matrix F = all.middleCols(delta.endstop(), 3);
-  const auto add = [&](int first, int count) {
-    F.conservativeResize(Eigen::NoChange, F.cols() + count);
-    F.rightCols(count) = all.middleCols(first, count);
-  };
-  add(delta.rotary, 1);  // radius, or a rotary delta's shoulder height
-  if (!delta.rotary || extended) add(delta.angle(), 2);
-  if (extended) delta.rotary ? add(0, 1) : add(delta.rod(), 3);
-  if (common) add(0, 1), F.rightCols(1) = all.middleCols(delta.rod(), 3).rowwise().sum();
+  Matrix F(all.rows(), free.size() + common);
+  F.leftCols(free.size()) = all(Eigen::all, free);
+  if (common) F.rightCols(1) = all.middleCols(rod, 3).rowwise().sum();
   return F;
 }
 

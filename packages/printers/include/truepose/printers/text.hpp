@@ -62,14 +62,10 @@ inline double number_of(string_view text) {
   return end == word.c_str() + word.size() && isfinite(value) ? value : kNaN;
 }
 
-/// A length in mm with two significant digits and no exponent; 0 below 0.00005.
+/// A length in mm with two significant digits at least and no exponent; 0 below 0.0001.
 inline string shown_mm(double value) {
   value /= kMm;
-  if (!isfinite(value)) return "nan";
-  if (fabs(value) < 5e-5) return "0";
-  const int digits = 1 - int(std::floor(std::log10(fabs(value))));
-  const double unit = pow(10.0, digits);
-  return format("%.*f", max(digits, 0), std::nearbyint(value * unit) / unit);
+  return value < 1e-4 ? "0" : format(value < 9.95 ? "%#.2g" : "%.0f", value);
 }
 
 /// The lines of a text that end in LF, CR LF or CR.
