@@ -10,7 +10,6 @@ class Workbench {
     const { name, unit } = rods.find((each) => each.name === "chain3.rod") ?? rods[0] ?? of.parameters[0];
     this.errors = { [name]: unit === "m" ? -0.003 : 0.01 };
     this.desired = [...of.home];
-    this.law = "joint";
     this.unit = of.coordinates.some(({ unit }) => unit === "m") ? "m" : "rad"; // of errors
     this.view = { azimuth: -0.9, elevation: 0.45 };
     this.box = of.home.map((_, k) => [of.workspace.minimum[k], of.workspace.maximum[k]]);
@@ -30,7 +29,7 @@ class Workbench {
     this.choice = h("select", { ariaLabel: "Parameter in error", onchange: () => this.choose() },
       of.parameters.map(({ name }) => h("option", {}, name)));
     const laws = { joint: "motors alone", tej: "motors and sensors (TEJ)", estimated: "all readings, weighted" };
-    const law = h("select", { ariaLabel: "Control law", onchange: () => { this.law = law.value; this.show(); } },
+    this.law = h("select", { ariaLabel: "Control law", onchange: () => this.show() },
       Object.entries(laws).map(([value, title]) => h("option", { value }, title)));
     this.wrong = h("div"), this.broken = h("span"), this.reading = h("div"), this.fitted = h("div");
     this.error = h("p", { className: "verdict" }), this.said = h("p", { role: "status" });
@@ -41,7 +40,7 @@ class Workbench {
       h("div", {},
         h("h3", {}, "Desired pose"), this.sliders.map(({ row }) => row),
         h("h3", {}, "Error of the true robot"), this.choice, " ", button("No error", () => { this.errors = {}; this.choose(); }),
-        this.wrong, this.broken, h("h3", {}, "Control"), law, this.error, this.said)),
+        this.wrong, this.broken, h("h3", {}, "Control"), this.law, this.error, this.said)),
     h("h3", {}, "Readings"), this.reading,
     h("h3", {}, "Calibration"), this.poses, " poses ", button("Simulate a log and calibrate", () => this.learn()), " ",
     button("Undo", () => { this.use(this.start); this.fitted.replaceChildren(); this.show(); }), this.fitted);
@@ -82,7 +81,7 @@ class Workbench {
   show() {
     this.sliders.forEach(({ update }) => update());
     try {
-      const at = this.model.settle(this.truth, this.desired, this.law), expected = this.model.readings(this.desired);
+      const at = this.model.settle(this.truth, this.desired, this.law.value), expected = this.model.readings(this.desired);
       this.reading.replaceChildren(table(["reading", "expected", "true robot", "difference"], this.of.readings.map(({ name, unit }, k) => {
         const off = at.readings[k] - expected[k];
         return [name, inPrint(expected[k], unit), inPrint(at.readings[k], unit),
@@ -169,7 +168,7 @@ class Workbench {
   // The rms error over random poses under the law.
   accuracy() {
     const off = this.random(60, 7).flatMap((x) => {
-      try { return [this.size(this.model.settle(this.truth, x, this.law).x.map((value, k) => value - x[k]))]; } catch { return []; } // out of this model's reach
+      try { return [this.size(this.model.settle(this.truth, x, this.law.value).x.map((value, k) => value - x[k]))]; } catch { return []; } // out of this model's reach
     });
     return inPrint(Math.hypot(...off) / Math.sqrt(off.length), this.unit);
   }
