@@ -8,7 +8,7 @@ import pytest
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.commands.conditions import under as of_option
-from truepose.design.criterion import SIGMA, Criterion
+from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
 from truepose.exceptions import InputError
 from truepose.robot.conditions import columns, known, sampled, under
@@ -47,13 +47,6 @@ def exact(robot):
     """The same of known geometry and encoders without counts: conditions alone matter."""
     update = {"tolerances": {"chain1.encoder_offset": Tolerance(sigma=1e-9)}, "quantized": False}
     return tp.Robot(robot.spec.model_copy(update=update))
-
-
-def noisy(robot, sigma=1e-4):
-    """The same with noise of the motors' encoders, and twice as much of the sensors."""
-    chain = tuple(c.model_copy(update={"encoder_noise": sigma}) for c in robot.spec.chain)
-    sensor = tuple(s.model_copy(update={"noise": 2 * sigma}) for s in robot.spec.sensor)
-    return tp.Robot(robot.spec.model_copy(update={"chain": chain, "sensor": sensor}))
 
 
 def position(robot, x, **known):
@@ -145,19 +138,6 @@ def test_the_budget_has_a_row_for_each_condition_and_adds_up(name, known_by, any
     for source, half in halves.items():
         better = position(robot.with_conditions(**half), x[:6], **at)
         assert rows[source].halved == pytest.approx(better, rel=1e-5), source
-
-
-@STATES
-@pytest.mark.parametrize("measure", ["rms", "worst", "AP", "RP"])
-def test_a_share_of_robots_keeps_the_errors_of_their_budgets(known_by, measure, anywhere, rng):
-    robot = noisy(at_work("h4", backlash=1e-4))
-    x = anywhere(robot, 16, rng)
-    at = {"calibrated_on": x[6:], "reference_pose": robot.home}
-    use, by = Use(poses=x[:6], **{key: at[key] for key in known_by}), Criterion(measure)
-    prices = {"theta": 7.0, "wire1": 9.0}
-    for choice in tp.select_sensors(robot, prices, use=use, criterion=by).front:
-        one = robot.with_sensors(*choice.sensors)
-        assert choice.error == pytest.approx(tp.design.error_budget(one, use, by).error, rel=1e-8)
 
 
 @STATES

@@ -11,10 +11,10 @@ import pytest
 import truepose as tp
 from truepose.commands.design import notes, verified
 from truepose.design.criterion import SIGMA, Criterion
+from truepose.design.linear import LinearErrors
 from truepose.design.search import Search
 from truepose.design.verification import Verification, verify, wilson
 from truepose.design.where import Known, Use, volume_poses
-from truepose.design.worth import Worth
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.robotfile.schema import Prices
@@ -41,11 +41,11 @@ def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, 
     visited = x[6:] if calibrated else nowhere
     sigma = [max(touched or 0.0, 1e-12)] * any_robot.n
     there = nowhere if touched is None else any_robot.home[None]
-    worth = Worth(any_robot, names, x[:6], Known(visited, there, sigma))
+    errors = LinearErrors(any_robot, names, x[:6], Known(visited, there, sigma))
     for chosen in {(), *((k,) for k in range(min(2, len(names)))), tuple(range(len(names)))[:5]}:
         robot = any_robot.with_sensors(*(names[k] for k in chosen))
         P = tp.accuracy(robot, x[:6], calibrated_on=visited if calibrated else None, **known)
-        assert worth.variance(chosen) ** 0.5 == pytest.approx(position(robot, P), rel=1e-5)
+        assert errors.squared(SIGMA, chosen) ** 0.5 == pytest.approx(position(robot, P), rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -225,18 +225,6 @@ def test_the_error_that_a_share_of_robots_keeps_is_the_quantile_of_all(measure, 
         if measure == "worst":
             each = each[:, np.argmax(kept)]
         assert (each <= limit).mean() == pytest.approx(0.95, abs=0.02)
-
-
-@pytest.mark.parametrize("known", [(), ("calibrated_on",), ("calibrated_on", "reference_pose")])
-def test_uniform_tolerances_are_those_of_the_error_budget(h4, known):
-    """Another way to the errors of uniform parameters: by each, from all readings at once."""
-    x = tp.select_sensors(h4, {"theta": 90}).over
-    at = {"calibrated_on": x[:8], "reference_pose": h4.home}
-    use = Use(poses=x[8:14], **{key: at[key] for key in known})
-    found = tp.select_sensors(h4, {"theta": 90, "wire1": 250}, use=use)
-    names = found.front[-1].sensors
-    budget = tp.design.error_budget(h4.with_sensors(*names), use)
-    assert names and found.front[-1].error == pytest.approx(budget.error, rel=1e-4)
 
 
 def test_repeatability_and_pose_accuracy_are_those_of_iso_9283(rng):

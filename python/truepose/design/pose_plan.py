@@ -31,7 +31,7 @@ class PosePlan(Shown):
     random: Array  #: (20,) predicted σ of the position after n random candidates
     everything: float  #: the same after all candidates
     bound: float
-    #: lower bound of σ of the position after any n candidates; NaN with `seen` or `relative_to`
+    #: lower bound of σ of the position after any n candidates; NaN with `seen`
     longer: tuple[int, float]  #: how many further ones, with the largest gains, and σ after them
     candidates: int  #: number of reachable candidates
     left_out: int  #: number of unreachable candidates
