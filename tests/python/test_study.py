@@ -193,23 +193,25 @@ def test_a_study_that_was_ended_goes_on_with_other_tasks_and_may_grow(alone, tmp
     assert not asked
 
 
-def test_a_study_writes_some_files_while_it_runs_and_leaves_one(alone, tmp_path, monkeypatch):
+def test_a_study_writes_its_file_while_it_runs(alone, tmp_path, monkeypatch):
     parquet = pytest.importorskip("pyarrow.parquet")
     monkeypatch.setattr(storage, "EVERY", 0.0)
     monkeypatch.setattr(storage, "SHARE", 0.0)
-    folder, seen = tmp_path / "kept", []
-    options = {"seed": 3, "workers": 0, "chunk": 2, "out": folder}
-    look = lambda *_: seen.append(len(list(folder.glob("*.parquet"))))  # noqa: E731
+    file, seen = tmp_path / "kept" / "cases.parquet", []
+    options = {"seed": 3, "workers": 0, "chunk": 2, "out": tmp_path / "kept"}
+
+    def look(*_):
+        seen.append(len(parquet.read_table(file)) if file.exists() else 0)
+
     tp.monte_carlo(off, ["3rrr", "h4"], COUNT, progress=look, **options)
-    assert seen == [*range(COUNT + 1)]
-    (file,) = folder.glob("*.parquet")
+    assert seen == [*range(0, 2 * COUNT + 1, 2)]
     table = parquet.read_table(file).to_pydict()
     assert table["case"] == [*range(2 * COUNT)]
     assert np.array_equal(table["off"], alone.columns["off"])
     monkeypatch.setattr(storage, "EVERY", 60.0)
     tp.monte_carlo(off, ["3rrr", "h4"], COUNT + 2, progress=look, **options)
-    assert seen[-1] == 1  # a fast study does not write for each task
-    assert len(list(folder.glob("*.parquet"))) == 1
+    assert seen[-1] == 2 * COUNT  # a fast study does not write for each task
+    assert len(parquet.read_table(file)) == 2 * COUNT + 4
 
 
 @pytest.mark.parametrize("seconds", [1e-4, 0.04, 3.0])
