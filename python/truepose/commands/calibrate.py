@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -14,7 +15,6 @@ from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.differences import measurements
 from truepose.calibration.registration import known_poses, sigmas
 from truepose.commands import options
-from truepose.commands.groups import grouped
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
@@ -24,11 +24,12 @@ from truepose.show.terminal import Format, progress, say, show
 
 #: Steps of the progress bar.
 STEPS = 3 + review.STEPS
+#: Options of the fit on the first page of the help.
+FIRST = ("level", "loss", "cause", "registration", "lean")
 #: Measured differences that the terminal shows; the report has all.
 SHOWN = 12
 
 
-@grouped("level", "loss", "cause", "registration", "lean")
 def command(
     robot: options.RobotName,
     log: Path | None = Argument(
@@ -44,7 +45,7 @@ def command(
     plot: Path | None = options.plot_option("each parameter's change and σ", hidden=True),
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
-    fit: CalibrationOptions = CalibrationOptions(loss="student"),
+    fit: Annotated[CalibrationOptions, FIRST] = CalibrationOptions(loss="student"),
     measured_sigma: str | None = Option(
         None,
         help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,6 @@ from truepose.design.where import Use, practice, volume_poses
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
-from truepose.show.units import WRITTEN
 
 #: Largest number of poses of a self-calibration.
 MOST = 10_000
@@ -119,16 +117,13 @@ def parse_ranges(
     for text in texts:
         name, _, box = text.partition("=")
         unit = unit_of(name.strip())
-        low, high = (_signed(end, unit) for end in box.partition("..")[::2])
+        ends = map(options.with_unit, box.partition("..")[::2])
+        low, high = (
+            factor * options.number_of(number) if of in ("", unit) else np.nan
+            for number, of, factor in ends
+        )
         if not low <= high < np.inf or low == -np.inf:
             example = "-200mm..0.1m" if unit == "m" else "-30deg..30deg"
             raise InputError(f"{option} {text}: must be COORDINATE=LOW..HIGH, as {example}")
         options.add(result, name.strip(), (low, high), f"{option} {name.strip()}")
     return result
-
-
-def _signed(text: str, unit: str) -> float:
-    """Parse a length or an angle of either sign; return NaN for anything else."""
-    found = re.fullmatch(r"\s*(.+?)([a-zµ°]*)\s*", text)
-    of, factor = WRITTEN.get((found[2] if found else "") or unit, ("", np.nan))
-    return factor * options.number_of(found[1]) if found and of == unit else np.nan
