@@ -14,8 +14,6 @@ from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, printed
 
-#: Least difference of prices of the sets listed in a figure, as a share of the largest price.
-_APART = 0.03
 #: One-time steps that can have a price, in the order of a robot's states.
 STEPS = ("self_calibration", "reference_pose")
 
@@ -121,43 +119,35 @@ class SensorSelection(Shown):
         robot, total = self.robot, summed(self.robot)
         price = [choice.price for choice in self.front]
         error = [total.factor * self.counted(choice) for choice in self.front]
-        shown = [0]  # sets with labels
-        for k, choice in enumerate(self.front[1:], 1):
-            last = self.front[shown[-1]]
-            far = choice.price - last.price > _APART * max(price)
-            if far or choice.error < 0.8 * last.error or choice == self.best:
-                shown.append(k)
+        shown: list[tuple[tuple[float, float], str]] = []  # sets with labels
+        for *place, choice in zip(price, error, self.front, strict=True):
+            if not shown or place[1] < 0.8 * shown[-1][0][1] or choice == self.best:
+                shown.append((tuple(place), label(robot, choice.sensors)))
         height = 0.14 * len(shown) + 0.15
         figure.set_size_inches(6.4, 4.4 + height)
         upper, lower = figure.subfigures(2, 1, height_ratios=(4.4, height))
-        axes, lines = upper.subplots(), []
-        style, proven = ("-", "proven") if self.exact else ("--", "greedy, not proven")
-        axes.step(price, error, style, where="post", color="C0")
-        axes.plot(price, error, "o", color="C0", ms=4, label=f"front ({proven})")
-        for k in shown:
-            place = {"xytext": (3, 4), "textcoords": "offset points"}
-            axes.annotate(str(k + 1), (price[k], error[k]), fontsize=8, **place)
-            lines.append(f"{k + 1}  {label(robot, self.front[k].sensors)}")
-        lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
+        axes = upper.subplots()
+        style, proven = ("o-", "proven") if self.exact else ("o--", "greedy, not proven")
+        axes.step(price, error, style, where="post", ms=4, label=f"front ({proven})")
+        for k, (there, _) in enumerate(shown, 1):
+            axes.annotate(str(k), there, (3, 4), textcoords="offset points", fontsize=8)
+        names = "\n".join(f"{k}  {name}" for k, (_, name) in enumerate(shown, 1))
+        lower.text(0.04, 1, names, va="top", fontsize=8, parse_math=False)
         if self.best is not None:
             there = self.best.price, total.factor * self.counted(self.best)
             axes.plot(*there, "o", color="C3", ms=9, mfc="none", label="best")
         title = f"{robot.name}, {self.state}"
         if self.target is not None:
             title += f", target {printed_errors(robot, self.target, self.target_angle)}"
-            axes.axhline(total.factor * self.target, color="C3", lw=0.9, ls=":", label="target")
+            axes.axhline(total.factor * self.target, color="C3", ls=":", label="target")
         if self.budget is not None:
             title += f", budget {self.budget:g}"
-            axes.axvline(self.budget, color="C3", lw=0.9, ls=":", label="budget")
+            axes.axvline(self.budget, color="C3", ls=":", label="budget")
         axes.set(xlabel="price (currency of the prices given)", ylabel=self.label)
         axes.set_title(title, fontsize=10, parse_math=False)
-        axes.margins(x=0.08)
-        if min(error) < 0.1 * max(error):
-            axes.set_yscale("log", subs=(2, 5))
-            axes.yaxis.set_major_formatter("{x:g}")
-            axes.yaxis.set_minor_formatter("{x:g}")
-        else:
-            axes.set_ylim(bottom=0)
+        axes.set_yscale("log", subs=(2, 5))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
         axes.grid(color="0.92", which="both")
         axes.legend(fontsize=8)
 
