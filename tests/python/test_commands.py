@@ -200,19 +200,6 @@ def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
     assert figures.q_min == pytest.approx(h4.ikm(x)) == figures.q_max
 
 
-def test_no_direction_is_faster_than_the_worst_one(any_robot, anywhere, rng):
-    figures = info.measure(any_robot, samples=300, seed=1)
-    x = np.random.default_rng(1).uniform(
-        any_robot.spec.workspace.minimum, any_robot.spec.workspace.maximum, (300, any_robot.n)
-    )
-    linear = np.array([unit == "m" for _, unit in any_robot.coordinates])
-    fastest = figures.moving if linear.any() else figures.turning
-    direction = rng.normal(size=(300, any_robot.n)) * (linear if linear.any() else 1)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    q_dot = np.linalg.solve(any_robot.jacobian(x), direction[..., None])
-    assert np.abs(q_dot).max() <= fastest.value * (1 + 1e-12)
-
-
 def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
     box = h4.spec.workspace
     wide = box.model_copy(update={"minimum": (-1.0, *box.minimum[1:])})

@@ -15,7 +15,6 @@ from truepose.design.linear import LinearErrors
 from truepose.design.search import Search
 from truepose.design.verification import Verification, verify, wilson
 from truepose.design.where import Known, Use, volume_poses
-from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.robotfile.schema import Prices
 
@@ -100,11 +99,6 @@ def test_of_twenty_candidates_five_are_proven_the_best(crowded):
     budget = 5 * np.median(prices)
     best, bound = search.most_accurate(budget)
     assert bound == search.cost(best) and search.spent(best) <= budget
-    sizes = range(1, 9)
-    sets = (own for size in sizes for own in itertools.combinations(range(20), size))
-    rng = np.random.default_rng(0)
-    some = [own for own in sets if search.spent(own) <= budget and rng.uniform() < 0.1]
-    assert min(map(cost, some)) >= bound * (1 - 1e-9)
     assert search.cost(search.greedy(budget)) <= 1.02 * bound
 
 

@@ -117,16 +117,16 @@ def test_a_sensor_that_was_measured_stays(h4):
     ("words", "message"),
     [
         (("--place", "wire1", "--budget", "9"), "--budget: is for sensor selection"),
-        (("--place", "wire1", "--survives"), "--survives: is for sensor selection"),
-        (("--place", "wire1", "--measure", "worst"), "--measure: is for sensor selection"),
-        (("--place", "wire1", "--confidence", "95%"), "--confidence: is for sensor selection"),
-        (("--place", "wire1", "--robots", "3"), "--robots: is for sensor selection"),
-        (("--price", "theta=9", "-o", "x.toml"), "--out: needs --place"),
-        (("--price", "theta=9", "--within", "wire1.origin.x=0..1"), "--within: needs --place"),
+        (
+            ("--place", "wire1", "--survives", "--measure", "worst", "--robots", "3"),
+            "--measure, --robots, --survives: is for sensor selection",
+        ),
+        (
+            ("--price", "theta=9", "-o", "x.toml", "--within", "wire1.origin.x=0..1"),
+            "--within, --out: needs --place",
+        ),
         (("--place", "wire1", "--within", "wire1.origin.x"), "must be COORDINATE=LOW..HIGH"),
         (("--place", "wire1", "--within", "wire1.origin.x=1deg..2deg"), "must be COORDINATE="),
-        (("--place", "wire1", "--within", "wire2.origin.x=0..1"), "within: unknown coordinate"),
-        (("--place", "elbow1"), "place: elbow1: rod_in_plane has no mounting place"),
     ],
 )
 def test_what_is_wrong_with_the_words_is_one_line(run, words, message):

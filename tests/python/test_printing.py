@@ -148,15 +148,6 @@ def test_a_glob_of_no_sensor_is_said_with_what_there_is(h4, text):
         options.parse_set(h4, text)
 
 
-def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
-    sets = prediction.sensor_sets(any_robot)
-    kinds = {s.name: s.kind for s in any_robot.spec.sensor if s.name not in any_robot.sensors}
-    for kind in kinds.values():
-        group = [name for name in kinds if kinds[name] == kind]
-        assert (*any_robot.sensors, *group) in sets
-    assert len(set(sets)) == len(sets)
-
-
 def test_a_group_is_named_as_it_may_be_asked_for(h4):
     for names in prediction.sensor_sets(h4)[1:-1]:
         assert options.parse_set(h4, label(h4, names)) == names

@@ -94,25 +94,6 @@ def test_a_case_has_one_true_robot_and_one_stream_of_random_numbers():
     assert len(set(noise)) == 3 and found.columns["next"].all()
 
 
-def test_a_natural_study_tests_the_robot_that_it_calibrated():
-    """Readings, estimates and truths of one robot: as near as the bound, not as two robots."""
-
-    def natural(case):
-        box = case.robot.spec.workspace
-        x = case.rng.uniform(box.minimum, box.maximum, (12, case.robot.n))
-        fit = tp.calibrate(case.robot, case.true.read(x, seed=1))
-        found = fit.robot.estimate(case.true.read(x[:5], seed=2)).x
-        bound = tp.accuracy(case.robot, x[:5], calibrated_on=x)
-        return {
-            "off": np.sqrt(((found - x[:5])[:, :3] ** 2).sum(axis=1).mean()),
-            "bound": np.sqrt(np.einsum("kii->ki", bound)[:, :3].sum(axis=1).mean()),
-        }
-
-    found = tp.monte_carlo(natural, "h4", 8, workers=0).columns
-    rms = {name: np.sqrt((found[name] ** 2).mean()) for name in ("off", "bound")}
-    assert 0.5 < rms["off"] / rms["bound"] < 1.6
-
-
 def test_a_calibration_on_more_poses_is_a_better_one():
     found = tp.monte_carlo("calibration", "h4", 6, grid={"poses": [5, 160]}, workers=0)
     few, many = found.columns["bound_mm"].reshape(6, 2).T
