@@ -117,14 +117,6 @@ def test_check_of_a_file_based_on_another(run, tmp_path):
     assert run("check", path)[2].startswith(f"{path}:1: based_on: unknown robot 'dleta'; did you")
 
 
-def test_check_of_a_missing_file_is_one_line(run):
-    status, _, err = run("check", "none.toml")
-    assert (status, err) == (
-        2,
-        "truepose: error: none.toml: cannot be read: No such file or directory\n",
-    )
-
-
 @pytest.mark.parametrize(
     "command", ["check", "new", "info", "accuracy", "margins", "plan", "design", "calibrate"]
 )

@@ -94,8 +94,9 @@ def test_it_prints_and_writes_what_the_library_simulates(run, h4, tmp_path, word
     np.testing.assert_array_equal(logs.read(h4, tmp_path / "log.csv").readings, alone.q_e)
     rms = 1e3 * np.sqrt((alone.error[:, 0] ** 2).mean())
     assert rows(said)["x"]["rms"] == pytest.approx(rms)
-    assert rows(said)["theta"]["largest"] == np.degrees(np.abs(alone.error[:, 3]).max())
-    assert rows(said, "motors")["2"]["largest"] == np.abs(alone.torque[:, 1]).max()
+    turn, torque = np.degrees(np.abs(alone.error[:, 3]).max()), np.abs(alone.torque[:, 1]).max()
+    assert rows(said)["theta"]["largest"] == pytest.approx(turn, rel=1e-9)
+    assert rows(said, "motors")["2"]["largest"] == pytest.approx(torque, rel=1e-9)
 
 
 def test_the_start_up_test_takes_its_own_options(run):

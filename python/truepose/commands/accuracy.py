@@ -15,7 +15,7 @@ from truepose.logs.reading import read_poses
 from truepose.robot.maps import workspace_slice
 from truepose.robot.robot import load
 from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, tabled
 from truepose.show.terminal import Format, show
 
 
@@ -77,16 +77,14 @@ def notes(found: Prediction) -> list[str]:
 def tables(found: Prediction) -> list[Table]:
     """Return a table for each predicted state: one row per sensor set, σ in mm and degrees."""
     axes: list[Axis | Summed] = [*coordinate_axes(found.robot), summed(found.robot)]
-    factor = [axis.factor for axis in axes]
     result = []
     for what, sigma in found.sigma.items():
-        rows = []
-        for names, values in zip(found.sets, sigma, strict=True):
-            named = Cell(label(found.robot, names), ",".join(names) or "none")
-            rows.append([named, *(number(float(v)) for v in values * factor)])
+        rows = [
+            {"sensors": Cell(label(found.robot, names), ",".join(names) or "none")}
+            | {axis.label: axis.factor * v for axis, v in zip(axes, values, strict=True)}
+            for names, values in zip(found.sets, sigma.tolist(), strict=True)
+        ]
         learnt = ", calibrated on the same poses" if what.startswith("self-calibrated") else ""
         title = f"1σ bound of the pose, {what}: rms over {len(found.poses)} poses{learnt}"
-        name = "accuracy_" + re.sub("[ ,-]+", "_", what)
-        header = ["sensors", *(axis.label for axis in axes)]
-        result.append(Table(name, title, header, rows))
+        result.append(tabled("accuracy_" + re.sub("[ ,-]+", "_", what), title, rows))
     return result

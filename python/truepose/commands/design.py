@@ -17,7 +17,7 @@ from truepose.design.verification import ROBOTS, Verification, verify
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed
-from truepose.show.table import Table, number
+from truepose.show.table import Table, number, tabled
 from truepose.show.terminal import Format, progress, say, show
 from truepose.show.units import PRINT, measured
 
@@ -143,15 +143,20 @@ def parse_prices(robot: Robot, text: str) -> dict[str, float]:
 
 def steps_table(found: SensorSelection) -> Table:
     """Return a table of the best set as it is, and after further steps, with all prices."""
-    rows = []
-    for state, best in ({found.state: found.best} | found.steps).items():
-        if best is not None:
-            error = number(summed(found.robot).factor * best.error)
-            prices = map(number, (best.price, best.once, best.total))
-            rows.append([state, label(found.robot, best.sensors), *prices, error])
+    rows = [
+        {
+            "robot": state,
+            "sensors": label(found.robot, best.sensors),
+            "price": best.price,
+            "one-time steps": best.once,
+            "together": best.total,
+            summed(found.robot).label: summed(found.robot).factor * best.error,
+        }
+        for state, best in ({found.state: found.best} | found.steps).items()
+        if best is not None
+    ]
     goal = "Cheapest set that reaches the target" if found.target else "Most accurate set"
-    header = ["robot", "sensors", "price", "one-time steps", "together", summed(found.robot).label]
-    return Table("steps", f"{goal}, after one-time steps", header, rows)
+    return tabled("steps", f"{goal}, after one-time steps", rows)
 
 
 def verified(found: SensorSelection, by: Verification) -> str:

@@ -19,7 +19,7 @@ from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
 from truepose.show.results import Shown
-from truepose.show.table import Table, number
+from truepose.show.table import Table, tabled
 from truepose.show.units import PRINT
 
 #: The source of parameters that a calibration identified: their errors are correlated.
@@ -51,23 +51,21 @@ class ErrorBudget(Shown):
 
     def table(self) -> Table:
         """Return a table with one row per source."""
-        total, rows = summed(self.robot), []
-        for one in self.contributions:
-            factor, unit = PRINT[one.unit]
-            stated = None if one.sigma is None else factor * one.sigma
-            sizes = total.factor * one.error, 100 * one.share, total.factor * one.halved
-            rows.append([one.source, unit, number(stated), *map(number, sizes)])
+        total = summed(self.robot)
         unit = PRINT[total.unit][1]
-        title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
-        header = [
-            "source",
-            "unit",
-            "its σ",
-            f"contribution ({unit})",
-            "share (%)",
-            f"error with half ({unit})",
+        rows = [
+            {
+                "source": one.source,
+                "unit": PRINT[one.unit][1],
+                "its σ": None if one.sigma is None else PRINT[one.unit][0] * one.sigma,
+                f"contribution ({unit})": total.factor * one.error,
+                "share (%)": 100 * one.share,
+                f"error with half ({unit})": total.factor * one.halved,
+            }
+            for one in self.contributions
         ]
-        return Table("budget", title, header, rows)
+        title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
+        return tabled("budget", title, rows)
 
     def _draw(self, figure: Any) -> None:
         total, shown = summed(self.robot), self.contributions[:20]

@@ -11,7 +11,7 @@ from truepose.design.where import Use
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, summed
 from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, number, tabled
 from truepose.show.units import PRINT, printed
 
 #: One-time steps that can have a price, in the order of a robot's states.
@@ -101,28 +101,29 @@ class SensorSelection(Shown):
     def table(self) -> Table:
         """Return a table with one row per set of the front, cheapest first."""
         total = summed(self.robot)
-        sizes = {total.label: [total.factor * choice.error for choice in self.front]}
-        if self.target_angle is not None:
-            factor, unit = PRINT["rad"]
-            sizes[f"angle ({unit})"] = [factor * (one.angle or 0.0) for one in self.front]
+        factor, unit = PRINT["rad"]
+        rows = []
+        for one in self.front:
+            row: dict[str, Any] = {
+                "sensors": Cell(label(self.robot, one.sensors), ",".join(one.sensors) or "none"),
+                "price": one.price,
+                total.label: total.factor * one.error,
+            }
+            if one.angle is not None:
+                row[f"angle ({unit})"] = factor * one.angle
+            rows.append(row if self.exact else row | {"front": "greedy"})
         title = f"Sensors, {self.state}: {self.criterion.said(total.name)}; price"
         title += "" if self.exact else " (greedy choices, not proven)"
-        rows = []
-        for k, one in enumerate(self.front):
-            sensors = Cell(label(self.robot, one.sensors), ",".join(one.sensors) or "none")
-            values = (number(column[k]) for column in sizes.values())
-            rows.append([sensors, number(one.price), *values, *["greedy"] * (not self.exact)])
-        header = ["sensors", "price", *sizes, *["front"] * (not self.exact)]
-        return Table("design", title, header, rows)
+        return tabled("design", title, rows)
 
     def _draw(self, figure: Any) -> None:
         robot, total = self.robot, summed(self.robot)
         price = [choice.price for choice in self.front]
         error = [total.factor * self.counted(choice) for choice in self.front]
         shown: list[tuple[tuple[float, float], str]] = []  # sets with labels
-        for *place, choice in zip(price, error, self.front, strict=True):
-            if not shown or place[1] < 0.8 * shown[-1][0][1] or choice == self.best:
-                shown.append((tuple(place), label(robot, choice.sensors)))
+        for x, y, choice in zip(price, error, self.front, strict=True):
+            if not shown or y < 0.8 * shown[-1][0][1] or choice == self.best:
+                shown.append(((x, y), label(robot, choice.sensors)))
         height = 0.14 * len(shown) + 0.15
         figure.set_size_inches(6.4, 4.4 + height)
         upper, lower = figure.subfigures(2, 1, height_ratios=(4.4, height))

@@ -6,6 +6,7 @@ import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -191,8 +192,8 @@ class _State:
         }
         left = [key for key in steps if not len(getattr(self.known, key))]
         for keys in [*([key] for key in reversed(left)), *[left] * (len(left) > 1)]:
-            known = self.known._replace(**{key: steps[key][1] for key in keys})
-            state = replace(self, known=known)
+            done: dict[str, Any] = {key: steps[key][1] for key in keys}
+            state = replace(self, known=self.known._replace(**done))
             best, _ = state.best()
             if best is not None:
                 yield " and ".join(steps[key][0] for key in keys), state.choice(best)

@@ -62,6 +62,15 @@ class Table:
         return records
 
 
+def tabled(name: str, title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a table of rows by the names of its columns; :func:`number` formats floats."""
+    cells = [
+        [number(v) if v is None or isinstance(v, float) else v for v in row.values()]
+        for row in rows
+    ]
+    return Table(name, title, list(rows[0]), cells)
+
+
 def as_csv(records: Iterable[Mapping[str, object]]) -> str:
     """Write records as CSV with the columns of all of them."""
     rows, text = list(records), io.StringIO()
