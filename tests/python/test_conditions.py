@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
-from truepose.commands.conditions import under as of_option
+from truepose.commands.where import under as of_option
 from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
 from truepose.exceptions import InputError

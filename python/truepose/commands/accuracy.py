@@ -1,4 +1,4 @@
-"""`truepose accuracy`: predicted errors by law, sensor set and number of calibration poses."""
+"""`truepose accuracy`, `error-budget`: predicted errors, and what contributes to them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typer import Option
 
 from truepose.calibration.bound import accuracy
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
+from truepose.commands.where import ConditionsOption, CriterionOptions, UseOptions, under
+from truepose.design.error_budget import error_budget
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.reading import read_poses
 from truepose.robot.maps import workspace_slice
@@ -17,6 +18,7 @@ from truepose.robot.robot import load
 from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed
 from truepose.show.table import Cell, Table, tabled
 from truepose.show.terminal import Format, show
+from truepose.show.units import measured
 
 
 def command(
@@ -88,3 +90,34 @@ def tables(found: Prediction) -> list[Table]:
         title = f"1σ bound of the pose, {what}: rms over {len(found.poses)} poses{learnt}"
         result.append(tabled("accuracy_" + re.sub("[ ,-]+", "_", what), title, rows))
     return result
+
+
+def error_budget_command(
+    robot: options.RobotName,
+    sensors: options.SensorsOption = None,
+    use: UseOptions = UseOptions(),
+    conditions: ConditionsOption = None,
+    criterion: CriterionOptions = CriterionOptions(),
+    plot: Path | None = options.plot_option("the contributions"),
+    how: options.How = Format.table,
+    force: options.Force = False,
+) -> None:
+    """Print what each tolerance and each reading contributes to the error of an estimated pose.
+
+    Contributions are standard deviations of the position, rms over the poses; their squares add up.
+    The last column is the error with half of that tolerance or noise.
+
+    Example: **truepose error-budget h4 --calibrated 20 --plot budget.svg**
+    """
+    loaded = under(options.load_with(robot, sensors), conditions)
+    inputs = (robot, use.poses, use.calibrated)
+    write = options.writer(inputs, force, plot=plot)
+    found = error_budget(loaded, use.use(loaded), criterion.criterion())
+    write(plot=found.plot)
+    total = summed(loaded)
+    error, sigma = (measured(value, total.unit) for value in (found.error, found.sigma))
+    answer = (
+        f"{loaded.name} with {label(loaded, loaded.sensors)}, {found.state}: "
+        f"{found.criterion.said(total.name)}: {error}; σ {sigma}; {len(found.over)} poses."
+    )
+    show([found.table()], how, [answer], written=(plot,))

@@ -20,7 +20,6 @@ from truepose.commands import (
     accuracy,
     calibrate,
     design,
-    error_budget,
     export,
     faults,
     info,
@@ -29,7 +28,6 @@ from truepose.commands import (
     plan,
     robots,
     simulate,
-    zero,
 )
 from truepose.commands.groups import with_options
 from truepose.exceptions import TrueposeError
@@ -53,12 +51,12 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     },
     "Before building": {
         "accuracy": accuracy.command,
-        "error-budget": error_budget.command,
+        "error-budget": accuracy.error_budget_command,
         "design": design.command,
         "plan": plan.command,
         "faults": faults.command,
     },
-    "Calibration": {"calibrate": calibrate.command, "zero": zero.command},
+    "Calibration": {"calibrate": calibrate.command, "zero": calibrate.zero_command},
     "Simulation and control": {
         "simulate": simulate.command,
         "simulate-log": monte_carlo.simulate_log_command,

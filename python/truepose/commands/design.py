@@ -8,8 +8,13 @@ import numpy as np
 from typer import Context, Option
 
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
-from truepose.commands.where import CriterionOptions, UseOptions, parse_ranges
+from truepose.commands.where import (
+    ConditionsOption,
+    CriterionOptions,
+    UseOptions,
+    parse_ranges,
+    under,
+)
 from truepose.design.placement import Placement, place_sensors
 from truepose.design.selection import STEPS, SensorSelection, printed_errors
 from truepose.design.sensors import select_sensors

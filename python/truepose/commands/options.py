@@ -320,13 +320,13 @@ def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | N
 def parse_each(
     text: str | None, option: str, units: Sequence[str], whose: str
 ) -> list[float] | None:
-    """Parse a length and an angle; return the one or the other for each unit."""
+    """Parse a length, an angle or both, as the units need; return the value for each unit."""
     if text is None:
         return None
     by = _sizes(text, option, ("m", "rad"))
-    if missing := set(units) - by.keys():
-        every, wanted = (" and ".join(sorted(each)) for each in (set(units), missing))
-        raise InputError(f"{option} {text}: {whose} {every}; give a value in {wanted}")
+    if by.keys() != set(units):
+        every = " and ".join(sorted(set(units)))
+        raise InputError(f"{option} {text}: {whose} {every}; give a value in {every}")
     return [by[unit] for unit in units]
 
 

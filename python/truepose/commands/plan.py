@@ -13,8 +13,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
-from truepose.commands.where import Where
+from truepose.commands.where import ConditionsOption, Where, under
 from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, SAMPLED, plan_poses
