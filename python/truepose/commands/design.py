@@ -119,7 +119,7 @@ def command(
         with progress("robots", robots) as watch:
             told.append(verified(found, verify(found, robots=robots, seed=seed, watch=watch)))
     write(plot=found.plot)
-    steps = [steps_table(found)] * bool(found.steps)
+    steps = [steps_table(found)] if found.steps else []
     show([found.table(), *steps], how, told, written=(plot,))
 
 
