@@ -5,11 +5,8 @@ from __future__ import annotations
 import functools
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields, replace
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 from truepose.exceptions import InputError
@@ -92,17 +89,14 @@ def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, 
     return decorate
 
 
-class _Moved(MetaPathFinder):
+class _Moved:
     """Answers imports that no other finder has answered."""
 
-    def find_spec(
-        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if name in MODULES:
-            new = MODULES[name]
+    @staticmethod
+    def find_spec(name: str, *_: object) -> None:
+        if new := MODULES.get(name):
             package = new.partition(".")[0].replace("_", "-")
             raise ModuleNotFoundError(f"{name} is {new} now, in the package {package}", name=name)
-        return None
 
 
 def answer_imports() -> None:

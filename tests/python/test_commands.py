@@ -117,14 +117,6 @@ def test_check_of_a_file_based_on_another(run, tmp_path):
     assert run("check", path)[2].startswith(f"{path}:1: based_on: unknown robot 'dleta'; did you")
 
 
-def test_check_of_a_missing_file_is_one_line(run):
-    status, _, err = run("check", "none.toml")
-    assert (status, err) == (
-        2,
-        "truepose: error: none.toml: cannot be read: No such file or directory\n",
-    )
-
-
 @pytest.mark.parametrize(
     "command", ["check", "new", "info", "accuracy", "margins", "plan", "design", "calibrate"]
 )
@@ -198,19 +190,6 @@ def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
     assert figures.turning.motor == np.abs(K[:, 3]).argmax() + 1
     assert figures.moving.pose == pytest.approx(x)
     assert figures.q_min == pytest.approx(h4.ikm(x)) == figures.q_max
-
-
-def test_no_direction_is_faster_than_the_worst_one(any_robot, anywhere, rng):
-    figures = info.measure(any_robot, samples=300, seed=1)
-    x = np.random.default_rng(1).uniform(
-        any_robot.spec.workspace.minimum, any_robot.spec.workspace.maximum, (300, any_robot.n)
-    )
-    linear = np.array([unit == "m" for _, unit in any_robot.coordinates])
-    fastest = figures.moving if linear.any() else figures.turning
-    direction = rng.normal(size=(300, any_robot.n)) * (linear if linear.any() else 1)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    q_dot = np.linalg.solve(any_robot.jacobian(x), direction[..., None])
-    assert np.abs(q_dot).max() <= fastest.value * (1 + 1e-12)
 
 
 def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):

@@ -249,9 +249,9 @@ def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
     ("words", "message"),
     [
         (("h4", "--rate", "0.1"), "period = 10.0: must be at most 0.2 s; is it in ms?"),
+        (("h4", "--law", "usual"), "--law: unknown law 'usual' (choices: joint, "),
         (("light.toml",), "five-bar: has motions without inertia: add masses to its file"),
         (("h4", "--rate", "0"), "--rate = 0.0: must be a finite number greater than 0"),
-        (("h4", "--gains", "1,2,3,4"), "--gains 1,2,3,4: must be POLES[,FILTER[,DAMPING]]"),
         (("h4", "--gains", "fast"), "--gains fast: must be POLES[,FILTER[,DAMPING]]"),
         (("h4", "--effects", "wind"), "--effects: unknown effect 'wind'"),
     ],
