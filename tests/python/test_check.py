@@ -109,7 +109,7 @@ def test_a_sensor_cannot_have_a_name_that_logs_and_parameters_take(checked, h4_t
     ("parameters", "mean", "told"),
     [
         ('["chain1.rod"]', "[-1.0]", "calibration.mean of chain1.rod = -1.0: must be greater"),
-        ('["theta.gain"]', "[0.0]", "calibration.mean of theta.gain = 0.0: a sensor that reads"),
+        ('["theta.gain"]', "[0.0]", "calibration.mean of theta.gain = 0.0: must not be 0"),
         ('["chain1.rod", "chain1.rod"]', "[0.48, 0.48]", "chain1.rod: a parameter is listed twice"),
     ],
 )

@@ -9,22 +9,40 @@ import tomlkit
 import truepose as tp
 from truepose.robot.units import unit_of
 from truepose.robotfile import quantities, reading
+from truepose.robotfile.pattern import LISTS, TURNED
 from truepose.robotfile.to_core import drawn
 
 WRITTEN = {"m": ("mm", 1e3), "rad": ("deg", 180 / math.pi)}
 
 
-def in_mm(data, value, bare, path=()):
-    """Write every number that has a length or an angle's unit in mm or degrees."""
+def in_mm(data, bare):
+    """Return a file's data with its lengths and angles in mm and degrees."""
+    whole = reading.written_out(data)[0]
+    units, motif = quantities.Units(whole), len(data.get("chain", ()))
+
+    def unit(value, path):
+        if not isinstance(value, float):
+            return ""
+        if path[0] == "chain_defaults":
+            path = ("chain", 0, *path[1:])
+        if path[0] == "chain" and path[2] not in TURNED and len(path) > 3 + (path[2] in LISTS):
+            path = ("chain", path[1] + motif * path[3], path[2])  # a value for each copy
+        return "".join(units(path))
+
+    return converted(data, bare, unit)
+
+
+def converted(value, bare, unit, path=()):
+    """Write every number in the unit that people read."""
     if isinstance(value, dict):
-        return {key: in_mm(data, of, bare, (*path, key)) for key, of in value.items()}
+        return {key: converted(of, bare, unit, (*path, key)) for key, of in value.items()}
     if isinstance(value, list):
-        return [in_mm(data, of, bare, (*path, k)) for k, of in enumerate(value)]
-    of = "".join(quantities.Units(data)(path)) if isinstance(value, float) else ""
+        return [converted(of, bare, unit, (*path, k)) for k, of in enumerate(value)]
+    of = unit(value, path)
     if of not in WRITTEN:
         return value
-    unit, factor = WRITTEN[of]
-    return value * factor if bare else f"{value * factor!r} {unit}"
+    name, factor = WRITTEN[of]
+    return value * factor if bare else f"{value * factor!r} {name}"
 
 
 @pytest.mark.parametrize("bare", [False, True])
@@ -32,7 +50,7 @@ def in_mm(data, value, bare, path=()):
 def test_a_file_in_mm_and_degrees_is_the_same_robot(name, bare, tmp_path):
     robot = tp.load(name)
     data = reading.table_of(robot.spec._text)
-    written = in_mm(data, data, bare)
+    written = in_mm(data, bare)
     if bare:
         written = {"units": ["mm", "deg"]} | written
     text = tomlkit.dumps(written)
@@ -53,15 +71,14 @@ def test_a_file_in_mm_may_be_based_on_a_robot_in_metres(tmp_path):
     path.write_text(
         'based_on = "h4"\nunits = ["mm", "deg"]\nparameters."chain1.rod" = 480.5\n'
         'chain_defaults.limits = ["-0.5 rad", 90]\n'
-        'tolerances."chain*.rod" = { sigma = 0.1, price_steps = [{ sigma = 0.05, price = 30 }] }\n',
+        'tolerances."chain*.rod" = { sigma = 0.1 }\n',
         encoding="utf-8",
     )
     robot, h4 = tp.load(path), tp.load("h4")
     assert robot.parameters["chain1.rod"].value == pytest.approx(0.4805, abs=1e-15)
     assert robot.parameters["chain2.rod"].value == h4.parameters["chain2.rod"].value
     assert robot.spec.chain[0].limits == pytest.approx((-0.5, math.pi / 2))
-    step = robot.spec.tolerances["chain*.rod"].price_steps[0]
-    assert step.sigma == pytest.approx(5e-5) and step.price == 30
+    assert robot.spec.tolerances["chain*.rod"].sigma == pytest.approx(1e-4)
     longer = robot.replace({"chain1.rod": 0.481, "chain2.encoder_offset": 0.02})
     longer.save(tmp_path / "longer.toml")
     again = tp.load(tmp_path / "longer.toml")
@@ -140,7 +157,7 @@ def test_tolerances_have_units_too(h4_text, tmp_path):
 def in_mm_and_degrees(text: str) -> str:
     """Return a robot file's text with bare numbers in mm and degrees."""
     data = reading.table_of(text)
-    return tomlkit.dumps({"units": ["mm", "deg"]} | in_mm(data, data, True))
+    return tomlkit.dumps({"units": ["mm", "deg"]} | in_mm(data, True))
 
 
 #: A pattern whose copies have motors of two kinds.

@@ -9,37 +9,22 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description
-from truepose.robotfile.base import ARMS, is_compliance
-from truepose.robotfile.to_core import file_key
+from truepose.robotfile.to_core import motor_unit, units_in
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, printed
 
 
 def reading_units(robot: Description) -> list[str]:
     """Return the unit of each extended position q_e, motors and sensors in use: m or rad."""
-    motors = [_motor(chain.actuator) for chain in robot.spec.chain]
+    motors = [motor_unit(chain.actuator) for chain in robot.spec.chain]
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
 def unit_of(robot: Description, name: str) -> str:
     """Return the unit of a sensor, an externally measured coordinate or a parameter; "": none."""
-    part, _, key = name.partition(".")
-    kind = part.rstrip("0123456789") if part[-1:].isdigit() else ""
-    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
-    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
-    if name in coordinates:
-        return coordinates[name]
-    if is_compliance(name):
-        return "rad/(N·m)" if name == ARMS or name.endswith(".arm_compliance") else "1/N"
-    if kind in ("axis", "bar"):
-        return dict(_core.axis_parameters)[key] if kind == "axis" else "m"
-    if sensor is None:
-        units = dict(_core.chain_parameters)
-        own = _motor(robot.spec.chain[int(part.removeprefix("chain")) - 1].actuator)
-    else:
-        units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
-        own = _core.sensor_kinds[sensor.kind].unit
-    return own if not key or units.get(key, "reading") == "reading" else units[key]
+    units = {sensor.name: _core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.sensor}
+    units |= {f"measured_{coordinate}": unit for coordinate, unit in robot.coordinates}
+    return (units | units_in(robot.spec))[name]
 
 
 def angles(robot: Description) -> Array:
@@ -101,10 +86,6 @@ def by_unit(axes: Sequence[Axis], values: Array, what: str) -> dict[str, dict[st
     for axis, column in zip(axes, values.T, strict=True):
         panels.setdefault(f"{what} ({axis.unit})", {})[axis.name] = axis.factor * column
     return panels
-
-
-def _motor(actuator: str) -> str:
-    return "rad" if actuator == "revolute" else "m"
 
 
 def tolerance(robot: Description, group: str, sigma: float) -> str:
