@@ -47,25 +47,6 @@ def test_laws(kept, law):
     kept(answer({name: numbers(run) for name, run in found.items()}))
 
 
-def by_tej(robot, x_d, q_e):
-    """Return the motor error of the paper's law."""
-    return robot.tej(x_d)[1] @ (robot.extended_positions(x_d) - q_e)
-
-
-@pytest.mark.parametrize("feed_forward", ["full", "gravity", "none"])
-def test_own_law_of(kept, feed_forward):
-    h4 = tp.load("h4")
-    own = {"law": by_tej, "feed_forward": feed_forward, "integral": 1.0}
-    runs = [
-        tp.simulate(
-            h4, h4.sample(2), tp.Controller(gains=gains, **own), run=tp.simulation.Run(hold=0.05)
-        )
-        for gains in ("inertia", "diagonal")
-    ]
-    rest = tp.steady_state(h4, h4.sample(2), some(h4), tp.Controller(law=by_tej), gravity=True)
-    kept(answer([*map(numbers, runs), rest]))
-
-
 @pytest.mark.parametrize("name", ["h4", "stewart", "neck"])
 def test_steady_state(kept, name):
     robot = tp.load(name)
