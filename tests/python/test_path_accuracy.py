@@ -147,25 +147,31 @@ def test_without_a_limit_there_is_no_share_of_the_speed():
         path_accuracy(free, line, speed=0.5)
 
 
+def under(robot, group, runs, time=0.0):
+    """Follow the circle under one group of effects, at the paper's gains."""
+    alone, paper = tp.Effects().only(group), tp.Controller()
+    return path_accuracy(robot, CIRCLE, None, paper, effects=alone, runs=runs, time=time)
+
+
 def test_eccentric_encoders_are_the_robots_own_and_no_scatter(h4):
-    """What is the same in every run moves the mean alone; counts and ripple are each run's."""
-    alone = tp.Effects().only("eccentricity")
-    found = path_accuracy(h4, CIRCLE, effects=alone, runs=3, controller=tp.Controller())
+    """What is the same in every run moves the mean alone; ripple is each run's."""
+    found, scattered = (under(h4, group, 3) for group in ("eccentricity", "ripple"))
     assert found.AT > 5e-5 and found.RT < 1e-9
-    for group in ("quantization", "ripple"):
-        scattered = path_accuracy(
-            h4, CIRCLE, effects=tp.Effects().only(group), runs=3, controller=tp.Controller()
-        )
-        assert scattered.RT > 1e-6
-    same = path_accuracy(
-        h4, CIRCLE, effects=tp.Effects().only("ripple"), runs=3, controller=tp.Controller()
-    )
+    assert scattered.RT > 1e-6
+    same = under(h4, "ripple", 3)
     assert np.array_equal(same.deviation, scattered.deviation, equal_nan=True)
 
 
+def test_counts_that_lie_elsewhere_are_known_to(h4):
+    """Homing finds its zero between two counts; a run as a whole is not off by a part of one."""
+    found = under(h4, "quantization", 5)
+    of_runs = np.nanmean(found.deviation[..., :3], axis=1)
+    assert 5e-5 < found.RT < 3e-4
+    assert np.abs(of_runs).max() < 1e-5
+
+
 def test_warm_robots_are_off_by_their_growth(h4):
-    settings = {"effects": tp.Effects().only("thermal"), "runs": 1, "controller": tp.Controller()}
-    cold, warm = (path_accuracy(h4, CIRCLE, time=t, **settings) for t in (0, 7200))
+    cold, warm = (under(h4, "thermal", 1, time) for time in (0, 7200))
     assert warm.AT > 10 * cold.AT and np.isnan(warm.RT)
 
 
@@ -178,19 +184,3 @@ def test_a_share_of_the_speed_is_a_positive_number(h4, speed):
 def test_motors_at_their_limit_are_told(h4):
     assert path_accuracy(h4, CIRCLE, speed=1, runs=2).saturated > 0.01
     assert path_accuracy(h4, CIRCLE, speed=0.5, runs=2).saturated == 0
-
-
-@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "cartesian", "estimated"])
-def test_the_ideal_robot_follows_a_circle_of_2_hz_within_30_micrometres(h4, law):
-    """At nominal gains, without effects or counts: 100 mm across, 0.63 m/s."""
-    found = path_accuracy(h4.without_quantization(), CIRCLE, controller=law, runs=1)
-    assert found.contour_max < 3e-5
-
-
-def test_counts_that_lie_elsewhere_are_known_to(h4):
-    """Homing finds its zero between two counts; a run as a whole is not off by a part of one."""
-    counts = tp.Effects().only("quantization")
-    found = path_accuracy(h4, CIRCLE, effects=counts, runs=5, controller=tp.Controller())
-    of_runs = np.nanmean(found.deviation[..., :3], axis=1)
-    assert 5e-5 < found.RT < 3e-4
-    assert np.abs(of_runs).max() < 1e-5

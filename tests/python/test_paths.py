@@ -77,15 +77,6 @@ def test_a_hexapods_samples_are_passed_and_turns_go_on(rng):
     assert np.abs(smooth.rate).max() < 15
 
 
-def test_two_way_points_are_the_default_move(h4, truth):
-    poses = [[0, 0, -0.5, 0], [0.1, -0.1, -0.4, 0.2]]
-    alone = tp.simulate(h4, truth, run=Run(seed=3))
-    run = tp.simulate(h4, truth, path=poses, run=Run(seed=3))
-    assert run.time.shape == alone.time.shape
-    assert run.x == pytest.approx(alone.x, abs=1e-9)
-    assert run.status == alone.status == "ok"
-
-
 def test_way_points_rest_at_each_and_hold_the_last(h4):
     poses = waypoints(h4)
     path = Waypoints(poses=poses, duration=0.2)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
 from truepose.control.controller import Controller, OwnLaw, law_name
-from truepose.control.linear import joint_inertia
+from truepose.control.linear import gain_inertia
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
@@ -49,9 +49,7 @@ def equilibrium(
     law: OwnLaw = controller.law  # type: ignore[assignment]
     rest = np.zeros(robot.n)
     if gravity:
-        inertia = joint_inertia(robot, x_d if controller.gains == "inertia" else start)
-        if controller.gains == "diagonal":
-            inertia = np.diag(np.diag(inertia))
+        inertia = gain_inertia(robot, controller, x_d, start)
         held = controller.feed_forward != "none"
         fed = robot.inverse_dynamics(x_d, rest, rest) if held else rest
 

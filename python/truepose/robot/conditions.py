@@ -9,7 +9,7 @@ its part; payload and temperature gradients appear after it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -24,7 +24,7 @@ from truepose.robot.description import Description
 from truepose.robot.kinematics import Kinematics
 from truepose.robotfile import to_core
 from truepose.robotfile.schema import Conditions
-from truepose.show.table import number
+from truepose.show.table import number, rounded
 
 AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 
@@ -184,13 +184,13 @@ def sampled(robot: AnyRobot, seed: int | np.random.SeedSequence) -> tuple[AnyRob
 
 def require_torques(robot: Kinematics, section: Conditions, x: Array) -> None:
     """Raise InputError where a motor cannot hold the largest payload at rest."""
-    limits = [chain.torque_limit or np.inf for chain in robot.spec.chain]
+    limits = robot.torque_limit
     low, high = section.payload
     rest, loaded = np.zeros_like(x), _with(robot, 1.0, section.payload_centre)
     held, more = (_core.inverse_dynamics(c, x, rest, rest)[0] for c in (robot.core, loaded))
     more = more - held
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = (np.array(limits) - np.sign(more) * held) / np.abs(more) + (low + high) / 2
+        room = (limits - np.sign(more) * held) / np.abs(more) + (low + high) / 2
     room = np.where(np.isfinite(room), room, np.inf)
     if (most := room.min()) < high:
         k, motor = np.unravel_index(room.argmin(), room.shape)
@@ -198,9 +198,9 @@ def require_torques(robot: Kinematics, section: Conditions, x: Array) -> None:
         unit = "N·m" if robot.spec.chain[motor].actuator == "revolute" else "N"
         raise InputError(
             f"{robot.name}: payload {high:g} kg: motor q{motor + 1} needs "
-            f"{_three_digits(abs(needed), math.ceil)} {unit} at rest at {_pose(x[k])}, "
+            f"{rounded(abs(needed), math.ceil)} {unit} at rest at {_pose(x[k])}, "
             f"torque_limit is {limits[motor]:g} {unit}: it holds "
-            + (f"{_three_digits(most, math.floor)} kg" if most > 0 else "no payload")
+            + (f"{rounded(most, math.floor)} kg" if most > 0 else "no payload")
         )
 
 
@@ -237,12 +237,6 @@ def require_small(robot: Kinematics, x: Array, full: bool) -> None:
 
 def _pose(x: Array) -> str:
     return f"({', '.join(f'{v:.4g}' for v in x)})"
-
-
-def _three_digits(value: float, towards: Callable[[float], int]) -> str:
-    """Format a positive number, rounded by `towards` as the message needs it."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return number(towards(value / step) * step)
 
 
 def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) -> dict[str, Array]:

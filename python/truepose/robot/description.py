@@ -235,6 +235,11 @@ class Description:
         return np.array([part.backlash for part in (*self.spec.chain, *self.spec.used)])
 
     @property
+    def torque_limit(self) -> Array:
+        """Largest torque of every motor, N·m (slides: N), shape (n,); inf without a limit."""
+        return np.array([chain.torque_limit or np.inf for chain in self.spec.chain])
+
+    @property
     def parameters(self) -> dict[str, Parameter]:
         """Every geometric parameter ξ: value, prior mean, σ (m, rad).
 

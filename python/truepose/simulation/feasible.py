@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import positive
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
+from truepose.show.table import rounded
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.paths import Line, Path
 
@@ -33,9 +34,8 @@ def require_feasible_move(robot: Robot, move: Line, period: float) -> None:
             shortest = move.duration / fastest(robot, move, period)
         except PoseError:  # at any speed
             raise error from None
-        unit = 10.0 ** (math.floor(math.log10(shortest)) - 2)
-        least = unit * math.ceil(shortest / unit)
-        raise PoseError(f"{error}: allow a duration of at least {least:.3g} s") from None
+        least = rounded(shortest, math.ceil)
+        raise PoseError(f"{error}: allow a duration of at least {least} s") from None
 
 
 def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: str = "path") -> None:

@@ -95,7 +95,7 @@ def controller_of(
         warn_if_for_rigid(robot, controller, effects, stacklevel=5)
         return controller
     controller = usual(robot) if controller is None else controller
-    if effects in (None, Effects.none()) or (not callable(controller) and controller not in LAWS):
+    if effects in (None, Effects.none()):
         return Controller(law=controller)
     return Controller.for_robot(robot, effects, controller)
 

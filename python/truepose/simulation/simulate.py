@@ -136,8 +136,7 @@ class Simulation(Shown):
     @property
     def saturated(self) -> Array:
         """Whether a motor was at its torque limit, (T, n) bool."""
-        limits = [chain.torque_limit or np.inf for chain in self.robot.spec.chain]
-        return np.abs(self.torque) >= limits
+        return np.abs(self.torque) >= self.robot.torque_limit
 
     @property
     def status(self) -> str:
