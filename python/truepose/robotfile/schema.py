@@ -2,7 +2,7 @@
 
 import fnmatch
 import math
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
@@ -272,7 +272,7 @@ class Tolerance(Section):
     interval: Annotated[tuple[Number, Number], _RISING, unit("the parameter's")] | None = key(
         "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'", None
     )
-    price_steps: tuple[dict[str, Any], ...] = key("of 0.5: not used since 0.6", ())
+    price_steps: tuple[dict[str, Number], ...] = key("of 0.5: not used since 0.6", ())
 
     @model_validator(mode="after")
     def _one(self) -> Self:
