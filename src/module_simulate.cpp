@@ -149,7 +149,6 @@ auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acce
     Signals signals;
     LoopExtras with(of, seed);
     with.extras.law = own_law(error_of);
-    log.reserve(periods + 1);
     outcome = with_mobility(of.nominal.mobility, [&](auto mobility) {
       const auto path = [&](double k) {
         const auto before = std::min(static_cast<std::size_t>(k), periods);

@@ -279,9 +279,9 @@ class Loop {
   /// back, which changes the calibrated robot.
   bool learn_monitored(OnlineCalibrator& learner, const Extended& q_e) {
     const FaultMonitor& monitor = fault_state_.monitor;
-    const bool valid = std::all_of(
-        monitor.reading.begin(), monitor.reading.end(),
-        [](const MonitoredReading& reading) { return reading.health == Health::valid; });
+    const bool valid = std::ranges::all_of(monitor.reading, [](const MonitoredReading& reading) {
+      return reading.health == Health::valid;
+    });
     if (valid) return calibrate_online<K>(learner, q_e).status == Status::stopped;
     if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
     return learner.state.doubt.stopped;

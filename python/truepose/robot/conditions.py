@@ -22,9 +22,10 @@ from truepose.robot import compliance
 from truepose.robot.compliance import under_load
 from truepose.robot.description import Description
 from truepose.robot.kinematics import Kinematics
+from truepose.robot.units import rounded
 from truepose.robotfile import to_core
 from truepose.robotfile.schema import Conditions
-from truepose.show.table import number, rounded
+from truepose.show.table import number
 
 AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 

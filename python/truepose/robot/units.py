@@ -1,7 +1,8 @@
 """Units of readings and parameters: m, rad, compliances' or none."""
 
 import fnmatch
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,3 +127,9 @@ def coordinate_table(
         label = Cell(f"{coordinate} ({shown})", {what: coordinate, "unit": shown})
         rows.append([label, *(number(v if np.isfinite(v) else None) for v in values)])
     return Table(name, title, [what, *columns], rows)
+
+
+def rounded(value: float, towards: Callable[[float], int]) -> Cell:
+    """Format a positive number with three digits, rounded by `towards`."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return number(towards(value / step) * step)

@@ -3,8 +3,7 @@
 import contextlib
 import csv
 import io
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -95,12 +94,6 @@ def number(value: float | None, significant: int = 3, data: object = None) -> Ce
         return Cell("0" if np.isfinite(value) else str(value), data)
     digits = significant - 1 - int(np.floor(np.log10(abs(value))))
     return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
-
-
-def rounded(value: float, towards: Callable[[float], int]) -> Cell:
-    """Format a positive number with three digits, rounded by `towards`."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return number(towards(value / step) * step)
 
 
 def markdown(table: Table) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import positive
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
-from truepose.show.table import rounded
+from truepose.robot.units import rounded
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.paths import Line, Path
 
