@@ -66,8 +66,10 @@ def answer(name: str, package: str) -> Callable[[], None]:
     return command
 
 
-def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Accept arguments of 0.5 that are fields of the function's `options` now, with a warning.
+def grouped(
+    group: type, argument: str = "options", /, **gone: str
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Accept arguments of 0.5 that are fields of an argument's group now, with a warning.
 
     `gone` has the new place of each other argument of 0.5; these raise InputError.
     """
@@ -79,9 +81,9 @@ def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, 
             for name in gone.keys() & given.keys():
                 raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
             if older := {name: given.pop(name) for name in sorted(names & given.keys())}:
-                said = f"{', '.join(older)}: since 0.6 in options={group.__name__}(…)"
+                said = f"{', '.join(older)}: since 0.6 in {argument}={group.__name__}(…)"
                 warnings.warn(said, DeprecationWarning, stacklevel=2)
-                given["options"] = replace(given.get("options", group()), **older)
+                given[argument] = replace(given.get(argument, group()), **older)
             return function(*args, **given)
 
         return call

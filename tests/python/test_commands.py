@@ -180,10 +180,10 @@ def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
     """A box of one pose: no statistics, only J."""
     x = np.array([0.05, -0.02, -0.42, 0.3])
     box = h4.spec.workspace.model_copy(update={"minimum": tuple(x), "maximum": tuple(x)})
-    robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
-    figures = info.measure(robot, samples=3, length=0.2)
+    robot = h4.with_file(workspace=box)
+    figures = info.measure(robot, samples=3)
     K = np.linalg.inv(h4.jacobian(x))
-    scaled = np.diag([1, 1, 1, 0.2]) @ h4.jacobian(x)
+    scaled = np.diag([1, 1, 1, info.LENGTH]) @ h4.jacobian(x)
     assert figures.condition == pytest.approx([np.linalg.cond(scaled)] * 3)
     assert figures.moving.value == pytest.approx(np.linalg.norm(K[:, :3], axis=1).max())
     assert figures.turning.value == pytest.approx(np.abs(K[:, 3]).max())
@@ -195,7 +195,7 @@ def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
 def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
     box = h4.spec.workspace
     wide = box.model_copy(update={"minimum": (-1.0, *box.minimum[1:])})
-    robot = tp.Robot(h4.spec.model_copy(update={"workspace": wide}))
+    robot = h4.with_file(workspace=wide)
     assert 0.1 < info.measure(robot, samples=2000).reachable < 0.9
     x, condition = info.condition_map(robot, points=21)
     assert x[0, 0, 0] == -1 and x[-1, -1, 1] == 0.1

@@ -210,7 +210,7 @@ def test_a_robot_under_conditions_is_saved_and_loaded(tmp_path):
 WRONG = {
     "payload=0..200kg": "payload 200 kg: motor q. needs .* N·m at rest at .* torque_limit is 30 "
     "N·m: it holds 1?[0-9].* kg",
-    "payload=2..1kg": "payload = .2, 1.: must be .lowest, highest.",
+    "payload=2..1kg": "payload = .2.0, 1.0.: must be .lowest, highest.",
     "payload=2kg": "payload=2kg: must be payload=LOW..HIGH with a unit: kg, g",
     "temperature=15..35F": "must be temperature=LOW..HIGH with a unit: degC, °C",
     "gradient=-2K": "--conditions gradient=-2K: must be 0 or greater",

@@ -55,7 +55,7 @@ def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
 
 def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
     box = h4.spec.workspace.model_copy(update={"minimum": (-1.0, -0.1, -0.45, -0.5)})
-    robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
+    robot = h4.with_file(workspace=box)
     found = prediction.predict(robot, [["theta"]])
     assert found.left_out > 100 and len(found.poses) + found.left_out == 625
     assert np.isfinite(found.sigma["as built"]).all()

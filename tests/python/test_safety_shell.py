@@ -10,7 +10,6 @@ import truepose as tp
 from truepose.control.safety import CAUSES, STATES
 from truepose.faults.fault import FRAME
 from truepose.simulation import Run
-from truepose.simulation.preparation import Prepared
 
 Fault, Shell = tp.faults.Fault, tp.control.SafetyShell
 RUNNING, BRAKED = STATES.index("running"), STATES.index("fault")
@@ -164,11 +163,10 @@ def test_a_shell_that_does_not_start_says_why(h4):
 def test_a_shell_that_never_lets_the_law_act_does_not_start(h4):
     shell = Shell()
     limits = shell.limits(h4)
-    prepared = Prepared(h4, [], (), (), limits)
     state, cause = np.array([RUNNING]), np.array([0])
-    prepared.require_started(h4, 1, state, cause)  # a run of one row
+    limits.require_started(1, state, cause)  # a run of one row
     with pytest.raises(tp.PoseError, match="does not start: its law never acts"):
-        prepared.require_started(h4, 401, state, cause)
+        limits.require_started(401, state, cause)
 
 
 def test_own_limits_are_printed_as_given(h4):

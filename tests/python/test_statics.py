@@ -20,9 +20,7 @@ def between(nominal: tp.Robot, truth: tp.Robot, share: float) -> tp.Robot:
 
 
 def with_theta_weight(robot: tp.Robot, weight: float) -> tp.Robot:
-    theta, *others = robot.spec.sensor
-    sensors = (theta.model_copy(update={"weight": weight}), *others)
-    return tp.Robot(robot.spec.model_copy(update={"sensor": sensors}))
+    return robot.with_each("sensor", lambda s: {"weight": weight} if s.name == "theta" else {})
 
 
 def theta_law(robot: tp.Robot, poses: np.ndarray) -> np.ndarray:
